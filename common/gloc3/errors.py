@@ -1,0 +1,54 @@
+"""The errors of GLOC3: who broke the rule, and where."""
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+import msgspec
+
+
+class Gloc3Error(Exception):
+    """The base of every error that this project raises on purpose."""
+
+
+class Misuse(Gloc3Error):
+    """Our own code, or an author's component, broke a rule of the architecture."""
+
+
+class Refused(Gloc3Error):
+    """A request that is turned down; the text is the reason, fit to be read by its sender."""
+
+
+class Finding(msgspec.Struct, frozen=True, kw_only=True, order=True):
+    """One thing that is wrong (or doubtful) in an input file, with its place."""
+
+    file: str
+    line: int = 0
+    """Line, from 1; 0 where the whole file is meant."""
+    column: int = 0
+    """Column, from 1."""
+    message: str
+    hint: str = ""
+    """What a person can do about it."""
+    is_warning: bool = False
+    """True where the input can still be used."""
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        kind = "warning: " if self.is_warning else ""
+        return f"{place}: {kind}{self.message}" + (f" ({self.hint})" if self.hint else "")
+
+
+class InputError(Gloc3Error):
+    """A file or a setting that cannot be used, with everything that is wrong in it."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        super().__init__("\n".join(str(finding) for finding in findings))
+        self.findings = tuple(findings)
+
+
+def nearest(name: str, known: Sequence[str]) -> str:
+    """A hint that names the known word nearest to `name`, or lists what is known."""
+    close = get_close_matches(name, known, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "known: " + ", ".join(sorted(known)) if known else "none is known"

@@ -1,0 +1,147 @@
+"""The generic component (paper §IV): an author writes the intended function, everything else comes from its host."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar, get_type_hints
+
+from gloc3.errors import Misuse
+from gloc3.messages import Kind, Message
+from gloc3.ports import Inbox, Input, Output, Result, ports_of
+from gloc3.settings import NoSettings, Settings
+
+S = TypeVar("S", bound=Settings)
+R = TypeVar("R", bound=Message)
+F = TypeVar("F", bound=Callable[..., Message])
+
+
+class Component(ABC, Generic[S]):
+    """What every component of GLOC3 is. Derive from one of the five types below.
+
+    The methods are called by the host, one at a time, never by other components. An exception in any of them makes
+    the component *faulty*; `Refused` turns the request down and changes nothing. `work()` returns what it reports; a
+    component never publishes, sleeps, names another component, or touches its own state.
+    """
+
+    kind: ClassVar[Kind]
+    settings_type: ClassVar[type[Settings]] = NoSettings
+    """What `initialize` is given."""
+    loggable: ClassVar[tuple[str, ...]] = ()
+    """The attributes that the data logger may record at the end of a cycle."""
+
+    inputs: ClassVar[dict[str, Input[Any]]]
+    outputs: ClassVar[dict[str, Output[Any]]]
+    functions: ClassVar[dict[str, "FunctionEntry"]]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Collects the class's ports and functions, so that mistakes show at import."""
+        super().__init_subclass__(**kwargs)
+        cls.inputs, cls.outputs = ports_of(cls)
+        cls.functions = _functions_of(cls)
+
+    def initialize(self, settings: S) -> None:  # noqa: B027 - a component may have nothing to do
+        """Adopts settings; called again to adopt others."""
+
+    def start(self) -> None:  # noqa: B027
+        """Begins to provide the function; `work()` follows every cycle."""
+
+    @abstractmethod
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """One cycle of the function; returns what it reports.
+
+        Args:
+            now_s: seconds since boot of the clock host.
+            inbox: what came in on the inputs.
+        """
+
+    def goquiet(self) -> None:  # noqa: B027
+        """From now on results are withheld; the work goes on."""
+
+    def resume(self) -> None:  # noqa: B027
+        """Results are reported again."""
+
+    def stop(self) -> None:  # noqa: B027
+        """Ends the function; a later `start()` begins anew."""
+
+    def finish(self) -> None:  # noqa: B027
+        """Gives back what `initialize()` took."""
+
+
+class SensorSampler(Component[S]):
+    """SS: the interface with a physical sensor, sampled at the requested rate."""
+
+    kind = Kind.SAMPLER
+
+
+class DataProcessor(Component[S]):
+    """DP: makes estimates from sensor data."""
+
+    kind = Kind.PROCESSOR
+
+
+class Controller(Component[S]):
+    """CC: makes commands for the actuators from the processors' estimates."""
+
+    kind = Kind.CONTROLLER
+
+
+class ActuatorDriver(Component[S]):
+    """AD: the interface with a physical actuator.
+
+    `work()` returns `Actuation`s for what is to be written; the host calls `actuate()` with each, unless quiet.
+    """
+
+    kind = Kind.DRIVER
+
+    @abstractmethod
+    def actuate(self, write: Any) -> None:
+        """Writes to the device what `work()` decided."""
+
+    @abstractmethod
+    def make_safe(self) -> None:
+        """Leaves the device safe; called before going quiet, before a stop, and when the component turns faulty."""
+
+
+class CommandInterface(Component[S]):
+    """CI: the communication between a base station (client) and a platform (server)."""
+
+    kind = Kind.COMMAND_INTERFACE
+
+
+FUNCTION_MARK: Final = "__gloc3_function__"
+
+
+class FunctionEntry(NamedTuple):
+    """A function that a component offers while it is working or quiet."""
+
+    name: str
+    method: str
+    request: type[Message]
+    reply: type[Message]
+    doc: str
+
+
+def function(name: str) -> Callable[[F], F]:
+    """Marks a method `(self, request: RequestType, now_s: float) -> ReplyType` as answering function messages.
+
+    The method runs between cycles. It raises `Refused` for arguments that it cannot take.
+    """
+
+    def mark(method: F) -> F:
+        setattr(method, FUNCTION_MARK, name)
+        return method
+
+    return mark
+
+
+def _functions_of(cls: type) -> dict[str, FunctionEntry]:
+    entries: dict[str, FunctionEntry] = {}
+    for attribute in dir(cls):
+        method = getattr(cls, attribute, None)
+        name = getattr(method, FUNCTION_MARK, None)
+        if name is None or method is None:
+            continue
+        hints = get_type_hints(method)
+        if not issubclass(hints.get("request", object), Message) or not issubclass(hints.get("return", object), Message):
+            raise Misuse(f"{cls.__name__}.{attribute} must be (self, request: Message, now_s: float) -> Message")
+        entries[name] = FunctionEntry(name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip())
+    return entries

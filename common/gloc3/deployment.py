@@ -1,0 +1,117 @@
+"""Deployment rows: one component of a platform as data (name, class, rate, ports, settings, supervision)."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from importlib import import_module
+from typing import Annotated, Any
+
+import msgspec
+
+from gloc3.component import Component
+from gloc3.errors import Gloc3Error
+
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)]
+
+
+class Begin(StrEnum):
+    """The state that a component is brought to when its host starts."""
+
+    IDLE = "idle"
+    STANDBY = "standby"
+    WORKING = "working"
+    QUIET = "quiet"
+
+
+class FaultPolicy(StrEnum):
+    """What a fault leads to when nothing else helps; the mission policies of DESIGN §6 and *ignore*."""
+
+    IGNORE = "ignore"
+    HOLD = "hold"
+    RETURN = "return"
+    LAND = "land"
+    ABORT = "abort"
+
+
+class Reinitialize(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Bring a faulty component up again."""
+
+    times: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 3
+    back_off_s: Seconds = 0.5
+    """Pause before the first attempt; it doubles with each."""
+
+
+class OnFault(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the command interface server does when the component turns faulty, in this order."""
+
+    standby: str | None = None
+    """The quiet component that takes over within 100 ms."""
+    reinitialize: Reinitialize | None = None
+    then: FaultPolicy = FaultPolicy.IGNORE
+    """When no standby took over and no attempt is left."""
+
+
+class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One component of a platform."""
+
+    name: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+    """Its name on the platform, in lower case."""
+    class_name: str = msgspec.field(name="class")
+    """`package.module:Class`."""
+    rate_hz: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] | None = None
+    """Periodic cycles; None for a component that only works when `trigger` brings something."""
+    trigger: str | None = None
+    """The input whose arrival begins a cycle, beside the periodic ones."""
+    ports: dict[str, str | list[str]] = {}
+    """Port to topic where they differ; an input may be bound to several topics."""
+    devices: dict[str, str] = {}
+    """Constructor argument to the name of a device of the host."""
+    settings: dict[str, Any] = {}
+    log: list[str] = []
+    """Items of the internal state to record at the end of every cycle."""
+    begin: Begin = Begin.WORKING
+    standby_for: str | None = None
+    """The primary component whose outputs this one also declares; it begins quiet."""
+    required: bool = False
+    """Whether the platform is unwell without it."""
+    on_fault: OnFault | FaultPolicy = FaultPolicy.IGNORE
+    timeout_s: Seconds = 5.0
+    """Longest time that initialize, start, stop or finish may take."""
+    status_period_s: Annotated[float, msgspec.Meta(ge=0.05, le=60.0)] = 1.0
+    latency_s: Seconds = 0.0
+    """Modelled time from a cycle's begin to its results, in virtual time, of a component with heavy work."""
+    host: str = "main"
+
+    def topics(self, port: str) -> list[str]:
+        """The topics (without the platform's name) that a port is bound to."""
+        bound = self.ports.get(port, port)
+        return [bound] if isinstance(bound, str) else bound
+
+    def load_class(self) -> type[Component[Any]]:
+        """The component's class.
+
+        Raises:
+            Gloc3Error: it cannot be imported, or is no component.
+        """
+        module_name, _, class_name = self.class_name.partition(":")
+        try:
+            found = getattr(import_module(module_name), class_name)
+        except (ImportError, AttributeError, ValueError) as error:
+            raise Gloc3Error(f"component {self.name}: cannot load {self.class_name!r}: {error}") from error
+        if not (isinstance(found, type) and issubclass(found, Component)):
+            raise Gloc3Error(f"component {self.name}: {self.class_name!r} is not a component class")
+        return found
+
+    def create(self, devices: Mapping[str, Any]) -> Component[Any]:
+        """A new instance with its devices.
+
+        Raises:
+            Gloc3Error: the class cannot be loaded, or a device is not there.
+        """
+        missing = [device for device in self.devices.values() if device not in devices]
+        if missing:
+            raise Gloc3Error(f"component {self.name}: the host has no device {missing[0]!r}; it has {sorted(devices)}")
+        found = self.load_class()
+        try:
+            return found(**{argument: devices[device] for argument, device in self.devices.items()})
+        except TypeError as error:
+            raise Gloc3Error(f"component {self.name}: {found.__name__} takes other devices: {error}") from error

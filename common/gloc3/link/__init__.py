@@ -1,0 +1,1 @@
+"""The MAVLink link: codec, endpoints, and one file without I/O for each microservice."""

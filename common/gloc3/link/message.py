@@ -58,7 +58,7 @@ class Field(NamedTuple):
 
     name: str
     type: str
-    count: int
+    elements: int
     """Elements of an array; 0 for a single value."""
 
     @property
@@ -69,26 +69,38 @@ class Field(NamedTuple):
     @property
     def code(self) -> str:
         """The code for `struct`; an array is one run of bytes."""
-        if not self.count:
+        if not self.elements:
             return _CODES[self.type]
-        return f"{self.count * struct.calcsize('<' + _CODES[self.type])}s"
+        return f"{self.elements * struct.calcsize('<' + _CODES[self.type])}s"
 
     @property
     def default(self) -> Any:
         """What a field is that nobody set: zero, as the protocol says."""
         if self.type == "char":
             return ""
-        if self.type == "uint8_t" and self.count:
-            return bytes(self.count)
+        if self.type == "uint8_t" and self.elements:
+            return bytes(self.elements)
         zero: float = 0.0 if self.type in ("float", "double") else 0
-        return (zero,) * self.count if self.count else zero
+        return (zero,) * self.elements if self.elements else zero
 
 
 class Shape:
     """Where the fields of one message lie in its payload; encodes and decodes with one precompiled `struct`."""
 
-    __slots__ = ("_pack", "_readers", "_unpack", "_writers", "crc_extra", "fields", "id", "message", "name", "size",
-                 "target_component_at", "target_system_at")
+    __slots__ = (
+        "_pack",
+        "_readers",
+        "_unpack",
+        "_writers",
+        "crc_extra",
+        "fields",
+        "id",
+        "message",
+        "name",
+        "size",
+        "target_component_at",
+        "target_system_at",
+    )
 
     def __init__(self, name: str, number: int, crc_extra: int, fields: Sequence[Field]) -> None:
         self.name = name
@@ -98,7 +110,7 @@ class Shape:
         layout = struct.Struct("<" + "".join(field.code for field in fields))
         self.size = layout.size
         self._pack, self._unpack = layout.pack, layout.unpack_from
-        arrays = [(index, field) for index, field in enumerate(fields) if field.count]
+        arrays = [(index, field) for index, field in enumerate(fields) if field.elements]
         self._readers = tuple((index, reader) for index, field in arrays if (reader := _reader(field)) is not None)
         self._writers = tuple((index, _writer(name, field)) for index, field in arrays)
         self.target_system_at = self._offset("target_system", "target")
@@ -123,7 +135,7 @@ class Shape:
             known = [field.attribute for field in self.fields]
             for field in fields:
                 if field not in known:
-                    raise Misuse(f"{self.name} has no field {field!r}{nearest(field, known)}") from None
+                    raise Misuse(f"{self.name} has no field {field!r}: {nearest(field, known)}") from None
             raise
 
     def decode(self, raw: bytes, start: int, length: int) -> MavlinkMessage:
@@ -179,12 +191,12 @@ def _reader(field: Field) -> Callable[[bytes], Any] | None:
         return lambda data: data.split(b"\0", 1)[0].decode("utf-8", "replace")
     if field.type == "uint8_t":
         return None
-    return struct.Struct(f"<{field.count}{_CODES[field.type]}").unpack
+    return struct.Struct(f"<{field.elements}{_CODES[field.type]}").unpack
 
 
 def _writer(message: str, field: Field) -> Callable[[Any], bytes]:
     """How what Python sees becomes an array's bytes; what is too long is refused, what is short is zero-filled."""
-    count = field.count
+    count = field.elements
     if field.type in ("char", "uint8_t"):
 
         def write_bytes(value: Any) -> bytes:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Mapping
+from enum import Enum
 from typing import Final
 
 import msgspec
@@ -21,6 +23,14 @@ _HEADER_1 = struct.Struct("<BBBBBB").unpack_from
 _HEADER_2 = struct.Struct("<BBBBBBBHB").unpack_from
 _LENGTH_1: Final = 6
 _LENGTH_2: Final = 10
+_NEXT_MAGIC = re.compile(rb"[\xfd\xfe]").search
+
+
+class _Doubt(Enum):
+    """Why no frame begins at a place."""
+
+    FALSE_START = "no frame begins here"
+    INCOMPLETE = "only more bytes can tell"
 
 
 class Frame(msgspec.Struct, frozen=True, gc=False):
@@ -105,32 +115,76 @@ class FrameParser:
                 shape = shapes[low | high << 16]
                 if flags == 0 and end <= size and shape is not None:
                     body = end - 2
-                    if checksum(shape.crc_extra, checksum(data[position + 1 : body])) == data[body] | data[end - 1] << 8:
+                    if (
+                        checksum(shape.crc_extra, checksum(data[position + 1 : body]))
+                        == data[body] | data[end - 1] << 8
+                    ):
                         raw = data[position:end]
                         frames.append(
                             Frame(raw, system, component, sequence, low | high << 16, 0, _LENGTH_2, length, shape)
                         )
                         position = end
                         continue
-            frame = self._examine(data, position)
-            if frame is None:
-                position = self._next_magic(data, position + 1)
-            elif isinstance(frame, Frame):
-                frames.append(frame)
-                position += len(frame.raw)
-            elif self._is_datagram:
-                position = self._next_magic(data, position + 1)
+            found = self._examine(data, position)
+            if isinstance(found, Frame):
+                frames.append(found)
+                position += len(found.raw)
+            elif found is _Doubt.FALSE_START or self._is_datagram:
+                start = position
+                position = _find_magic(data, position + 1, size)
+                self.bytes_dropped += position - start
             else:
                 break
         self._rest = b"" if self._is_datagram else data[position:]
         self.frames_received += len(frames)
         return frames
 
-    def _next_magic(self, data: bytes, position: int) -> int:
-        """Where the next frame may begin; what lies before it is dropped."""
-        start = position - 1
-        while position < len(data) and data[position] not in (MAGIC_1, MAGIC_2):
-            position += 1
-        self.bytes_dropped += position - start
-        return position
+    def _examine(self, data: bytes, position: int) -> Frame | _Doubt:
+        """What begins at a place that is not simply an unsigned, known, good MAVLink 2 frame."""
+        found = self._read(data, position)
+        if not isinstance(found, Frame) or found.shape is not None:
+            return found
+        end = position + len(found.raw)
+        inner = _find_magic(data, position + 1, end)
+        while inner < end:
+            other = self._read(data, inner)
+            if isinstance(other, Frame) and other.shape is not None:
+                return _Doubt.FALSE_START
+            if other is _Doubt.INCOMPLETE and not self._is_datagram:
+                return other
+            inner = _find_magic(data, inner + 1, end)
+        return found
 
+    def _read(self, data: bytes, position: int) -> Frame | _Doubt:
+        """The frame at a place, judged by its own header and checksum alone."""
+        available = len(data) - position
+        flags = 0
+        if data[position] == MAGIC_2:
+            if available < _LENGTH_2:
+                return _Doubt.INCOMPLETE
+            _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
+            message_id, start = low | high << 16, _LENGTH_2
+        elif data[position] == MAGIC_1:
+            if available < _LENGTH_1:
+                return _Doubt.INCOMPLETE
+            _, length, sequence, system, component, message_id = _HEADER_1(data, position)
+            start = _LENGTH_1
+        else:
+            return _Doubt.FALSE_START
+        if flags & ~SIGNED:
+            return _Doubt.FALSE_START
+        body = start + length
+        total = body + 2 + (SIGNATURE_LENGTH if flags else 0)
+        if total > available:
+            return _Doubt.INCOMPLETE
+        raw = data[position : position + total]
+        shape = self._shapes[message_id]
+        if shape is not None and checksum(shape.crc_extra, checksum(raw[1:body])) != raw[body] | raw[body + 1] << 8:
+            return _Doubt.FALSE_START
+        return Frame(raw, system, component, sequence, message_id, flags, start, length, shape)
+
+
+def _find_magic(data: bytes, position: int, end: int) -> int:
+    """Where the next frame may begin at or after a place, or `end`."""
+    match = _NEXT_MAGIC(data, position, end)
+    return end if match is None else match.start()

@@ -1,0 +1,166 @@
+"""The MAVLink codec: the only importer of pymavlink, from which it takes the dialect's tables and nothing else.
+
+pymavlink's module takes 0.4 s to import, so it is imported when the first message is looked up, not with this file.
+"""
+
+from __future__ import annotations
+
+import gc
+import struct
+from functools import cache
+from typing import Any, Final
+
+from fastcrc.crc16 import mcrf4xx as checksum
+
+from gloc3.errors import Misuse, nearest
+from gloc3.link.message import Address, Field, MavlinkMessage, Shape
+from gloc3.link.parser import Frame, FrameParser
+
+__all__ = [
+    "Address",
+    "Encoder",
+    "Frame",
+    "MavlinkMessage",
+    "Parser",
+    "decode",
+    "enum_name",
+    "enums",
+    "message",
+    "shape",
+]
+
+
+@cache
+def _dialect() -> Any:
+    """ArduPilot's dialect, MAVLink 2 (it contains `common`)."""
+    was_enabled = gc.isenabled()
+    gc.disable()  # half a million new objects, none of them garbage
+    try:
+        from pymavlink.dialects.v20 import ardupilotmega
+    finally:
+        if was_enabled:
+            gc.enable()
+    return ardupilotmega
+
+
+def _describe(number: int) -> Shape | None:
+    """Builds the shape of one message from pymavlink's description of it."""
+    kind = _dialect().mavlink_map.get(number)
+    if kind is None:
+        return None
+    types = dict(zip(kind.fieldnames, kind.fieldtypes, strict=True))
+    columns = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
+    fields = [Field(name, types[name], count) for name, count in columns]
+    return Shape(kind.msgname, number, kind.crc_extra, fields)
+
+
+class _Shapes(dict[int, Shape | None]):
+    """Shapes by message id, each built when it is first needed; None for ids that the dialect does not know."""
+
+    def __missing__(self, number: int) -> Shape | None:
+        shape = _describe(number)
+        if shape is not None:  # unknown ids are not kept: a stranger could send 16 million of them
+            self[number] = shape
+        return shape
+
+
+class _Names(dict[str, Shape]):
+    """Shapes by message name, each built when it is first needed."""
+
+    def __missing__(self, name: str) -> Shape:
+        number = getattr(_dialect(), f"MAVLINK_MSG_ID_{name}", None)
+        found = None if number is None else _SHAPES[number]
+        if found is None:
+            known = [kind.msgname for kind in _dialect().mavlink_map.values()]
+            raise Misuse(f"the dialect has no message {name!r}: {nearest(name, known)}")
+        self[name] = found
+        return found
+
+
+_SHAPES: Final = _Shapes()
+_NAMES: Final = _Names()
+
+
+def shape(name: str) -> Shape:
+    """How the message of this name lies on the wire."""
+    return _NAMES[name]
+
+
+def message(name: str, /, **fields: Any) -> MavlinkMessage:
+    """A message of this name; fields that are left out are zero.
+
+    Raises:
+        Misuse: no such message, or no such field; the text names the nearest.
+    """
+    try:
+        return _NAMES[name].message(**fields)
+    except TypeError:
+        return _NAMES[name].make(fields)
+
+
+def decode(frame: Frame) -> MavlinkMessage | None:
+    """The message in a frame, or None for one that the dialect does not know."""
+    return frame.decode()
+
+
+class Parser(FrameParser):
+    """A parser that knows the dialect; see `FrameParser`."""
+
+    def __init__(self, *, is_datagram: bool = False) -> None:
+        super().__init__(_SHAPES, is_datagram=is_datagram)
+
+
+class Encoder:
+    """Puts messages of one component into frames, numbered in sequence."""
+
+    __slots__ = ("_component", "_sequence", "_system")
+
+    _HEADER = struct.Struct("<BBBBBBHB").pack
+
+    def __init__(self, system: int, component: int) -> None:
+        self._system = system
+        self._component = component
+        self._sequence = 0
+
+    @property
+    def address(self) -> Address:
+        """As whom it sends."""
+        return Address(self._system, self._component)
+
+    def encode(self, message: MavlinkMessage) -> bytes:
+        """A MAVLink 2 frame, with the trailing zeros of the payload cut off.
+
+        Raises:
+            Misuse: a value does not fit its field; the text names the field.
+        """
+        shape = message.shape
+        payload = shape.encode(message).rstrip(b"\0") or b"\0"
+        sequence = self._sequence
+        self._sequence = (sequence + 1) & 0xFF
+        number = shape.id
+        body = (
+            self._HEADER(len(payload), 0, 0, sequence, self._system, self._component, number & 0xFFFF, number >> 16)
+            + payload
+        )
+        return b"\xfd%b%b" % (body, checksum(shape.crc_extra, checksum(body)).to_bytes(2, "little"))
+
+
+class _Enums:
+    """The dialect's enum values as attributes, as `enums.MAV_CMD_NAV_TAKEOFF`."""
+
+    def __getattr__(self, name: str) -> int:
+        value = getattr(_dialect(), name, None)
+        if not isinstance(value, int):
+            known = [known for known in vars(_dialect()) if known.startswith("MAV")]
+            raise AttributeError(f"the dialect has no enum value {name!r}: {nearest(name, known)}")
+        setattr(self, name, value)
+        return value
+
+
+enums: Final = _Enums()
+
+
+def enum_name(enum: str, value: int) -> str:
+    """The name of an enum's value, as "MAV_RESULT_FAILED" for `("MAV_RESULT", 4)`; the number if it has none."""
+    entry = _dialect().enums.get(enum, {}).get(value)
+    return str(value) if entry is None else str(entry.name)

@@ -61,7 +61,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
             timers: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined] # asyncio's heap of timers
             self._now_s = timers[0].when()
 
-    def run_in_executor(self, executor: Any, func: Callable[..., T], *args: Any) -> asyncio.Future[T]:  # type: ignore[override]
+    def run_in_executor(self, executor: Any, func: Callable[..., T], *args: Any) -> asyncio.Future[T]:  # type: ignore[override] # noqa: ARG002
         """Runs `func` now; there are no threads in virtual time."""
         future: asyncio.Future[T] = self.create_future()
         future.set_result(func(*args))

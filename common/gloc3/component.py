@@ -38,10 +38,10 @@ class Component(ABC, Generic[S]):
         cls.inputs, cls.outputs = ports_of(cls)
         cls.functions = _functions_of(cls)
 
-    def initialize(self, settings: S) -> None:  # noqa: B027 - a component may have nothing to do
+    def initialize(self, settings: S) -> None:
         """Adopts settings; called again to adopt others."""
 
-    def start(self) -> None:  # noqa: B027
+    def start(self) -> None:
         """Begins to provide the function; `work()` follows every cycle."""
 
     @abstractmethod
@@ -53,16 +53,16 @@ class Component(ABC, Generic[S]):
             inbox: what came in on the inputs.
         """
 
-    def goquiet(self) -> None:  # noqa: B027
+    def goquiet(self) -> None:
         """From now on results are withheld; the work goes on."""
 
-    def resume(self) -> None:  # noqa: B027
+    def resume(self) -> None:
         """Results are reported again."""
 
-    def stop(self) -> None:  # noqa: B027
+    def stop(self) -> None:
         """Ends the function; a later `start()` begins anew."""
 
-    def finish(self) -> None:  # noqa: B027
+    def finish(self) -> None:
         """Gives back what `initialize()` took."""
 
 
@@ -141,7 +141,11 @@ def _functions_of(cls: type) -> dict[str, FunctionEntry]:
         if name is None or method is None:
             continue
         hints = get_type_hints(method)
-        if not issubclass(hints.get("request", object), Message) or not issubclass(hints.get("return", object), Message):
+        if not issubclass(hints.get("request", object), Message) or not issubclass(
+            hints.get("return", object), Message
+        ):
             raise Misuse(f"{cls.__name__}.{attribute} must be (self, request: Message, now_s: float) -> Message")
-        entries[name] = FunctionEntry(name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip())
+        entries[name] = FunctionEntry(
+            name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip()
+        )
     return entries

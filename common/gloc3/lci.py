@@ -105,6 +105,10 @@ def to_mermaid() -> str:
     for state, row in TABLE.items():
         for command, (methods, to) in row.items():
             run = "".join(f" {method}()" for method in methods)
-            lines.append(f"    {state} --> {to or '[*]'}: {command} /{run}" if run else f"    {state} --> {to or '[*]'}: {command}")
+            lines.append(
+                f"    {state} --> {to or '[*]'}: {command} /{run}"
+                if run
+                else f"    {state} --> {to or '[*]'}: {command}"
+            )
     lines += [f"    {state} --> faulty: error" for state in State]
     return "\n".join(lines) + "\n"

@@ -150,7 +150,9 @@ def inbox_of(**messages: Envelope[Any] | Sequence[Envelope[Any]]) -> Inbox:
 
 def ports_of(cls: type) -> tuple[dict[str, Input[Any]], dict[str, Output[Any]]]:
     """The inputs and outputs that a class declares, its bases' first."""
-    declared = {name: port for base in reversed(cls.__mro__) for name, port in vars(base).items() if isinstance(port, Port)}
+    declared = {
+        name: port for base in reversed(cls.__mro__) for name, port in vars(base).items() if isinstance(port, Port)
+    }
     for name, port in declared.items():
         if not isinstance(port, Input | Output):
             raise Misuse(f"{cls.__name__}.{name} is neither Input nor Output")

@@ -24,7 +24,7 @@ S = TypeVar("S", bound=Settings)
 
 
 def Bounds(low: float, high: float) -> msgspec.Meta:  # noqa: N802 - reads as a type in an annotation
-    """The closed range that a setting must lie in: `Annotated[float, Bounds(0.0, 5.0)]`."""
+    """A closed range for a setting: `min_m: Annotated[float, Bounds(0.0, 5.0)]`."""
     return msgspec.Meta(ge=low, le=high)
 
 
@@ -45,7 +45,7 @@ def load_settings(settings_type: type[S], values: Mapping[str, Any], where: str)
         for name in values
         if name not in known
     ]
-    findings += [Finding(file=where, message=f"{path} is not a finite number") for path in _not_finite(values, "")]
+    findings += [Finding(file=where, message=f"{path} is not a finite number") for path in not_finite(values)]
     result: S | None = None
     try:
         result = msgspec.convert({k: v for k, v in values.items() if k in known}, settings_type, strict=True)
@@ -56,15 +56,16 @@ def load_settings(settings_type: type[S], values: Mapping[str, Any], where: str)
     return result
 
 
-def _not_finite(value: Any, path: str) -> Iterator[str]:
+def not_finite(value: Any, path: str = "") -> Iterator[str]:
+    """The paths of the numbers in nested values that are NaN or infinite."""
     if isinstance(value, float) and not math.isfinite(value):
         yield path
     elif isinstance(value, Mapping):
         for name, inner in value.items():
-            yield from _not_finite(inner, f"{path}.{name}" if path else str(name))
+            yield from not_finite(inner, f"{path}.{name}" if path else str(name))
     elif isinstance(value, list | tuple):
         for index, inner in enumerate(value):
-            yield from _not_finite(inner, f"{path}[{index}]")
+            yield from not_finite(inner, f"{path}[{index}]")
 
 
 def field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:

@@ -29,7 +29,9 @@ class VersionsDiffer(WireError):
 @cache
 def type_name(message_type: type[Message]) -> str:
     """`Name#hash`, where the hash covers the names and types of the fields without default."""
-    fixed = ",".join(f"{field.name}:{_spell(field.type)}" for field in msgspec.structs.fields(message_type) if field.required)
+    fixed = ",".join(
+        f"{field.name}:{_spell(field.type)}" for field in msgspec.structs.fields(message_type) if field.required
+    )
     return f"{message_type.__name__}#{blake2s(fixed.encode(), digest_size=3).hexdigest()}"
 
 
@@ -113,7 +115,9 @@ _ENVELOPE = tuple[str, tuple[str, str, int], int, float, str, str, list[Any]]
 
 def to_array(message: Message) -> Any:
     """A message as nested arrays, ready for msgpack."""
-    return msgspec.to_builtins(msgspec.convert(message, _twin(type(message)), from_attributes=True), builtin_types=(bytes,))
+    return msgspec.to_builtins(
+        msgspec.convert(message, _twin(type(message)), from_attributes=True), builtin_types=(bytes,)
+    )
 
 
 def from_array(array: Any, message_type: type[Message]) -> Any:

@@ -1,0 +1,50 @@
+"""What every middleware of the data exchanger offers, and the publisher that stamps envelopes."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from gloc3.messages import Envelope, Message, Source
+from gloc3.wire import type_name
+
+Deliver = Callable[[Envelope[Any]], None]
+"""Takes a message in. Called in the loop's thread; it must not block."""
+
+Unsubscribe = Callable[[], None]
+
+
+class Exchange(Protocol):
+    """Publish, subscribe and liveliness. Request and reply are a layer on top: `gloc3.exchange.request`."""
+
+    def publish(self, envelope: Envelope[Any]) -> None:
+        """Sends a message to everyone who subscribed to its topic. Never blocks."""
+
+    def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
+        """Asks for a topic, or for all that fit a pattern: `*` is one level, a final `**` any number of levels."""
+
+    def declare_alive(self, token: str) -> Unsubscribe:
+        """Says that something (a component, a host) is here; it is gone when the returned function is called."""
+
+    def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
+        """Reports tokens that come (True) and go (False), those that are here already at once."""
+
+
+class Publisher:
+    """Publishes for one source: counts sequences and stamps envelopes."""
+
+    def __init__(self, exchange: Exchange, platform: str, component: str, boot: int) -> None:
+        self._exchange = exchange
+        self._platform = platform
+        self._component = component
+        self._sequences: dict[str, int] = {}
+        self.source = Source(platform, component, boot)
+
+    def restart(self, boot: int) -> None:
+        """Begins another life of the source: a new boot number, sequences from 0."""
+        self.source = Source(self._platform, self._component, boot)
+        self._sequences.clear()
+
+    def publish(self, topic: str, message: Message, t_s: float, frame: str = "") -> None:
+        """Sends a message on a topic (the platform's name included)."""
+        sequence = self._sequences.get(topic, 0)
+        self._sequences[topic] = sequence + 1
+        self._exchange.publish(Envelope(topic, self.source, sequence, t_s, frame, type_name(type(message)), message))

@@ -1,0 +1,78 @@
+"""The local middleware: inside one process, messages pass by reference."""
+
+from collections.abc import Callable
+from typing import Any
+
+from gloc3.exchange.base import Deliver, Unsubscribe
+from gloc3.messages import Envelope
+from gloc3.topics import matches
+
+
+class LocalExchange:
+    """Delivers in the order of publishing, to the subscribers in the order of their subscription."""
+
+    def __init__(self) -> None:
+        self._subscribers: list[tuple[str, Deliver]] = []
+        self._routes: dict[str, tuple[Deliver, ...]] = {}
+        self._tokens: dict[str, int] = {}
+        self._watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+
+    def publish(self, envelope: Envelope[Any]) -> None:
+        """Hands a message to every subscriber of its topic, at once."""
+        route = self._routes.get(envelope.topic)
+        if route is None:
+            route = tuple(deliver for pattern, deliver in self._subscribers if matches(pattern, envelope.topic))
+            self._routes[envelope.topic] = route
+        for deliver in route:
+            deliver(envelope)
+
+    def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
+        """Asks for a topic or a pattern of topics."""
+        entry = (pattern, deliver)
+        self._subscribers.append(entry)
+        self._routes.clear()
+
+        def unsubscribe() -> None:
+            if entry in self._subscribers:
+                self._subscribers.remove(entry)
+                self._routes.clear()
+
+        return unsubscribe
+
+    def declare_alive(self, token: str) -> Unsubscribe:
+        """Says that something is here."""
+        self._tokens[token] = self._tokens.get(token, 0) + 1
+        if self._tokens[token] == 1:
+            self._tell(token, True)
+        is_open = True
+
+        def withdraw() -> None:
+            nonlocal is_open
+            if not is_open:
+                return
+            is_open = False
+            self._tokens[token] -= 1
+            if not self._tokens[token]:
+                del self._tokens[token]
+                self._tell(token, False)
+
+        return withdraw
+
+    def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
+        """Reports tokens that come and go."""
+        entry = (pattern, changed)
+        self._watchers.append(entry)
+        for token in list(self._tokens):
+            if matches(pattern, token):
+                changed(token, True)
+
+        def unwatch() -> None:
+            if entry in self._watchers:
+                self._watchers.remove(entry)
+
+        return unwatch
+
+    def _tell(self, token: str, is_alive: bool) -> None:
+        for pattern, changed in list(self._watchers):
+            if matches(pattern, token):
+                changed(token, is_alive)

@@ -4,14 +4,12 @@ import re
 import types
 import typing
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import msgspec
 
 from gloc3.errors import Finding, nearest
-
-if TYPE_CHECKING:
-    from gloc3.document import Node
+from gloc3.yaml_nodes import Node
 
 T = TypeVar("T")
 
@@ -28,7 +26,7 @@ _KINDS: Final = {
 _SHOWN_MAX: Final = 40
 
 
-def check(node: "Node", kind: type[T], file: str, findings: list[Finding], name: str = "") -> T | None:
+def check(node: Node, kind: type[T], file: str, findings: list[Finding], name: str = "") -> T | None:
     """The value of a node as `kind`; where it does not fit, None and a finding for each thing that is wrong.
 
     Args:
@@ -93,7 +91,7 @@ class _Checker:
         self._file = file
         self.findings: list[Finding] = []
 
-    def visit(self, node: "Node", kind: Any, name: str) -> None:
+    def visit(self, node: Node, kind: Any, name: str) -> None:
         before = len(self.findings)
         options = _options(kind)
         if isinstance(node.value, dict):
@@ -107,7 +105,7 @@ class _Checker:
         if len(self.findings) == before:
             self._leaf(node, kind, name)
 
-    def _mapping(self, node: "Node", shape: Any, name: str) -> None:
+    def _mapping(self, node: Node, shape: Any, name: str) -> None:
         if not _is_struct(shape):
             key_kind, value_kind = typing.get_args(shape)
             for key, child in node.children.items():
@@ -126,13 +124,13 @@ class _Checker:
                 owner = f" in {name}" if name else ""
                 self._add(node.line, node.column, f"{key!r} is missing{owner}")
 
-    def _key(self, node: "Node", key: str, kind: Any) -> None:
+    def _key(self, node: Node, key: str, kind: Any) -> None:
         try:
             msgspec.convert(key, kind)
         except msgspec.ValidationError as error:
             self._add(*node.key_places[key], f"name {key!r}: {_plain_message(error)}")
 
-    def _sequence(self, node: "Node", shape: Any, name: str) -> None:
+    def _sequence(self, node: Node, shape: Any, name: str) -> None:
         items = typing.get_args(shape)
         if not items:
             return
@@ -143,7 +141,7 @@ class _Checker:
             kind = items[int(index)] if is_fixed else items[0]
             self.visit(child, kind, f"{name}[{index}]")
 
-    def _leaf(self, node: "Node", kind: Any, name: str) -> None:
+    def _leaf(self, node: Node, kind: Any, name: str) -> None:
         try:
             msgspec.convert(node.value, kind)
         except msgspec.ValidationError as error:

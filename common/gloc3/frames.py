@@ -9,7 +9,8 @@
 | rdf | right, down, forward (the optical axis) | cameras |
 
 Rotations are Hamilton quaternions `(w, x, y, z)` with w >= 0, named `ned_from_frd`:
-`v_ned = rotate(ned_from_frd, v_frd)`. Scalars and tuples are used throughout: for three or four numbers they are several times faster than arrays.
+`v_ned = rotate(ned_from_frd, v_frd)`. Scalars and tuples are used throughout: for three or four numbers they are several
+times faster than arrays.
 """
 
 from math import asin, atan2, copysign, cos, degrees, floor, hypot, pi, radians, sin, sqrt, tau
@@ -147,7 +148,7 @@ class GeoPoint(NamedTuple):
     longitude_deg: float
     """Longitude, east positive."""
     altitude_m: float
-    """Altitude above mean sea level, used as height above the ellipsoid (50 m of undulation scale distances by 8e-6)."""
+    """Altitude above mean sea level, used as height above the ellipsoid (a 50 m undulation scales distances by 8e-6)."""
 
 
 def ecef_from_geo(point: GeoPoint) -> Vector3:
@@ -194,9 +195,12 @@ class TangentPlane:
 
     def ned_from_geo(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
         """Position of a place on Earth in metres north, east and down of the origin."""
-        x, y, z = ecef_from_geo(GeoPoint(latitude_deg, longitude_deg, altitude_m))
+        return self.ned_from_ecef(*ecef_from_geo(GeoPoint(latitude_deg, longitude_deg, altitude_m)))
+
+    def ned_from_ecef(self, x_m: float, y_m: float, z_m: float) -> Vector3:
+        """Position of Earth-centred, Earth-fixed coordinates in metres north, east and down of the origin."""
         ox, oy, oz = self._origin_ecef_m
-        x, y, z = x - ox, y - oy, z - oz
+        x, y, z = x_m - ox, y_m - oy, z_m - oz
         outward = x * self._cos_longitude + y * self._sin_longitude
         return (
             z * self._cos_latitude - outward * self._sin_latitude,

@@ -159,6 +159,8 @@ class Quadrotor:
         fdm["ic/phi-rad"], fdm["ic/theta-rad"], fdm["ic/psi-true-rad"] = roll, pitch, yaw
         for axis, velocity_m_s in zip("ned", velocity_ned_m_s, strict=True):
             fdm[f"ic/v{axis}-fps"] = velocity_m_s * _PER_FOOT
+        for put in self._forces:
+            put(0.0)
         fdm.run_ic()
         self._rotors = (0.0, 0.0, 0.0, 0.0)
         self._truth: Truth | None = None

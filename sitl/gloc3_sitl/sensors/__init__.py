@@ -1,0 +1,1 @@
+"""Simulated sensors: noisy readings of the truth."""

@@ -1,0 +1,107 @@
+"""What the simulated sensors report: one structure a sensor, each with the time at which it was true."""
+
+from enum import IntEnum
+
+import msgspec
+
+from gloc3.frames import Vector3
+
+
+class FixKind(IntEnum):
+    """Quality of a fix, with the numbers of MAVLink's GPS_FIX_TYPE."""
+
+    NONE = 1
+    THREE_D = 3
+    RTK_FIXED = 6
+
+
+class ImuReading(msgspec.Struct, frozen=True, kw_only=True):
+    """One sample of the accelerometers and gyros, in the body frame."""
+
+    t_s: float
+    """Time of validity."""
+    specific_force_frd_m_s2: Vector3
+    """Acceleration less gravity: about (0, 0, -9.8) at rest."""
+    rate_frd_rad_s: Vector3
+    """Turn rate."""
+
+
+class BarometerReading(msgspec.Struct, frozen=True, kw_only=True):
+    """Static pressure of the air."""
+
+    t_s: float
+    """Time of validity."""
+    pressure_pa: float
+    """Absolute pressure."""
+    altitude_m: float
+    """Altitude of this pressure in the ISO 2533 standard atmosphere, some metres off the true one."""
+
+
+class MagnetometerReading(msgspec.Struct, frozen=True, kw_only=True):
+    """The magnetic field in the body frame."""
+
+    t_s: float
+    """Time of validity."""
+    field_frd_tesla: Vector3
+    """Field strength; about 5e-5 in all."""
+
+
+class RangeReading(msgspec.Struct, frozen=True, kw_only=True):
+    """Distance to the ground along the body's down axis."""
+
+    t_s: float
+    """Time of validity."""
+    distance_m: float
+    """From the sensor to the surface; 0 where there is no echo."""
+    is_valid: bool
+    """Whether there was an echo within the range of the sensor."""
+    min_m: float
+    """Shortest distance that can be told."""
+    max_m: float
+    """Longest distance that can be told."""
+    mount_height_m: float
+    """Height of the sensor over the ground when the vehicle stands level: take it off to get the vehicle's height."""
+
+
+class FixReading(msgspec.Struct, frozen=True, kw_only=True):
+    """Position and velocity from satellites; it arrives later than it was true."""
+
+    t_s: float
+    """Time of validity, the receiver's latency ago."""
+    kind: FixKind
+    """Quality; position and velocity mean nothing with `NONE`."""
+    latitude_deg: float
+    """Geodetic latitude (WGS84)."""
+    longitude_deg: float
+    """Longitude (WGS84)."""
+    altitude_m: float
+    """Altitude above mean sea level."""
+    velocity_ned_m_s: Vector3
+    """Velocity over ground."""
+    horizontal_accuracy_m: float
+    """Standard deviation that the receiver claims, each of north and east."""
+    vertical_accuracy_m: float
+    """Standard deviation that the receiver claims."""
+    speed_accuracy_m_s: float
+    """Standard deviation that the receiver claims, each axis."""
+    satellites: int
+    """Satellites used."""
+
+
+class BatteryReading(msgspec.Struct, frozen=True, kw_only=True):
+    """State of the battery, as a power module reports it."""
+
+    t_s: float
+    """Time of validity."""
+    voltage_v: float
+    """At the terminals, under load."""
+    current_a: float
+    """Drawn now."""
+    consumed_ah: float
+    """Charge drawn since the start."""
+    remaining: float
+    """Share of the nominal charge that is left, 1 to 0."""
+
+
+Reading = ImuReading | BarometerReading | MagnetometerReading | RangeReading | FixReading | BatteryReading
+"""Any sensor's reading."""

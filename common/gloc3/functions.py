@@ -11,19 +11,19 @@ from gloc3.messages import FunctionRequest, Message
 from gloc3.settings import not_finite
 
 
-class SetRate(Message):
+class SetRate(Message, frozen=True):
     """Changes the rate of the periodic cycles while the component is working."""
 
     rate_hz: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
 
 
-class SetRateReply(Message):
+class SetRateReply(Message, frozen=True):
     """The rate that is now kept."""
 
     rate_hz: float
 
 
-class SetLogging(Message):
+class SetLogging(Message, frozen=True):
     """Changes what the data logger records at the end of every cycle."""
 
     items: list[str] | None = None
@@ -31,7 +31,7 @@ class SetLogging(Message):
     is_enabled: bool = True
 
 
-class SetLoggingReply(Message):
+class SetLoggingReply(Message, frozen=True):
     """The items that are now recorded."""
 
     items: list[str]

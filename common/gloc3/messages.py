@@ -66,7 +66,7 @@ class Severity(IntEnum):
     DEBUG = 7
 
 
-class CommandRequest(Message):
+class CommandRequest(Message, frozen=True):
     """A command to one component's LCI, sent by the platform's command interface server."""
 
     request_id: str
@@ -76,7 +76,7 @@ class CommandRequest(Message):
     """With `initialize`: the settings to adopt; None keeps those of the deployment's row."""
 
 
-class CommandReply(Message):
+class CommandReply(Message, frozen=True):
     """What became of a command."""
 
     request_id: str
@@ -88,7 +88,7 @@ class CommandReply(Message):
     reason: str = ""
 
 
-class FunctionRequest(Message):
+class FunctionRequest(Message, frozen=True):
     """A typed request to a component that is working or quiet."""
 
     request_id: str
@@ -96,7 +96,7 @@ class FunctionRequest(Message):
     arguments: dict[str, Any] = {}
 
 
-class FunctionReply(Message):
+class FunctionReply(Message, frozen=True):
     """The answer to a function request."""
 
     request_id: str
@@ -107,7 +107,7 @@ class FunctionReply(Message):
     result: dict[str, Any] = {}
 
 
-class ComponentStatus(Message):
+class ComponentStatus(Message, frozen=True):
     """The periodic report of one component's health (paper, Table II)."""
 
     name: str
@@ -133,7 +133,7 @@ class ComponentStatus(Message):
     standby_for: str = ""
 
 
-class Event(Message):
+class Event(Message, frozen=True):
     """Something that happened once and that a person may want to read."""
 
     severity: Severity
@@ -142,7 +142,7 @@ class Event(Message):
     """More lines, such as a traceback."""
 
 
-class InternalState(Message):
+class InternalState(Message, frozen=True):
     """What the data logger records at the end of a cycle: selected items of the component's internal state."""
 
     items: dict[str, Any]

@@ -16,7 +16,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """The base of a component's settings; the string under a field is its documentation, with the unit."""
 
 
-class NoSettings(Settings):
+class NoSettings(Settings, frozen=True):
     """For components that have nothing to set."""
 
 

@@ -136,6 +136,8 @@ def from_array(array: Any, message_type: type[Message]) -> Any:
 @cache
 def _twin(struct: type[msgspec.Struct]) -> type[msgspec.Struct]:
     """The same structure with arrays instead of names, made once a type."""
+    if struct.__struct_config__.array_like:
+        return struct
     fields: list[Any] = []
     for field in msgspec.structs.fields(struct):
         annotation = _twin_type(field.type)

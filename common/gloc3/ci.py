@@ -1,0 +1,305 @@
+"""What a station's command interface (client) and a platform's (server) say to each other (paper §V).
+
+A request is known by `(sender, boot, sequence)`. The server executes each at most once and remembers its reply; a
+repeat gets the same reply. After a break in link or process a sender asks `Query` what became of a request.
+
+Topics, below the platform's name: `ci/request` (station to platform), `ci/reply`, `ci/summary`, `ci/mission`,
+`ci/vehicle`, `ci/event`, `ci/control` (platform to stations).
+"""
+
+from enum import StrEnum
+from typing import Any
+
+import msgspec
+
+from gloc3.lci import State
+from gloc3.messages import Message, Severity
+
+
+class Body(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
+    """The base of what a station can ask for."""
+
+
+class LoadMission(Body, frozen=True):
+    """Checks a mission's text onboard and keeps it, in place of the one before."""
+
+    name: str
+    text: str
+
+
+class ReadMission(Body, frozen=True):
+    """Reads the loaded mission back, to compare it."""
+
+
+class Verb(StrEnum):
+    """What an operator does to a mission, task or action."""
+
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    SKIP = "skip"
+    ABORT = "abort"
+    CLEAR = "clear"
+
+
+class Steer(Body, frozen=True):
+    """Start, pause, resume, skip or abort the mission, or one of its tasks or actions."""
+
+    verb: Verb
+    target: str = ""
+    """Empty for the mission, `TASK`, or `TASK.ACTION`."""
+
+
+class RequestTask(Body, frozen=True):
+    """A high-level command: a single task, as the YAML of a mission that holds just this task."""
+
+    text: str
+
+
+class RequestAction(Body, frozen=True):
+    """A low-level command: a single action."""
+
+    capability: str
+    arguments: dict[str, Any] = {}
+
+
+class CommandComponent(Body, frozen=True):
+    """A command for a component's LCI."""
+
+    component: str
+    command: str
+    settings: dict[str, Any] | None = None
+    is_forced: bool = False
+    """Carry it out although a running action needs the component; the action then fails by its policy."""
+
+
+class CallFunction(Body, frozen=True):
+    """A function message for a component."""
+
+    component: str
+    function: str
+    arguments: dict[str, Any] = {}
+
+
+class ControlVerb(StrEnum):
+    """How control of a platform changes hands."""
+
+    REQUEST = "request"
+    RELEASE = "release"
+    GRANT = "grant"
+    """The holder answers a request."""
+    REFUSE = "refuse"
+    TAKE_OVER = "take_over"
+    """Take control without the holder's leave; recorded with its author."""
+
+
+class Control(Body, frozen=True):
+    """Control of the platform: one station holds it at a time."""
+
+    verb: ControlVerb
+    station: str = ""
+    """With grant and refuse: whose request is answered."""
+
+
+class EmergencyVerb(StrEnum):
+    """What the emergency key asks for."""
+
+    HOLD = "hold"
+    LAND = "land"
+    DISARM = "disarm"
+
+
+class Emergency(Body, frozen=True):
+    """The emergency key: accepted from any authenticated operator, logged with its author."""
+
+    verb: EmergencyVerb
+    author: str = ""
+    confirmation: str = ""
+    """With disarm: the platform's name, typed."""
+
+
+class Query(Body, frozen=True):
+    """Asks what became of an earlier request of the same sender."""
+
+    boot: int
+    sequence: int
+
+
+class Hello(Body, frozen=True):
+    """Asks for the full state: components' table, mission, control; the answer comes on the topics."""
+
+
+AnyBody = (
+    LoadMission
+    | ReadMission
+    | Steer
+    | RequestTask
+    | RequestAction
+    | CommandComponent
+    | CallFunction
+    | Control
+    | Emergency
+    | Query
+    | Hello
+)
+
+
+class CiRequest(Message, frozen=True):
+    """A request of a station."""
+
+    sender: str
+    """The station's id, such as `255`."""
+    boot: int
+    sequence: int
+    body: AnyBody
+
+
+class Outcome(StrEnum):
+    """What became of a request."""
+
+    ACCEPTED = "accepted"
+    """Carried out, or (mission, task, action) begun."""
+    REFUSED = "refused"
+    EXPIRED = "expired"
+    """Older than what the server remembers: not executed now, and not known whether before."""
+    UNKNOWN = "unknown"
+    """A query for a request that never arrived, or one whose end was lost with the process."""
+
+
+class CiReply(Message, frozen=True):
+    """The answer to a request."""
+
+    sender: str
+    boot: int
+    sequence: int
+    outcome: Outcome
+    reason: str = ""
+    text: str = ""
+    """With `ReadMission`: the mission's text; with a failed check: the findings, one a line."""
+    result: dict[str, Any] = {}
+    """With `CallFunction`: the function's reply."""
+
+
+class Health(StrEnum):
+    """A component's or the platform's condition, worst last; `absent` is a component that has left."""
+
+    WORKING = "working"
+    QUIET = "quiet"
+    STANDBY = "standby"
+    IDLE = "idle"
+    ABSENT = "absent"
+    FAULTY = "faulty"
+
+
+def health_of(state: State | None) -> Health:
+    """The condition that a component's state stands for."""
+    return Health.ABSENT if state is None else Health(state.value)
+
+
+class ComponentLine(msgspec.Struct, frozen=True, array_like=True):
+    """One component in the summary: at most 16 bytes on the wire."""
+
+    index: int
+    """Its row in the `ComponentTable`."""
+    state: int
+    """Index into `Health`."""
+    rate_percent: int
+    """Measured rate, in percent of the nominal one; 0 to 255."""
+    load_percent: int
+    """Mean cycle cost, in percent of the period; 0 to 255."""
+    overruns: int
+    """Modulo 65536."""
+    errors: int
+    """Modulo 65536."""
+
+
+class Summary(Message, frozen=True):
+    """The state of a platform's components, many to a frame."""
+
+    table: int
+    """The number of the `ComponentTable` that the indices refer to."""
+    health: Health
+    """The platform's, from its required components."""
+    lines: list[ComponentLine]
+
+
+class TableRow(msgspec.Struct, frozen=True, array_like=True):
+    """What of a component does not change while it runs."""
+
+    name: str
+    kind: str
+    nominal_rate_hz: float
+    is_required: bool
+    standby_for: str
+
+
+class ComponentTable(Message, frozen=True):
+    """The names behind the summary's indices; sent once, and on request."""
+
+    table: int
+    rows: list[TableRow]
+
+
+class ComponentTrouble(Message, frozen=True):
+    """A component's last error in words, sent when it changes."""
+
+    name: str
+    cause: str
+    errors: int
+
+
+class VehicleSummary(Message, frozen=True):
+    """The vehicle at a glance."""
+
+    t_s: float
+    mode: str
+    """The autopilot's mode in its own words."""
+    is_armed: bool
+    landed: str
+    battery_percent: int
+    """-1 where it is not known."""
+    position_m: tuple[float, float, float]
+    """x, y, height in the platform's local frame."""
+    speed_m_s: float
+    heading_deg: int
+    is_pose_valid: bool
+    has_pilot_control: bool
+    is_autopilot_connected: bool
+    frame: str = ""
+    geo: tuple[float, float, float] | None = None
+    """Latitude, longitude in degrees, altitude above mean sea level in metres."""
+
+
+class MissionSummary(Message, frozen=True):
+    """The loaded mission and how far it is."""
+
+    name: str
+    digest: str
+    """Of the mission's text; empty where none is loaded."""
+    state: str
+    """An `ActionState`; empty where none is loaded."""
+    reason: str = ""
+    tasks: dict[str, str] = {}
+    """Task, and `TASK.ACTION`, to its state."""
+    progress: dict[str, float] = {}
+    """`TASK.ACTION` to 0..1, for what runs."""
+    policy: str = ""
+    """The policy that is being carried out, such as `return`; empty in normal flight."""
+
+
+class ControlState(Message, frozen=True):
+    """Who holds control of the platform."""
+
+    holder: str
+    """The station's id; empty where nobody does."""
+    requested_by: str = ""
+
+
+class CiEvent(Message, frozen=True):
+    """An event of the platform, for its stations."""
+
+    severity: Severity
+    source: str
+    """The component."""
+    text: str
+    t_s: float

@@ -1,0 +1,65 @@
+"""The topics of GLOC3's own platforms, below the platform's name."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from gloc3.ci import (
+    CiEvent,
+    CiReply,
+    CiRequest,
+    ComponentTable,
+    ComponentTrouble,
+    ControlState,
+    MissionSummary,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.mission.messages import ActionStatus
+from gloc3.topics import TopicRow
+from gloc3.vehicle import (
+    AutopilotPose,
+    AutopilotState,
+    DriverState,
+    HeightAboveGround,
+    Image,
+    ImageRecorded,
+    Manoeuvre,
+    MotionGrant,
+    MotionLimits,
+    Pose,
+    Setpoint,
+    TakeOver,
+)
+
+TOPICS: Final[Mapping[str, TopicRow]] = {
+    # samplers
+    "autopilot": TopicRow(AutopilotState, 5.0),
+    "autopilot_pose": TopicRow(AutopilotPose, 20.0),
+    "height": TopicRow(HeightAboveGround, 20.0),
+    "camera/*": TopicRow(Image, 2.0, is_logged=False),
+    # processors
+    "pose": TopicRow(Pose, 20.0, silent_after=3.0),
+    # controllers: each has a topic of its own, the limiter takes them all
+    "setpoint_wanted/*": TopicRow(Setpoint, 20.0),
+    "manoeuvre_wanted/*": TopicRow(Manoeuvre),
+    "setpoint": TopicRow(Setpoint, 20.0),
+    "manoeuvre": TopicRow(Manoeuvre),
+    "action_status/*": TopicRow(ActionStatus),
+    "image_recorded": TopicRow(ImageRecorded),
+    # drivers
+    "driver": TopicRow(DriverState, 5.0),
+    # the command interface server, towards the components
+    "motion/grant": TopicRow(MotionGrant, 5.0),
+    "motion/limits": TopicRow(MotionLimits),
+    "motion/take_over": TopicRow(TakeOver),
+    # the command interface server, towards the stations
+    "ci/request": TopicRow(CiRequest),
+    "ci/reply": TopicRow(CiReply),
+    "ci/summary": TopicRow(Summary, 2.0, downlink_every=1),
+    "ci/table": TopicRow(ComponentTable),
+    "ci/trouble": TopicRow(ComponentTrouble),
+    "ci/vehicle": TopicRow(VehicleSummary, 2.0, downlink_every=1),
+    "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1),
+    "ci/control": TopicRow(ControlState, 1.0, downlink_every=1),
+    "ci/event": TopicRow(CiEvent),
+}

@@ -1,0 +1,41 @@
+"""The magnetometer: the Earth's field at the home, seen from the body, with noise and a leftover bias."""
+
+from typing import Final
+
+from gloc3.frames import GeoPoint, Vector3, rotate_back
+from gloc3_sitl.sensors.magnetic_field import field_ned_tesla
+from gloc3_sitl.sensors.readings import MagnetometerReading
+from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.truth import Motion
+
+NOISE_TESLA: Final = 3e-7
+"""White noise: 3 mG, data sheet figure of the HMC5983 and IST8310 class."""
+BIAS_TESLA: Final = 4e-7
+"""Deviation of what is left of the vehicle's own field after calibration: about a degree of heading."""
+
+
+class Magnetometer(Sensor[MagnetometerReading]):
+    """White noise and a bias that is constant for a flight."""
+
+    name = "magnetometer"
+    fault_unit = "T"
+    bias_size = 1e-5
+    noise_size = 5e-6
+
+    def __init__(self, seed: int, home: GeoPoint, rate_hz: float = 25.0) -> None:
+        super().__init__(seed, rate_hz)
+        self._field_ned_tesla = field_ned_tesla(home)
+        self._bias_tesla = tuple(BIAS_TESLA * self._draw() for _ in range(3))
+
+    def measure(self, motion: Motion, t_s: float) -> MagnetometerReading:
+        """Turn the field into the body's axes and add the errors."""
+        x, y, z = rotate_back(motion.truth().attitude_wxyz, self._field_ned_tesla)
+        bx, by, bz = self._bias_tesla
+        draw = self._draw
+        field = (x + bx + NOISE_TESLA * draw(), y + by + NOISE_TESLA * draw(), z + bz + NOISE_TESLA * draw())
+        return MagnetometerReading(t_s=t_s, field_frd_tesla=field)
+
+    def shift(self, reading: MagnetometerReading, offset: Vector3) -> MagnetometerReading:
+        """Add to the field."""
+        x, y, z = reading.field_frd_tesla
+        return MagnetometerReading(t_s=reading.t_s, field_frd_tesla=(x + offset[0], y + offset[1], z + offset[2]))

@@ -1,0 +1,130 @@
+"""What every simulated sensor has: a rate, a latency, noise of its own, and faults that can be switched on."""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from enum import StrEnum
+from typing import ClassVar, Final, Generic, TypeVar
+
+import msgspec
+
+from gloc3.frames import Vector3
+from gloc3_sitl.sensors.noise import normals
+from gloc3_sitl.sensors.readings import Reading
+from gloc3_sitl.truth import Motion
+
+_EARLY_S: Final = 1e-6
+"""Rounding allowed when a time is compared with a schedule."""
+
+R = TypeVar("R", bound=Reading)
+
+
+class FaultMode(StrEnum):
+    """How a sensor can fail."""
+
+    LOST = "lost"
+    """Nothing comes any more; a range finder has no echo, a receiver reports no fix."""
+    STUCK = "stuck"
+    """The last values come again and again, with new times."""
+    BIASED = "biased"
+    """A constant is added."""
+    NOISY = "noisy"
+    """White noise is added on every axis."""
+    LATE = "late"
+    """Readings arrive later by the size in seconds."""
+
+
+class Fault(msgspec.Struct, frozen=True, kw_only=True):
+    """A fault that is present."""
+
+    mode: FaultMode
+    """What kind it is."""
+    size: float
+    """Bias, noise deviation (in the sensor's `fault_unit`) or lateness in seconds."""
+    direction: Vector3 = (1.0, 0.0, 0.0)
+    """Axes that a bias acts on; a sensor of one value uses the first."""
+
+
+class Sensor(ABC, Generic[R]):
+    """One simulated sensor: measures at its rate, hands over after its latency."""
+
+    name: ClassVar[str]
+    """The name by which faults are injected."""
+    fault_unit: ClassVar[str]
+    """Unit of the size of a fault."""
+    bias_size: ClassVar[float]
+    """Bias of a fault when no size is given."""
+    noise_size: ClassVar[float]
+    """Noise of a fault when no size is given."""
+    late_s: ClassVar[float] = 0.5
+    """Lateness of a fault when no size is given."""
+    latency_s: float = 0.0
+    """Time from validity to delivery."""
+
+    def __init__(self, seed: int, rate_hz: float) -> None:
+        self.rate_hz: Final = rate_hz
+        self.fault: Fault | None = None
+        """The fault that is present, if any."""
+        self.due_s = 0.0
+        """When something is to be measured or delivered next."""
+        self._draw = normals(seed, self.name)
+        self._measure_s = 0.0
+        self._last: R | None = None
+        self._under_way: deque[tuple[float, R]] = deque()
+
+    @abstractmethod
+    def measure(self, motion: Motion, t_s: float) -> R:
+        """Look at the truth and add noise."""
+
+    @abstractmethod
+    def shift(self, reading: R, offset: Vector3) -> R:
+        """The same reading with an error added, in the fault unit."""
+
+    def without_signal(self, reading: R) -> R | None:
+        """What is reported when the sensor is lost: nothing, unless the device itself can say so."""
+        del reading
+        return None
+
+    def poll(self, motion: Motion, now_s: float, out: list[Reading]) -> None:
+        """Measure if it is time, and append what has arrived; due at most once a call."""
+        if now_s >= self._measure_s - _EARLY_S:
+            period_s = 1.0 / self.rate_hz
+            reading = self.measure(motion, now_s)
+            kept = reading if self.fault is None else self._spoil(reading, self.fault)
+            if kept is not None:
+                self._under_way.append((now_s + self._latency_s(), kept))
+            self._measure_s += period_s
+            if self._measure_s <= now_s:
+                self._measure_s = now_s + period_s
+        while self._under_way and now_s >= self._under_way[0][0] - _EARLY_S:
+            out.append(self._under_way.popleft()[1])
+        arrival_s = self._under_way[0][0] if self._under_way else self._measure_s
+        self.due_s = min(self._measure_s, arrival_s)
+
+    def _latency_s(self) -> float:
+        fault = self.fault
+        return self.latency_s + (fault.size if fault is not None and fault.mode is FaultMode.LATE else 0.0)
+
+    def _spoil(self, reading: R, fault: Fault) -> R | None:
+        match fault.mode:
+            case FaultMode.LOST:
+                return self.without_signal(reading)
+            case FaultMode.STUCK:
+                if self._last is None:
+                    self._last = reading
+                return msgspec.structs.replace(self._last, t_s=reading.t_s)
+            case FaultMode.BIASED:
+                x, y, z = fault.direction
+                return self.shift(reading, (x * fault.size, y * fault.size, z * fault.size))
+            case FaultMode.NOISY:
+                draw, size = self._draw, fault.size
+                return self.shift(reading, (draw() * size, draw() * size, draw() * size))
+            case FaultMode.LATE:
+                return reading
+
+    def fail(self, mode: FaultMode, size: float | None = None, direction: Vector3 = (1.0, 0.0, 0.0)) -> None:
+        """Switch a fault on, in place of any other."""
+        if size is None:
+            sizes = {FaultMode.BIASED: self.bias_size, FaultMode.NOISY: self.noise_size, FaultMode.LATE: self.late_s}
+            size = sizes.get(mode, 0.0)
+        self._last = None
+        self.fault = Fault(mode=mode, size=size, direction=direction)

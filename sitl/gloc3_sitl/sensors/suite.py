@@ -1,0 +1,93 @@
+"""All sensors of a vehicle, sampled together, with faults injected by name."""
+
+from typing import Any, Final
+
+from gloc3.errors import Misuse
+from gloc3.frames import GeoPoint, Vector3
+from gloc3_sitl.sensors.barometer import Barometer
+from gloc3_sitl.sensors.battery import Battery
+from gloc3_sitl.sensors.fix import PLAIN_GPS, RTK, FixSensor
+from gloc3_sitl.sensors.height import HeightSensor
+from gloc3_sitl.sensors.imu import Imu
+from gloc3_sitl.sensors.magnetometer import Magnetometer
+from gloc3_sitl.sensors.readings import Reading
+from gloc3_sitl.sensors.sensor import FaultMode, Sensor
+from gloc3_sitl.truth import Motion
+from gloc3_sitl.vehicles import PELICAN, MultirotorModel
+
+
+class SensorSuite:
+    """The sensors that every vehicle has; each has noise of its own, drawn from the one seed.
+
+    Args:
+        seed: Seed of all noise and biases.
+        home: Where the flight begins: the place of the magnetic field.
+        model: The vehicle, for its battery.
+        is_plain_gps: Metre-level fixes in place of RTK-grade ones.
+        battery_remaining: Charge at the start, 1 to 0.
+        imu_rate_hz: Rate of the IMU.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        home: GeoPoint,
+        *,
+        model: MultirotorModel = PELICAN,
+        is_plain_gps: bool = False,
+        battery_remaining: float = 1.0,
+        imu_rate_hz: float = 250.0,
+    ) -> None:
+        self.imu: Final = Imu(seed, imu_rate_hz)
+        self.barometer: Final = Barometer(seed)
+        self.magnetometer: Final = Magnetometer(seed, home)
+        self.height: Final = HeightSensor(seed)
+        self.fix: Final = FixSensor(seed, home, PLAIN_GPS if is_plain_gps else RTK)
+        self.battery: Final = Battery(seed, model, battery_remaining)
+        self._slow: tuple[Sensor[Any], ...] = (
+            self.barometer,
+            self.magnetometer,
+            self.height,
+            self.fix,
+            self.battery,
+        )
+        self._sensors = {sensor.name: sensor for sensor in (self.imu, *self._slow)}
+        self._due_s = 0.0
+
+    def sample(self, motion: Motion, now_s: float) -> list[Reading]:
+        """Readings that arrive now; to be called at least at the rate of the IMU.
+
+        Args:
+            motion: The simulated vehicle, whose truth is computed only when a sensor needs it, or one `Truth`.
+            now_s: Time on the simulation's clock, not less than in the call before.
+        """
+        out: list[Reading] = []
+        self.imu.poll(motion, now_s, out)
+        if now_s >= self._due_s - 1e-6:
+            for sensor in self._slow:
+                if now_s >= sensor.due_s - 1e-6:
+                    sensor.poll(motion, now_s, out)
+            self._due_s = min(sensor.due_s for sensor in self._slow)
+        return out
+
+    def fail(self, name: str, mode: str, size: float | None = None, direction: Vector3 = (1.0, 0.0, 0.0)) -> None:
+        """Inject a fault.
+
+        Args:
+            name: `imu`, `barometer`, `magnetometer`, `height`, `fix` or `battery`.
+            mode: One of `FaultMode`: lost, stuck, biased, noisy, late.
+            size: Bias or noise deviation in the sensor's fault unit, or seconds of lateness; each sensor has a default.
+            direction: Axes that a bias acts on.
+        """
+        if mode not in list(FaultMode):
+            raise Misuse(f"no fault mode {mode!r}; there are: {', '.join(FaultMode)}")
+        self._named(name).fail(FaultMode(mode), size, direction)
+
+    def repair(self, name: str) -> None:
+        """End a sensor's fault."""
+        self._named(name).fault = None
+
+    def _named(self, name: str) -> Sensor[Any]:
+        if name not in self._sensors:
+            raise Misuse(f"no sensor {name!r}; there are: {', '.join(self._sensors)}")
+        return self._sensors[name]

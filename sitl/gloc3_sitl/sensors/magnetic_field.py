@@ -64,9 +64,9 @@ def field_ned_tesla(place: GeoPoint) -> Vector3:
     # From the geocentric to the geodetic vertical.
     tilt = radians(place.latitude_deg) - atan2(z, across)
     return (
-        (north * cos(tilt) + up * sin(tilt)) * 1e-9,
+        (north * cos(tilt) - up * sin(tilt)) * 1e-9,
         east * 1e-9,
-        (north * sin(tilt) - up * cos(tilt)) * 1e-9,
+        -(north * sin(tilt) + up * cos(tilt)) * 1e-9,
     )
 
 

@@ -14,6 +14,50 @@ R = TypeVar("R", bound=Message)
 F = TypeVar("F", bound=Callable[..., Message])
 
 
+FUNCTION_MARK: Final = "__gloc3_function__"
+
+
+class FunctionEntry(NamedTuple):
+    """A function that a component offers while it is working or quiet."""
+
+    name: str
+    method: str
+    request: type[Message]
+    reply: type[Message]
+    doc: str
+
+
+def function(name: str) -> Callable[[F], F]:
+    """Marks a method `(self, request: RequestType, now_s: float) -> ReplyType` as answering function messages.
+
+    The method runs between cycles. It raises `Refused` for arguments that it cannot take.
+    """
+
+    def mark(method: F) -> F:
+        setattr(method, FUNCTION_MARK, name)
+        return method
+
+    return mark
+
+
+def _functions_of(cls: type) -> dict[str, FunctionEntry]:
+    entries: dict[str, FunctionEntry] = {}
+    for attribute in dir(cls):
+        method = getattr(cls, attribute, None)
+        name = getattr(method, FUNCTION_MARK, None)
+        if name is None or method is None:
+            continue
+        hints = get_type_hints(method)
+        if not issubclass(hints.get("request", object), Message) or not issubclass(
+            hints.get("return", object), Message
+        ):
+            raise Misuse(f"{cls.__name__}.{attribute} must be (self, request: Message, now_s: float) -> Message")
+        entries[name] = FunctionEntry(
+            name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip()
+        )
+    return entries
+
+
 class Component(ABC, Generic[S]):
     """What every component of GLOC3 is. Derive from one of the five types below.
 
@@ -105,47 +149,3 @@ class CommandInterface(Component[S]):
     """CI: the communication between a base station (client) and a platform (server)."""
 
     kind = Kind.COMMAND_INTERFACE
-
-
-FUNCTION_MARK: Final = "__gloc3_function__"
-
-
-class FunctionEntry(NamedTuple):
-    """A function that a component offers while it is working or quiet."""
-
-    name: str
-    method: str
-    request: type[Message]
-    reply: type[Message]
-    doc: str
-
-
-def function(name: str) -> Callable[[F], F]:
-    """Marks a method `(self, request: RequestType, now_s: float) -> ReplyType` as answering function messages.
-
-    The method runs between cycles. It raises `Refused` for arguments that it cannot take.
-    """
-
-    def mark(method: F) -> F:
-        setattr(method, FUNCTION_MARK, name)
-        return method
-
-    return mark
-
-
-def _functions_of(cls: type) -> dict[str, FunctionEntry]:
-    entries: dict[str, FunctionEntry] = {}
-    for attribute in dir(cls):
-        method = getattr(cls, attribute, None)
-        name = getattr(method, FUNCTION_MARK, None)
-        if name is None or method is None:
-            continue
-        hints = get_type_hints(method)
-        if not issubclass(hints.get("request", object), Message) or not issubclass(
-            hints.get("return", object), Message
-        ):
-            raise Misuse(f"{cls.__name__}.{attribute} must be (self, request: Message, now_s: float) -> Message")
-        entries[name] = FunctionEntry(
-            name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip()
-        )
-    return entries

@@ -21,6 +21,7 @@ from gloc3.vehicle import (
     AutopilotState,
     DriverState,
     HeightAboveGround,
+    Home,
     Image,
     ImageRecorded,
     Manoeuvre,
@@ -51,6 +52,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     # the command interface server, towards the components
     "motion/grant": TopicRow(MotionGrant, 5.0),
     "motion/limits": TopicRow(MotionLimits),
+    "motion/home": TopicRow(Home),
     "motion/take_over": TopicRow(TakeOver),
     # the command interface server, towards the stations
     "ci/request": TopicRow(CiRequest),

@@ -9,6 +9,7 @@ from enum import StrEnum
 
 from gloc3.frames import Quaternion, Vector3
 from gloc3.messages import Message
+from gloc3.mission.fence import Fence
 
 
 class Style(StrEnum):
@@ -208,9 +209,15 @@ class MotionLimits(Message, frozen=True):
     acceleration_m_s2: float
     height_min_m: float
     height_max_m: float
-    fence_ned_m: list[tuple[float, float]] = []
-    """The fence's polygon, north and east; empty where there is none."""
+    fence: Fence | None = None
     fence_margin_m: float = 0.5
+    """How near to the fence the vehicle may come."""
+
+
+class Home(Message, frozen=True):
+    """Where the vehicle stood when it was armed; kept on disk by the command interface server."""
+
+    position_ned_m: Vector3
 
 
 class TakeOver(Message, frozen=True):

@@ -1,0 +1,1 @@
+"""The controllers of the example platforms, one component a file."""

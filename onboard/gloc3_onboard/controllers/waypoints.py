@@ -1,0 +1,161 @@
+"""CC: attains a list of waypoints (paper §VI), and returns home."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, ClassVar
+
+from gloc3.action import ActionPerformer
+from gloc3.component import Controller
+from gloc3.errors import Refused
+from gloc3.frames import Vector3, wrap_pi, yaw_of
+from gloc3.mission.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
+from gloc3.mission.states import ActionState
+from gloc3.ports import Inbox, Input, Output, Result
+from gloc3.settings import Bounds, Settings
+from gloc3.vehicle import Home, Pose, Setpoint
+from gloc3_onboard.path_follower import PathFollower
+
+
+class WaypointsSettings(Settings, frozen=True):
+    """Settings of the waypoint controller."""
+
+    acceleration_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 2.0
+    """Along the way, in m/s²."""
+    yaw_rate_rad_s: Annotated[float, Bounds(0.05, 6.0)] = 1.0
+    """How fast the heading turns."""
+    return_speed_m_s: Annotated[float, Bounds(0.1, 50.0)] = 1.5
+    """Speed of a return home that names none."""
+    settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
+    """Longest wait at the end for the vehicle to come within the acceptance distance, before the action fails."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
+    """A pose older than this is lost."""
+
+
+class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
+    """Streams setpoints along the waypoints of an action; without a valid pose it streams nothing."""
+
+    settings_type = WaypointsSettings
+    performs: ClassVar = {
+        "follow_waypoints": FollowWaypointsOrder,
+        "go_to": FollowWaypointsOrder,
+        "return_home": ReturnHome,
+    }
+    loggable = ("travelled_m", "waypoint", "cross_track_m")
+
+    pose = Input(Pose)
+    home = Input(Home)
+    setpoint_wanted = Output(Setpoint, frame="ned")
+
+    def __init__(self) -> None:
+        self.travelled_m = 0.0
+        self.waypoint = 0
+        self.cross_track_m = 0.0
+        self._settings = WaypointsSettings()
+        self._pose: Pose | None = None
+        self._home_ned_m: Vector3 | None = None
+        self._order: FollowWaypointsOrder | None = None
+        self._follower: PathFollower | None = None
+        self._yaw_rad = 0.0
+        self._last_s = 0.0
+        self._waiting_s = 0.0
+
+    def initialize(self, settings: WaypointsSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def stop(self) -> None:
+        """Forgets the action under way."""
+        self.drop_action()
+        self._follower = None
+
+    def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
+        """Lays the way from where the vehicle is."""
+        pose = self._pose
+        if pose is None or not pose.is_valid:
+            raise Refused("there is no valid pose")
+        order = arguments if isinstance(arguments, FollowWaypointsOrder) else self._way_home(arguments, pose)
+        self._order = order
+        self._yaw_rad = yaw_of(pose.ned_from_frd)
+        self._last_s = now_s
+        self._waiting_s = 0.0
+        self._follower = PathFollower(
+            pose.position_ned_m,
+            order.waypoints_ned_m,
+            order.speed_m_s,
+            self._settings.acceleration_m_s2,
+            order.hold_s,
+        )
+
+    def _way_home(self, arguments: ReturnHome, pose: Pose) -> FollowWaypointsOrder:
+        home, (north, east, down) = self._home_ned_m, pose.position_ned_m
+        if home is None:
+            raise Refused("home is not known")
+        height_down = down if arguments.height_m is None else home[2] - arguments.height_m
+        return FollowWaypointsOrder(
+            waypoints_ned_m=((north, east, height_down), (home[0], home[1], height_down)),
+            speed_m_s=arguments.speed_m_s or self._settings.return_speed_m_s,
+            heading=HeadingOrder(mode="hold"),
+        )
+
+    def resume_action(self, now_s: float) -> None:
+        """Goes back to where it left the way, and on from there."""
+        if self._follower is not None:
+            self._follower.halt()
+        self._last_s = now_s
+
+    def end_action(self, now_s: float) -> None:
+        """Forgets the way."""
+        self._follower = None
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Moves the target on and asks for it."""
+        latest = inbox.latest(self.pose)
+        is_fresh = latest is not None and inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
+        self._pose = latest.payload if latest is not None and is_fresh else None
+        if (home := inbox.latest(self.home)) is not None:
+            self._home_ned_m = home.payload.position_ned_m
+        results: list[Result] = []
+        if self.is_running and self._follower is not None and self._order is not None:
+            if self._pose is not None and self._pose.is_valid:
+                results.append(self._follow(self._follower, self._order, self._pose, now_s))
+            self._last_s = now_s
+        return [*results, *self.action_reports(now_s)]
+
+    def _follow(self, follower: PathFollower, order: FollowWaypointsOrder, pose: Pose, now_s: float) -> Setpoint:
+        action_id = self.action_id
+        duration_s = now_s - self._last_s
+        target = follower.advance(duration_s, pose.position_ned_m)
+        self.travelled_m, self.waypoint = follower.travelled_m, follower.waypoint
+        self.cross_track_m = math.dist(target.position_ned_m, pose.position_ned_m)
+        progress = follower.travelled_m / follower.length_m if follower.length_m > 0.0 else 1.0
+        state, reason = ActionState.RUNNING, ""
+        if follower.is_at_end:
+            self._waiting_s += duration_s
+            if self.cross_track_m <= order.acceptance_m:
+                state = ActionState.DONE
+            elif self._waiting_s > self._settings.settle_s:
+                state, reason = ActionState.FAILED, f"the last waypoint stays {self.cross_track_m:.2f} m away"
+        self._turn(order.heading, target.bearing_rad, pose, duration_s)
+        self.advance(now_s, progress, state, reason)
+        return Setpoint(
+            action_id=action_id,
+            position_ned_m=target.position_ned_m,
+            velocity_ned_m_s=target.velocity_ned_m_s,
+            yaw_rad=self._yaw_rad,
+        )
+
+    def _turn(self, heading: HeadingOrder, bearing_rad: float | None, pose: Pose, duration_s: float) -> None:
+        match heading.mode:
+            case "along":
+                wanted = bearing_rad
+            case "hold":
+                wanted = None
+            case "fixed":
+                wanted = heading.heading_rad
+            case "look_at":
+                point, at = heading.look_at_ned_m or pose.position_ned_m, pose.position_ned_m
+                north, east = point[0] - at[0], point[1] - at[1]
+                wanted = math.atan2(east, north) if math.hypot(north, east) > 0.2 else None
+        if wanted is not None:
+            step = self._settings.yaw_rate_rad_s * duration_s
+            self._yaw_rad = wrap_pi(self._yaw_rad + min(max(wrap_pi(wanted - self._yaw_rad), -step), step))

@@ -1,0 +1,88 @@
+"""The devices of the onboard process, as its samplers and drivers see them; hardware, simulation and logs fit in."""
+
+from typing import NamedTuple, Protocol
+
+from gloc3.frames import Vector3
+from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image
+
+
+class Stamped(NamedTuple):
+    """An autopilot's pose with its time of validity."""
+
+    t_s: float
+    pose: AutopilotPose
+
+
+class StampedHeight(NamedTuple):
+    """A height with its time of validity."""
+
+    t_s: float
+    height: HeightAboveGround
+
+
+class StampedImage(NamedTuple):
+    """A camera's frame with its time of validity."""
+
+    t_s: float
+    image: Image
+
+
+class AutopilotTelemetry(Protocol):
+    """What an autopilot tells. Every method gives what is known now and may be called from any thread."""
+
+    def state(self) -> AutopilotState:
+        """Mode, arming, battery."""
+
+    def pose(self) -> Stamped | None:
+        """The latest estimate; None before the first."""
+
+
+class HeightSensor(Protocol):
+    """A range finder that looks down."""
+
+    def height(self) -> StampedHeight | None:
+        """The latest distance to the ground; None before the first."""
+
+
+class Camera(Protocol):
+    """A camera."""
+
+    def open(self) -> None:
+        """Begins to take frames."""
+
+    def frame(self) -> StampedImage | None:
+        """The latest frame; None before the first."""
+
+    def close(self) -> None:
+        """Ends taking frames."""
+
+
+class Answer(NamedTuple):
+    """What an autopilot said to a command."""
+
+    is_accepted: bool
+    reason: str
+
+
+class AutopilotControl(Protocol):
+    """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
+
+    stream_before_guided_s: float
+    """How long setpoints must have been streamed before guided mode is accepted."""
+
+    def send_setpoint(
+        self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None
+    ) -> None:
+        """Streams one setpoint, in the autopilot's own local NED frame."""
+
+    def command_mode(self, mode: FlightMode) -> int:
+        """Asks for a mode."""
+
+    def command_arm(self) -> int:
+        """Asks to arm."""
+
+    def command_take_off(self, height_m: float) -> int:
+        """Asks to climb to a height above the present place, in the mode that this style needs."""
+
+    def answer(self, ticket: int) -> Answer | None:
+        """The answer to a command; None while there is none."""

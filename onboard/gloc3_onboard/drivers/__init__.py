@@ -1,0 +1,1 @@
+"""The drivers of the example platforms, one component a file."""

@@ -1,0 +1,1 @@
+"""The processors of the example platforms, one component a file."""

@@ -1,0 +1,99 @@
+"""DP: the platform's pose, from the autopilot's own estimate, in the NED frame of the platform's local frame."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from gloc3.component import DataProcessor
+from gloc3.frames import GeoPoint, TangentPlane, Vector3
+from gloc3.ports import Inbox, Input, Output, Result
+from gloc3.settings import Bounds, Settings
+from gloc3.vehicle import AutopilotPose, Pose
+
+
+class PoseSettings(Settings, frozen=True):
+    """Settings of the pose processor."""
+
+    origin_geo: tuple[float, float, float] | None = None
+    """Origin of the local frame: latitude and longitude in degrees, altitude above mean sea level in metres. None
+    takes the origin of the autopilot's estimator."""
+    jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
+    """A step of the position that its velocity does not explain by more than this is a jump."""
+    std_m: Annotated[float, Bounds(0.001, 100.0)] = 0.05
+    """Standard deviation that is claimed along each axis."""
+
+
+class PoseProcessor(DataProcessor[PoseSettings]):
+    """Moves the autopilot's estimate into the platform's frame and counts its jumps."""
+
+    settings_type = PoseSettings
+    loggable = ("reset_counter", "reason")
+
+    autopilot_pose = Input(AutopilotPose)
+    pose = Output(Pose, frame="ned")
+
+    def __init__(self) -> None:
+        self.reset_counter = 0
+        self.reason = ""
+        self._settings = PoseSettings()
+        self._plane: TangentPlane | None = None
+        self._offset_of: tuple[float, float, float] | None = None
+        self._offset_ned_m: Vector3 = (0.0, 0.0, 0.0)
+        self._last: Pose | None = None
+        self._last_s = 0.0
+
+    def initialize(self, settings: PoseSettings) -> None:
+        """Adopts the origin."""
+        self._settings = settings
+        self._plane = TangentPlane(GeoPoint(*settings.origin_geo)) if settings.origin_geo else None
+        self._offset_of = None
+
+    def start(self) -> None:
+        """Begins without a past."""
+        self._last = None
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """One pose for each of the autopilot's."""
+        return [
+            self.pose.report(self._place(envelope.payload, envelope.t_s), t_s=envelope.t_s)
+            for envelope in inbox.new(self.autopilot_pose)
+        ]
+
+    def _place(self, given: AutopilotPose, t_s: float) -> Pose:
+        self.reason = ""
+        if self._plane is not None:
+            if given.origin_geo is None:
+                self.reason = "the autopilot has not told its origin"
+            elif given.origin_geo != self._offset_of:
+                self._offset_of = given.origin_geo
+                self._offset_ned_m = self._plane.ned_from_geo(*given.origin_geo)
+        n, e, d = given.position_ned_m
+        offset = self._offset_ned_m
+        position = (n + offset[0], e + offset[1], d + offset[2])
+        self._count_jump(position, given.velocity_ned_m_s, t_s)
+        pose = Pose(
+            position_ned_m=position,
+            velocity_ned_m_s=given.velocity_ned_m_s,
+            ned_from_frd=given.ned_from_frd,
+            rate_frd_rad_s=given.rate_frd_rad_s,
+            position_std_m=(self._settings.std_m,) * 3,
+            is_valid=not self.reason,
+            reason=self.reason,
+            quality=0.0 if self.reason else 1.0,
+            reset_counter=self.reset_counter,
+            sources=["autopilot"],
+        )
+        self._last, self._last_s = pose, t_s
+        return pose
+
+    def _count_jump(self, position: Vector3, velocity: Vector3, t_s: float) -> None:
+        if self._last is None:
+            return
+        duration_s = t_s - self._last_s
+        step = [
+            now - before - 0.5 * (v_now + v_before) * duration_s
+            for now, before, v_now, v_before in zip(
+                position, self._last.position_ned_m, velocity, self._last.velocity_ned_m_s, strict=True
+            )
+        ]
+        if sum(component * component for component in step) > self._settings.jump_m**2:
+            self.reset_counter += 1

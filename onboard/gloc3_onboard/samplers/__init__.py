@@ -1,0 +1,1 @@
+"""The samplers of the example platforms, one component a file."""

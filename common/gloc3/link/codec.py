@@ -5,7 +5,6 @@ pymavlink's module takes 0.4 s to import, so it is imported when the first messa
 
 from __future__ import annotations
 
-import gc
 import struct
 from functools import cache
 from typing import Any, Final
@@ -33,13 +32,8 @@ __all__ = [
 @cache
 def _dialect() -> Any:
     """ArduPilot's dialect, MAVLink 2 (it contains `common`)."""
-    was_enabled = gc.isenabled()
-    gc.disable()  # half a million new objects, none of them garbage
-    try:
-        from pymavlink.dialects.v20 import ardupilotmega
-    finally:
-        if was_enabled:
-            gc.enable()
+    from pymavlink.dialects.v20 import ardupilotmega
+
     return ardupilotmega
 
 

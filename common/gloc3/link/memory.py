@@ -1,0 +1,170 @@
+"""A link in memory between two ends, with seeded latency, loss, duplication, reordering and bandwidth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from heapq import heappop, heappush
+from random import Random
+from typing import Any, Final, Protocol
+
+import msgspec
+
+
+class Scheduler(Protocol):
+    """The part of an event loop that a link needs."""
+
+    def time(self) -> float:
+        """Now, in seconds."""
+
+    def call_at(self, when: float, callback: Callable[..., Any], /, *args: Any) -> object:
+        """Calls back at a time."""
+
+
+class Conditions(msgspec.Struct, frozen=True, kw_only=True):
+    """What one direction of a link does to what is sent over it. The default is a perfect cable."""
+
+    latency_s: float = 0.0
+    jitter_s: float = 0.0
+    """Latency is longer by up to this, uniformly; the order is kept."""
+    loss: float = 0.0
+    """Probability that one `send` (a frame, a datagram) never arrives; 1 is a cut cable."""
+    duplicate: float = 0.0
+    """Probability that one arrives twice."""
+    reorder: float = 0.0
+    """Probability that one is held back by `reorder_s` and overtaken."""
+    reorder_s: float = 0.05
+    bandwidth_bit_s: float | None = None
+    """Bits per second on the line; None for a line without a limit."""
+    bits_per_byte: float = 8.0
+    """10 for a serial line with start and stop bits (8N1)."""
+    queue_bytes: int = 4096
+    """What may wait for a limited line; what does not fit any more is dropped."""
+
+
+PERFECT: Final = Conditions()
+
+
+class MemoryEnd:
+    """One end of a link: an endpoint without a socket."""
+
+    is_datagram = True
+
+    def __init__(self, link: MemoryLink, name: str) -> None:
+        self.url = f"memory:{name}"
+        self.on_data: Callable[[bytes], None] | None = None
+        """Told each piece that arrives; what comes while it is None is gone."""
+        self.conditions = link.conditions
+        """Of what this end sends; may be exchanged at any time."""
+        self.sent = 0
+        self.lost = 0
+        """On the way, by chance."""
+        self.dropped = 0
+        """Before the way: the queue of a limited line was full."""
+        self.received = 0
+        self._link = link
+        self._line = _Line()
+        self._other: MemoryEnd
+        self._arriving: list[tuple[float, int, bytes]] = []
+        self._wake_s: float | None = None
+        self._last_s = 0.0
+        self._is_open = True
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether both ends are open."""
+        return self._is_open and self._other._is_open
+
+    def send(self, data: bytes) -> None:
+        """Sends one frame or datagram, or a piece of a stream."""
+        if not self._is_open:
+            return
+        link, conditions, now_s = self._link, self.conditions, self._link.loop.time()
+        leaves_s = now_s
+        if conditions.bandwidth_bit_s is not None:
+            bytes_per_s = conditions.bandwidth_bit_s / conditions.bits_per_byte
+            begins_s = max(now_s, self._line.busy_until_s)
+            if (begins_s - now_s) * bytes_per_s + len(data) > conditions.queue_bytes:
+                self.dropped += 1
+                return
+            leaves_s = self._line.busy_until_s = begins_s + len(data) / bytes_per_s
+        self.sent += 1
+        chance = link.random
+        if conditions.loss and chance.random() < conditions.loss:
+            self.lost += 1
+            return
+        arrives_s = leaves_s + conditions.latency_s
+        if conditions.jitter_s:
+            arrives_s += chance.random() * conditions.jitter_s
+        if conditions.reorder and chance.random() < conditions.reorder:
+            self._other._expect(arrives_s + conditions.reorder_s, data)
+            return
+        arrives_s = self._last_s = max(arrives_s, self._last_s)
+        self._other._expect(arrives_s, data)
+        if conditions.duplicate and chance.random() < conditions.duplicate:
+            self._other._expect(arrives_s, data)
+
+    def close(self) -> None:
+        """Sends and hears nothing from now on."""
+        self._is_open = False
+        self._arriving.clear()
+
+    def _expect(self, arrives_s: float, data: bytes) -> None:
+        if not self._is_open:
+            return
+        link = self._link
+        link.count += 1
+        heappush(self._arriving, (arrives_s, link.count, data))
+        self._wake(arrives_s)
+
+    def _wake(self, when_s: float) -> None:
+        if self._wake_s is None or when_s < self._wake_s:
+            self._wake_s = when_s
+            self._link.loop.call_at(when_s, self._deliver)
+
+    def _deliver(self) -> None:
+        self._wake_s = None
+        now_s, arriving = self._link.loop.time(), self._arriving
+        while arriving and arriving[0][0] <= now_s:
+            data = heappop(arriving)[2]
+            self.received += 1
+            if self.on_data is not None:
+                self.on_data(data)
+        if arriving:
+            self._wake(arriving[0][0])
+
+
+class _Line:
+    """What is sent over a limited line goes one after the other."""
+
+    __slots__ = ("busy_until_s",)
+
+    def __init__(self) -> None:
+        self.busy_until_s = 0.0
+
+
+class MemoryLink:
+    """Two ends, `a` and `b`; what one sends the other is told, later or never.
+
+    Args:
+        loop: the event loop that gives the time and wakes the link.
+        random: the seeded source of all chance on this link.
+        conditions: of both directions at first; exchange an end's `conditions` for anything else.
+        is_half_duplex: both directions share one limited line, as on a radio.
+    """
+
+    def __init__(
+        self, loop: Scheduler, random: Random, conditions: Conditions = PERFECT, *, is_half_duplex: bool = False
+    ) -> None:
+        self.loop = loop
+        self.random = random
+        self.conditions = conditions
+        self.count = 0
+        """Pieces under way so far; keeps those of the same instant in order."""
+        self.a, self.b = MemoryEnd(self, "a"), MemoryEnd(self, "b")
+        self.a._other, self.b._other = self.b, self.a
+        if is_half_duplex:
+            self.b._line = self.a._line
+
+    def set_conditions(self, conditions: Conditions) -> None:
+        """Changes both directions at once."""
+        self.a.conditions = self.b.conditions = conditions

@@ -1,0 +1,145 @@
+"""Where MAVLink bytes come from and go to: UDP, TCP and serial lines, opened by a URL as MAVSDK writes them.
+
+udpin://0.0.0.0:14550          listens, and answers everyone it has heard from
+udpout://192.168.1.10:14550    sends there, and hears from there
+tcpin://0.0.0.0:5760           listens for clients
+tcpout://192.168.1.10:5760     connects, and connects again when it is cut off
+serial:///dev/ttyACM0:57600    a serial line; serial_flowcontrol:// with RTS and CTS
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Final, Protocol, TypeAlias
+from urllib.parse import urlsplit
+
+import msgspec
+
+from gloc3.errors import Refused, nearest
+from gloc3.link.serial_line import SerialEndpoint
+from gloc3.link.tcp import TcpClientEndpoint, TcpServerEndpoint
+from gloc3.link.udp import UdpClientEndpoint, UdpServerEndpoint
+
+OnData: TypeAlias = Callable[[bytes], None]
+
+NETWORK_SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout")
+SERIAL_SCHEMES: Final = ("serial", "serial_flowcontrol")
+DEFAULT_BAUD: Final = 57_600
+
+
+class Endpoint(Protocol):
+    """One place where bytes go in and out. What it cannot send at once it drops, and counts: it never blocks."""
+
+    url: str
+    """As it was asked for."""
+    bytes_received: int
+    bytes_sent: int
+    dropped: int
+    """Calls of `send` whose bytes found no room or no way."""
+
+    @property
+    def is_datagram(self) -> bool:
+        """Whether each piece that is heard holds whole frames only, so that a parser needs no memory."""
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether there is somebody to send to, as far as one can know."""
+
+    @property
+    def problem(self) -> str:
+        """Why it is not connected, or the last failure; empty if there was none."""
+
+    @property
+    def local_port(self) -> int | None:
+        """The port that it really has, also where the URL asked for any (0); None for a serial line."""
+
+    def send(self, data: bytes) -> None:
+        """Sends whole frames to everybody there."""
+
+    async def close(self) -> None:
+        """Closes it; nothing is heard after that."""
+
+
+class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
+    """What a URL says."""
+
+    url: str
+    scheme: str
+    host: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int = DEFAULT_BAUD
+
+
+def parse_url(url: str) -> EndpointUrl:
+    """Reads an endpoint's URL.
+
+    Raises:
+        Refused: with the reason, and an example of what is meant.
+    """
+    scheme, separator, rest = url.partition("://")
+    known = (*NETWORK_SCHEMES, *SERIAL_SCHEMES)
+    if not separator:
+        raise Refused(
+            f"endpoint {url!r} has no scheme; write it as udpin://0.0.0.0:14550 or serial:///dev/ttyACM0:57600"
+        )
+    if scheme in SERIAL_SCHEMES:
+        return _serial_url(url, scheme, rest)
+    if scheme not in NETWORK_SCHEMES:
+        hint = {"udp": "use udpin:// to listen or udpout:// to send", "tcp": "use tcpin:// or tcpout://"}.get(scheme)
+        raise Refused(f"endpoint {url!r}: no scheme {scheme!r}; {hint or nearest(scheme, known)}")
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise Refused(f"endpoint {url!r}: {error}") from None
+    if port is None:
+        raise Refused(f"endpoint {url!r} names no port; write it as {scheme}://{host or '0.0.0.0'}:14550")
+    if parts.path not in ("", "/") or parts.query or parts.fragment or parts.username is not None:
+        raise Refused(f"endpoint {url!r}: nothing may follow the port or stand before the host")
+    if scheme in ("udpout", "tcpout"):
+        if not host:
+            raise Refused(f"endpoint {url!r} names no host to send to")
+        if port == 0:
+            raise Refused(f"endpoint {url!r}: port 0 is for listening only")
+    return EndpointUrl(url=url, scheme=scheme, host=host or "0.0.0.0", port=port)
+
+
+def _serial_url(url: str, scheme: str, rest: str) -> EndpointUrl:
+    device, separator, baud = rest.rpartition(":")
+    if not separator:
+        device, baud = rest, str(DEFAULT_BAUD)
+    if not device:
+        raise Refused(f"endpoint {url!r} names no device; write it as {scheme}:///dev/ttyACM0:57600")
+    if not baud.isascii() or not baud.isdigit() or not 1 <= int(baud) <= 10_000_000:
+        raise Refused(f"endpoint {url!r}: {baud!r} is no baud rate")
+    return EndpointUrl(url=url, scheme=scheme, device=device, baud=int(baud))
+
+
+async def open_endpoint(url: str, loop: asyncio.AbstractEventLoop, on_data: OnData) -> Endpoint:
+    """Opens an endpoint.
+
+    An address that cannot be had is refused at once. A peer or a device that is not there yet is waited for.
+
+    Args:
+        url: as above.
+        loop: the running loop, in wall time.
+        on_data: told what comes in, always on the loop's thread.
+
+    Raises:
+        Refused: the URL is wrong, the port is in use, the host has no address, with the reason.
+    """
+    wanted = parse_url(url)
+    match wanted.scheme:
+        case "udpin":
+            return await UdpServerEndpoint.open(url, loop, on_data, wanted.host, wanted.port)
+        case "udpout":
+            return await UdpClientEndpoint.open(url, loop, on_data, wanted.host, wanted.port)
+        case "tcpin":
+            return await TcpServerEndpoint.open(url, loop, on_data, wanted.host, wanted.port)
+        case "tcpout":
+            return TcpClientEndpoint(url, loop, on_data, wanted.host, wanted.port)
+        case _:
+            has_flow_control = wanted.scheme == "serial_flowcontrol"
+            return SerialEndpoint(url, loop, on_data, wanted.device, wanted.baud, has_flow_control=has_flow_control)

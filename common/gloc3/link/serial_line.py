@@ -1,0 +1,133 @@
+"""MAVLink over a serial line: pyserial in two threads of its own, so that a stuck device never stops the loop."""
+
+from __future__ import annotations
+
+import asyncio
+import queue
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    import serial
+
+READ_TIMEOUT_S: Final = 0.1
+REOPEN_S: Final = 1.0
+WAITING_FRAMES: Final = 256
+"""What may wait for a slow line; what does not fit any more is dropped."""
+
+
+class SerialEndpoint:
+    """A serial line, opened again each second while the device is missing."""
+
+    is_datagram = False
+    local_port = None
+
+    def __init__(
+        self,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        device: str,
+        baud: int,
+        *,
+        has_flow_control: bool = False,
+    ) -> None:
+        self.url = url
+        self.bytes_received = 0
+        self.bytes_sent = 0
+        self.dropped = 0
+        self.problem = "not open yet"
+        self._loop = loop
+        self._on_data = on_data
+        self._device, self._baud, self._has_flow_control = device, baud, has_flow_control
+        self._port: serial.Serial | None = None
+        self._closing = threading.Event()
+        self._waiting: queue.Queue[bytes | None] = queue.Queue(WAITING_FRAMES)
+        self._threads = [
+            threading.Thread(target=self._read, name=f"read {device}", daemon=True),
+            threading.Thread(target=self._write, name=f"write {device}", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the device is open."""
+        return self._port is not None
+
+    def send(self, data: bytes) -> None:
+        """Queues one frame for the line."""
+        if self._port is None:
+            self.dropped += 1
+            return
+        try:
+            self._waiting.put_nowait(data)
+        except queue.Full:
+            self.dropped += 1
+
+    async def close(self) -> None:
+        """Ends the threads and closes the device."""
+        self._closing.set()
+        while not self._waiting.empty():
+            self._waiting.get_nowait()
+        self._waiting.put_nowait(None)
+        port = self._port
+        if port is not None:
+            port.cancel_read()
+            port.cancel_write()
+        for thread in self._threads:
+            await self._loop.run_in_executor(None, thread.join)
+
+    def _open(self) -> serial.Serial | None:
+        import serial
+
+        try:
+            return serial.Serial(
+                self._device,
+                self._baud,
+                timeout=READ_TIMEOUT_S,
+                write_timeout=1.0,
+                rtscts=self._has_flow_control,
+                exclusive=True,
+            )
+        except (OSError, ValueError) as error:
+            self.problem = str(error)
+            return None
+
+    def _read(self) -> None:
+        while not self._closing.is_set():
+            port = self._open()
+            if port is None:
+                self._closing.wait(REOPEN_S)
+                continue
+            self.problem, self._port = "", port
+            try:
+                while not self._closing.is_set():
+                    data = port.read(max(1, port.in_waiting))
+                    if data:
+                        self._loop.call_soon_threadsafe(self._hear, data)
+            except (OSError, TypeError) as error:  # unplugged; pyserial answers with a TypeError if that is in mid-read
+                self.problem = str(error)
+            except RuntimeError:  # the loop is gone
+                self._closing.set()
+            self._port = None
+            port.close()
+
+    def _hear(self, data: bytes) -> None:
+        if not self._closing.is_set():
+            self.bytes_received += len(data)
+            self._on_data(data)
+
+    def _write(self) -> None:
+        while (data := self._waiting.get()) is not None:
+            port = self._port
+            if port is None:
+                self.dropped += 1
+                continue
+            try:
+                port.write(data)
+                self.bytes_sent += len(data)
+            except (OSError, TypeError) as error:
+                self.problem = str(error)
+                self.dropped += 1

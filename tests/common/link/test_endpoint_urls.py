@@ -1,0 +1,46 @@
+"""Endpoint URLs: what they say, and what is said about wrong ones."""
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.link.endpoints import EndpointUrl, parse_url
+
+
+@pytest.mark.parametrize(
+    ("url", "expected"),
+    [
+        ("udpin://0.0.0.0:14550", {"scheme": "udpin", "host": "0.0.0.0", "port": 14550}),
+        ("udpin://:14550", {"scheme": "udpin", "host": "0.0.0.0", "port": 14550}),
+        ("udpin://127.0.0.1:0", {"scheme": "udpin", "host": "127.0.0.1", "port": 0}),
+        ("udpout://companion.local:14540", {"scheme": "udpout", "host": "companion.local", "port": 14540}),
+        ("tcpin://[::1]:5760", {"scheme": "tcpin", "host": "::1", "port": 5760}),
+        ("tcpout://10.0.0.2:5760", {"scheme": "tcpout", "host": "10.0.0.2", "port": 5760}),
+        ("serial:///dev/ttyACM0:921600", {"scheme": "serial", "device": "/dev/ttyACM0", "baud": 921600}),
+        ("serial:///dev/ttyACM0", {"scheme": "serial", "device": "/dev/ttyACM0", "baud": 57600}),
+        ("serial_flowcontrol:///dev/x:1", {"scheme": "serial_flowcontrol", "device": "/dev/x", "baud": 1}),
+    ],
+)
+def test_good_urls_are_read(url: str, expected: dict[str, object]) -> None:
+    assert parse_url(url) == EndpointUrl(url=url, **expected)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("url", "reason"),
+    [
+        ("14550", "no scheme"),
+        ("udp://:14550", "use udpin:// to listen or udpout:// to send"),
+        ("udpinn://:14550", "did you mean 'udpin'"),
+        ("udpin://0.0.0.0", "names no port"),
+        ("udpin://0.0.0.0:99999", "Port out of range"),
+        ("udpin://0.0.0.0:port", "Port could not be cast"),
+        ("udpout://:14550", "no host"),
+        ("tcpout://host:0", "port 0 is for listening only"),
+        ("tcpin://0.0.0.0:5760/path", "nothing may follow the port"),
+        ("serial://", "names no device"),
+        ("serial:///dev/ttyACM0:fast", "'fast' is no baud rate"),
+        ("serial:///dev/ttyACM0:0", "'0' is no baud rate"),
+    ],
+)
+def test_bad_urls_are_refused_with_the_reason(url: str, reason: str) -> None:
+    with pytest.raises(Refused, match=reason):
+        parse_url(url)

@@ -1,0 +1,145 @@
+"""Endpoints over real sockets and a pseudo terminal."""
+
+import asyncio
+import os
+import pty
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.link import codec, udp
+from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.link.udp import UdpServerEndpoint
+
+pytestmark = pytest.mark.sockets
+
+FRAMES = [codec.Encoder(1, 1).encode(codec.message("ATTITUDE", time_boot_ms=n)) for n in range(1, 4)]
+
+
+class Opener:
+    """Opens endpoints and closes them all at the end."""
+
+    def __init__(self) -> None:
+        self.opened: list[Endpoint] = []
+
+    async def __call__(self, url: str) -> tuple[Endpoint, list[bytes]]:
+        heard: list[bytes] = []
+        endpoint = await open_endpoint(url, asyncio.get_running_loop(), heard.append)
+        self.opened.append(endpoint)
+        return endpoint, heard
+
+
+@pytest.fixture
+async def opener() -> AsyncIterator[Opener]:
+    opener = Opener()
+    yield opener
+    for endpoint in opener.opened:
+        await endpoint.close()
+
+
+async def until(is_so: Callable[[], bool]) -> None:
+    async with asyncio.timeout(10):
+        while not is_so():
+            await asyncio.sleep(0.005)
+
+
+async def test_udp_listener_answers_everyone_it_has_heard_from(opener: Opener) -> None:
+    server, heard = await opener("udpin://127.0.0.1:0")
+    assert server.local_port
+    assert not server.is_connected
+    server.send(b"nobody there")
+    clients = [await opener(f"udpout://127.0.0.1:{server.local_port}") for _ in range(2)]
+    for number, (client, _) in enumerate(clients):
+        client.send(FRAMES[number])
+    await until(lambda: len(heard) == 2)
+    server.send(FRAMES[2])
+    await until(lambda: all(answers == [FRAMES[2]] for _, answers in clients))
+    assert server.is_datagram
+    assert server.is_connected
+
+
+async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_ones(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(udp, "MOST_PEERS", 2)
+    server, heard = await opener("udpin://127.0.0.1:0")
+    assert isinstance(server, UdpServerEndpoint)
+    for _ in range(3):
+        client, _ = await opener(f"udpout://127.0.0.1:{server.local_port}")
+        client.send(b"x")
+    await until(lambda: server.strangers_refused == 1)
+    assert len(heard) == 2
+    monkeypatch.setattr(udp, "PEER_EXPIRES_S", -1.0)
+    assert server.peers == []
+    client.send(b"y")
+    await until(lambda: len(heard) == 3)
+
+
+async def test_a_burst_of_datagrams_is_kept(opener: Opener) -> None:
+    server, heard = await opener("udpin://127.0.0.1:0")
+    client, _ = await opener(f"udpout://127.0.0.1:{server.local_port}")
+    for _ in range(1000):
+        client.send(FRAMES[0])
+    await until(lambda: len(heard) == 1000)
+
+
+@pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
+async def test_a_port_in_use_is_said(opener: Opener, scheme: str) -> None:
+    first, _ = await opener(f"{scheme}://127.0.0.1:0")
+    with pytest.raises(Refused, match=f"port {first.local_port} is in use by another program"):
+        await opener(f"{scheme}://127.0.0.1:{first.local_port}")
+
+
+async def test_an_address_that_is_not_ours_is_said(opener: Opener) -> None:
+    with pytest.raises(Refused, match=r"0\.0\.0\.0 listens on all"):
+        await opener("udpin://203.0.113.7:0")
+
+
+async def test_tcp_server_keeps_its_clients_streams_apart(opener: Opener) -> None:
+    server, heard = await opener("tcpin://127.0.0.1:0")
+    clients = [await opener(f"tcpout://127.0.0.1:{server.local_port}") for _ in range(2)]
+    await until(lambda: all(client.is_connected for client, _ in clients))
+    for half in (slice(None, 15), slice(15, None)):
+        for number, (client, _) in enumerate(clients):
+            client.send(FRAMES[number][half])
+            await asyncio.sleep(0.01)
+    await until(lambda: sorted(heard) == sorted(FRAMES[:2]))
+    server.send(FRAMES[2])
+    await until(lambda: all(b"".join(answers) == FRAMES[2] for _, answers in clients))
+
+
+async def test_tcp_client_connects_again(opener: Opener, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gloc3.link.tcp.RECONNECT_S", 0.01)
+    server, _ = await opener("tcpin://127.0.0.1:0")
+    client, heard = await opener(f"tcpout://127.0.0.1:{server.local_port}")
+    await until(lambda: client.is_connected)
+    port = server.local_port
+    await server.close()
+    await until(lambda: not client.is_connected and client.problem != "")
+    client.send(b"lost")
+    assert client.dropped == 1
+    server, _ = await opener(f"tcpin://127.0.0.1:{port}")
+    await until(lambda: client.is_connected and server.is_connected)
+    server.send(FRAMES[0])
+    await until(lambda: heard == [FRAMES[0]])
+
+
+async def test_serial_line_both_ways_and_a_missing_device(opener: Opener) -> None:
+    master, slave = pty.openpty()
+    try:
+        endpoint, heard = await opener(f"serial://{os.ttyname(slave)}:57600")
+        await until(lambda: endpoint.is_connected)
+        os.write(master, FRAMES[0])
+        await until(lambda: b"".join(heard) == FRAMES[0])
+        endpoint.send(FRAMES[1])
+        await until(lambda: endpoint.bytes_sent > 0)
+        assert os.read(master, 300) == FRAMES[1]
+        missing, _ = await opener("serial:///dev/gloc3-is-not-there:57600")
+        await until(lambda: "gloc3-is-not-there" in missing.problem)
+        assert not missing.is_connected
+        await endpoint.close()
+        await missing.close()
+    finally:
+        os.close(master)
+        os.close(slave)

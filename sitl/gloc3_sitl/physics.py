@@ -255,6 +255,7 @@ class Quadrotor:
             longitude_deg=longitude,
             altitude_m=altitude * _FOOT_M - standing,
             height_above_ground_m=agl * _FOOT_M - standing,
+            standing_height_m=standing,
             is_on_ground=any(get() > 0.0 for get in self._contacts),
             power_w=shaft_w / model.drive_efficiency + model.avionics_w,
             wind_ned_m_s=(wn * _FOOT_M, we * _FOOT_M, wd * _FOOT_M),

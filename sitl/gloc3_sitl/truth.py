@@ -35,6 +35,8 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     """Altitude above mean sea level of the standing point."""
     height_above_ground_m: float
     """Height of the standing point over the ground under it."""
+    standing_height_m: float
+    """Height of the centre of gravity over the standing point."""
     is_on_ground: bool
     """Whether a foot or an arm touches the ground."""
     power_w: float

@@ -67,6 +67,8 @@ class Answer(NamedTuple):
 class AutopilotControl(Protocol):
     """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
 
+    arm_in_mode: FlightMode | None
+    """The mode in which this style wants to be armed for a take-off; None for any."""
     stream_before_guided_s: float
     """How long setpoints must have been streamed before guided mode is accepted."""
 

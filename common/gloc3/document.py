@@ -8,9 +8,11 @@ and with them a short file can stand for a huge one.
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
+import yaml
+
 from gloc3 import schema
 from gloc3.errors import Finding, InputError
-from gloc3.yaml_nodes import Node, build, place_of
+from gloc3.yaml_nodes import Node, build, place_of, stays_text
 
 T = TypeVar("T")
 
@@ -118,6 +120,31 @@ def parse(data: bytes | str, file: str) -> Document:
     if findings or root is None:
         raise InputError(sorted(findings))
     return Document(file, root)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes text so that our own reader takes it for text, and never an alias."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        del data
+        return True
+
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> Any:
+        del indentless
+        return super().increase_indent(flow, False)
+
+
+def _text(dumper: _Dumper, text: str) -> yaml.Node:
+    style = None if stays_text(text) else '"'
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def dump(value: Any) -> str:
+    """Plain Python as YAML: the innermost lists and mappings in one line, the rest one entry a line."""
+    return yaml.dump(value, Dumper=_Dumper, default_flow_style=None, sort_keys=False, width=120, allow_unicode=True)
 
 
 def _too_large(file: str, size: int, limit: int) -> Finding:

@@ -169,6 +169,11 @@ class _Builder:
             raise _TooMuch
 
 
+def stays_text(text: str) -> bool:
+    """Whether a plain scalar is read back as text."""
+    return not (text in _WORDS or _WHOLE.fullmatch(text) or _NUMBER.fullmatch(text) or _NOT_FINITE.fullmatch(text))
+
+
 def _number(text: str) -> int | float:
     if text.startswith(("0x", "0o")):
         return int(text, 0)

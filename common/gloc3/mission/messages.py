@@ -12,6 +12,9 @@ class ActionStart(Message, frozen=True):
     action_id: str
     capability: str
     arguments: dict[str, Any] = {}
+    """The order: the arguments with positions in NED, by the kind that the capability's row names."""
+    progress: float = 0.0
+    """How far an earlier attempt had come (0 to 1), after a restart: the component may go on from there."""
 
 
 class ActionPause(Message, frozen=True):

@@ -1,15 +1,99 @@
-"""The states of actions, tasks and missions: one enum for all three levels (DESIGN §6)."""
+"""The states of actions, tasks and missions: one enum and one table of transitions for all three levels."""
 
+from collections.abc import Mapping
 from enum import StrEnum
+from typing import Final
+
+from gloc3.errors import Refused
 
 
 class ActionState(StrEnum):
     """How far an action, a task or a mission is."""
 
     WAITING = "waiting"
+    """Not begun: what it comes after has not ended."""
     RUNNING = "running"
     PAUSED = "paused"
+    """At rest, to be resumed."""
     DONE = "done"
     FAILED = "failed"
+    """Ended without success; it can be tried again."""
     SKIPPED = "skipped"
+    """Left out on purpose; what comes after it runs."""
     ABORTED = "aborted"
+    """Ended for good before its time."""
+
+
+class Trigger(StrEnum):
+    """What moves an action, a task or a mission: commands of operators and policies, and how it ends."""
+
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    SKIP = "skip"
+    ABORT = "abort"
+    RETRY = "retry"
+    FINISH = "finish"
+    FAIL = "fail"
+
+
+_S, _T = ActionState, Trigger
+
+TABLE: Final[Mapping[ActionState, Mapping[Trigger, ActionState]]] = {
+    _S.WAITING: {
+        _T.START: _S.RUNNING,
+        _T.SKIP: _S.SKIPPED,
+        _T.ABORT: _S.ABORTED,
+    },
+    _S.RUNNING: {
+        _T.PAUSE: _S.PAUSED,
+        _T.FINISH: _S.DONE,
+        _T.FAIL: _S.FAILED,
+        _T.SKIP: _S.SKIPPED,
+        _T.ABORT: _S.ABORTED,
+    },
+    _S.PAUSED: {
+        _T.RESUME: _S.RUNNING,
+        _T.FINISH: _S.DONE,
+        _T.FAIL: _S.FAILED,
+        _T.SKIP: _S.SKIPPED,
+        _T.ABORT: _S.ABORTED,
+    },
+    _S.FAILED: {
+        _T.RETRY: _S.WAITING,
+        _T.SKIP: _S.SKIPPED,
+        _T.ABORT: _S.ABORTED,
+    },
+    _S.DONE: {},
+    _S.SKIPPED: {},
+    _S.ABORTED: {},
+}
+
+ENDED: Final = (_S.DONE, _S.FAILED, _S.SKIPPED, _S.ABORTED)
+"""The states in which nothing is going on."""
+
+
+def allowed(state: ActionState) -> tuple[Trigger, ...]:
+    """The triggers that have a row in `state`, in the order of the table."""
+    return tuple(TABLE[state])
+
+
+def transition(state: ActionState, trigger: Trigger) -> ActionState:
+    """Looks up where `trigger` leads from `state`.
+
+    Raises:
+        Refused: there is no such row; the reason names the state, the trigger and what would be accepted.
+    """
+    to = TABLE[state].get(trigger)
+    if to is None:
+        accepted = ", ".join(allowed(state)) or "nothing"
+        raise Refused(f"{trigger} is not accepted in {state}; accepted: {accepted}")
+    return to
+
+
+def to_mermaid() -> str:
+    """The table as a Mermaid state diagram."""
+    lines = ["stateDiagram-v2", f"    [*] --> {_S.WAITING}"]
+    lines += [f"    {state} --> {to}: {trigger}" for state, row in TABLE.items() for trigger, to in row.items()]
+    lines += [f"    {state} --> [*]" for state, row in TABLE.items() if not row]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,288 @@
+"""What the actions of a mission take: typed arguments as written in the file, and as ordered from a component in NED.
+
+An action's arguments are written in the mission's frame (`FollowWaypoints`) and handed to the component in NED
+(`FollowWaypointsOrder`). Where nothing is a position, both are the same structure. Other packages bring more kinds
+through the entry point group `gloc3.capabilities`, whose entries are subclasses of `Arguments`.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from math import radians
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+
+from gloc3.errors import Misuse, Refused
+from gloc3.frames import Vector3
+from gloc3.mission.legs import Budget, Leg, climb, fly
+from gloc3.mission.placement import Placement, written_for
+
+Metres = Annotated[float, msgspec.Meta(ge=-100_000.0, le=100_000.0)]
+Height = Annotated[float, msgspec.Meta(ge=-11_000.0, le=20_000.0)]
+Latitude = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
+Longitude = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
+LocalPosition = tuple[Metres, Metres, Height]
+"""`[x, y, height]` in metres in a local frame."""
+GeoPosition = tuple[Latitude, Longitude, Height]
+"""`[latitude, longitude, height]` in degrees and metres."""
+Speed = Annotated[float, msgspec.Meta(gt=0.0, le=50.0)]
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
+Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
+
+
+class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The base of the arguments of an action."""
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether the action goes on until it is told to end."""
+        return False
+
+    def order(self, placement: Placement) -> "Arguments":
+        """The same in NED, as the component gets it.
+
+        Raises:
+            Refused: a position is written for another kind of frame.
+        """
+        del placement
+        return self
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """The way that the vehicle makes, of an order; none for actions that do not move it."""
+        del start_ned_m, budget
+        return ()
+
+
+class LookAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A point to keep in front of the vehicle."""
+
+    look_at: tuple[float, float, Height]
+    """`[x, y, height]`, or `[latitude, longitude, height]` in frame geo."""
+
+
+Degrees = Annotated[float, msgspec.Meta(ge=-360.0, le=360.0)]
+Heading = Literal["along", "hold"] | Degrees | LookAt
+"""Along the way, as it is, degrees clockwise from north (in every frame), or towards a point."""
+
+
+class HeadingOrder(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Where the vehicle's nose points, as a component gets it."""
+
+    mode: Literal["along", "hold", "fixed", "look_at"] = "along"
+    heading_rad: float = 0.0
+    """With `fixed`: clockwise from north."""
+    look_at_ned_m: Vector3 | None = None
+    """With `look_at`: the point."""
+
+
+def heading_order(heading: Heading, placement: Placement) -> HeadingOrder:
+    """A heading as written, in NED."""
+    match heading:
+        case "along" | "hold":
+            return HeadingOrder(mode=heading)
+        case LookAt(look_at=point):
+            return HeadingOrder(mode="look_at", look_at_ned_m=placement.ned_from(point))
+        case _:
+            return HeadingOrder(mode="fixed", heading_rad=radians(heading))
+
+
+class TakeOff(Arguments, frozen=True, kw_only=True):
+    """Arm (where that is allowed) and climb straight up."""
+
+    height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
+    """Height above the place where the vehicle stands."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Straight up, and the seconds that arming takes."""
+        north, east, _ = start_ned_m
+        top = (north, east, budget.home_ned_m[2] - self.height_m)
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s), climb(start_ned_m, top, budget))
+
+
+class LandOrder(Arguments, frozen=True, kw_only=True):
+    """Come down."""
+
+    at_ned_m: Vector3 | None = None
+    """The place to land at, whose height is ignored; None for right here."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """To above the place, then down to the height of home."""
+        at = self.at_ned_m or start_ned_m
+        above = (at[0], at[1], start_ned_m[2])
+        return (*fly(start_ned_m, [above], budget.speed_m_s, 0.0, budget), _down(above, budget))
+
+
+class Land(Arguments, frozen=True, kw_only=True):
+    """Come down, here or at a place."""
+
+    at_m: tuple[Metres, Metres] | None = None
+    """`[x, y]` of the place, in a local frame."""
+    at: tuple[Latitude, Longitude] | None = None
+    """`[latitude, longitude]` of the place, in frame geo."""
+
+    def order(self, placement: Placement) -> LandOrder:
+        """The place in NED."""
+        at = written_for(placement, self.at_m, self.at, "at")
+        return LandOrder(at_ned_m=None if at is None else placement.ned_from((*at, 0.0)))
+
+
+class Hold(Arguments, frozen=True, kw_only=True):
+    """Keep position."""
+
+    duration_s: Seconds | None = None
+    """How long; None for until it is told to end."""
+
+    @property
+    def is_endless(self) -> bool:
+        """Without a duration it is."""
+        return self.duration_s is None
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Staying where it is."""
+        del budget
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s or 0.0),)
+
+
+class ReturnHome(Arguments, frozen=True, kw_only=True):
+    """Fly to above the place where the vehicle was armed, and stay there."""
+
+    height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)] | None = None
+    """Height above home to fly at, reached first; None for the present height."""
+    speed_m_s: Speed | None = None
+    """None for the platform's limit."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Up or down to the height, then straight home."""
+        north, east, down = start_ned_m
+        home = budget.home_ned_m
+        height_down = down if self.height_m is None else home[2] - self.height_m
+        way = [(north, east, height_down), (home[0], home[1], height_down)]
+        return fly(start_ned_m, way, self.speed_m_s or budget.speed_m_s, 0.0, budget)
+
+
+class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
+    """Fly through positions in their order."""
+
+    waypoints_ned_m: tuple[Vector3, ...]
+    speed_m_s: float
+    heading: HeadingOrder = HeadingOrder()
+    acceptance_m: float = 0.25
+    """A waypoint counts as passed within this distance."""
+    hold_s: float = 0.0
+    """Stay so long at each waypoint."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Straight from waypoint to waypoint."""
+        return fly(start_ned_m, self.waypoints_ned_m, self.speed_m_s, self.hold_s, budget)
+
+
+class _Flight(Arguments, frozen=True, kw_only=True):
+    """What every flight to positions takes."""
+
+    speed_m_s: Speed = 1.0
+    heading: Heading = "along"
+    """`along`, `hold`, degrees clockwise from north, or `{look_at: POSITION}`."""
+    acceptance_m: Distance = 0.25
+    """A waypoint counts as passed within this distance."""
+    hold_s: Seconds = 0.0
+    """Stay so long at each waypoint."""
+
+    def _order(self, waypoints: tuple[Vector3, ...] | None, placement: Placement, name: str) -> FollowWaypointsOrder:
+        if waypoints is None:
+            raise Refused(f"{name if placement.is_geo else name + '_m'} is missing")
+        return FollowWaypointsOrder(
+            waypoints_ned_m=tuple(placement.ned_from(waypoint) for waypoint in waypoints),
+            speed_m_s=self.speed_m_s,
+            heading=heading_order(self.heading, placement),
+            acceptance_m=self.acceptance_m,
+            hold_s=self.hold_s,
+        )
+
+
+class FollowWaypoints(_Flight, frozen=True, kw_only=True):
+    """Fly through positions in their order."""
+
+    waypoints_m: Annotated[tuple[LocalPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
+    """`[x, y, height]` each, in a local frame."""
+    waypoints: Annotated[tuple[GeoPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
+    """`[latitude, longitude, height]` each, in frame geo."""
+
+    def order(self, placement: Placement) -> FollowWaypointsOrder:
+        """The waypoints in NED."""
+        waypoints = written_for(placement, self.waypoints_m, self.waypoints, "waypoints")
+        return self._order(waypoints, placement, "waypoints")
+
+
+class GoTo(_Flight, frozen=True, kw_only=True):
+    """Fly straight to a position; the component gets it as `FollowWaypointsOrder` with one waypoint."""
+
+    position_m: LocalPosition | None = None
+    """`[x, y, height]`, in a local frame."""
+    position: GeoPosition | None = None
+    """`[latitude, longitude, height]`, in frame geo."""
+
+    def order(self, placement: Placement) -> FollowWaypointsOrder:
+        """The position in NED, as a way of one waypoint."""
+        position = written_for(placement, self.position_m, self.position, "position")
+        return self._order(None if position is None else (position,), placement, "position")
+
+
+class RecordImages(Arguments, frozen=True, kw_only=True):
+    """Take pictures by distance flown or by time, until told to end or so many are taken."""
+
+    camera: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+    every_m: Distance | None = None
+    """A picture each time that the vehicle has moved so far."""
+    every_s: Annotated[float, msgspec.Meta(ge=0.02, le=3_600.0)] | None = None
+    """A picture each time that so many seconds have passed."""
+    count: Annotated[int, msgspec.Meta(ge=1, le=100_000)] | None = None
+    """The action is done after so many; None for until it is told to end."""
+
+    def __post_init__(self) -> None:
+        if (self.every_m is None) == (self.every_s is None):
+            raise ValueError("exactly one of every_m and every_s must be given")
+
+    @property
+    def is_endless(self) -> bool:
+        """Without a count it is."""
+        return self.count is None
+
+
+class Wait(Arguments, frozen=True, kw_only=True):
+    """Let time pass; carried out by the executor itself, without a component."""
+
+    duration_s: Seconds
+
+
+def _down(start_ned_m: Vector3, budget: Budget) -> Leg:
+    """Straight down to the height of home, at the landing speed."""
+    end = (start_ned_m[0], start_ned_m[1], budget.home_ned_m[2])
+    duration_s = abs(end[2] - start_ned_m[2]) / budget.landing_m_s + budget.disarming_s
+    return Leg(start=start_ned_m, end=end, duration_s=duration_s)
+
+
+BUILT_IN: Final[Mapping[str, type[Arguments]]] = {
+    "take_off": TakeOff,
+    "land": Land,
+    "hold": Hold,
+    "return_home": ReturnHome,
+    "follow_waypoints": FollowWaypoints,
+    "go_to": GoTo,
+    "record_images": RecordImages,
+    "wait": Wait,
+}
+"""The kinds of arguments that every installation knows."""
+
+
+@cache
+def argument_kinds() -> Mapping[str, type[Arguments]]:
+    """All kinds of arguments by name: ours, and those of other packages (entry points `gloc3.capabilities`)."""
+    kinds = dict(BUILT_IN)
+    for point in sorted(entry_points(group="gloc3.capabilities"), key=lambda p: (p.name, p.value)):
+        found: Any = point.load()
+        if not (isinstance(found, type) and issubclass(found, Arguments)):
+            raise Misuse(f"entry point {point.name} of gloc3.capabilities is no subclass of Arguments")
+        if kinds.setdefault(point.name, found) is not found:
+            raise Misuse(f"two packages bring arguments called {point.name!r}")
+    return kinds

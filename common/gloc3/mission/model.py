@@ -1,0 +1,184 @@
+"""A mission: what its file may hold, and what is made of it, a partial order of tasks and of their actions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+
+from gloc3.document import Document, Where
+from gloc3.mission.arguments import Arguments, Latitude, Longitude, Metres, Seconds
+from gloc3.mission.fence import Fence
+from gloc3.mission.placement import HeightAbove
+from gloc3.mission.policy import Policy
+
+GEO: Final = "geo"
+"""The name of the frame in which positions are latitude, longitude and height."""
+
+Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+Retries = Annotated[int, msgspec.Meta(ge=0, le=100)]
+ConditionPolicy = Literal["continue", "hold", "return", "land", "abort"]
+RestartPolicy = Literal["continue", "hold", "land"]
+Corners = Annotated[tuple[tuple[Metres, Metres], ...], msgspec.Meta(min_length=3, max_length=200)]
+GeoCorners = Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(min_length=3, max_length=200)]
+Radius = Annotated[float, msgspec.Meta(gt=0.0, le=100_000.0)]
+
+
+class _Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The base of the parts of a mission file."""
+
+
+class Circle(_Part, frozen=True, kw_only=True):
+    """A circle in a local frame."""
+
+    center_m: tuple[Metres, Metres]
+    """`[x, y]`."""
+    radius_m: Radius
+
+
+class GeoCircle(_Part, frozen=True, kw_only=True):
+    """A circle in frame geo."""
+
+    center: tuple[Latitude, Longitude]
+    radius_m: Radius
+
+
+class AreaFile(_Part, frozen=True, kw_only=True):
+    """A horizontal area as written: one of the four, in the form that the mission's frame takes."""
+
+    polygon_m: Corners | None = None
+    """Corners `[x, y]` in a local frame."""
+    polygon: GeoCorners | None = None
+    """Corners `[latitude, longitude]` in frame geo."""
+    circle_m: Circle | None = None
+    circle: GeoCircle | None = None
+
+
+class GeofenceFile(AreaFile, frozen=True, kw_only=True):
+    """Where the vehicle may be, as written."""
+
+    ceiling_m: Annotated[float, msgspec.Meta(gt=-11_000.0, le=20_000.0)] | None = None
+    """Greatest height, counted like the heights of the positions."""
+    keep_out: Annotated[tuple[AreaFile, ...], msgspec.Meta(max_length=100)] = ()
+    """Areas where it may not be."""
+
+
+class Policies(_Part, frozen=True, kw_only=True):
+    """What is done when something goes wrong."""
+
+    on_failure: Policy = Policy.HOLD
+    """When a task fails that says nothing itself."""
+    on_link_loss: ConditionPolicy = "hold"
+    """When nothing was heard from the holder of control for `link_loss_after_s`."""
+    link_loss_after_s: Annotated[float, msgspec.Meta(ge=0.5, le=86_400.0)] = 5.0
+    on_low_battery: ConditionPolicy = "return"
+    on_pose_lost: ConditionPolicy = "land"
+    on_restart: RestartPolicy = "hold"
+    """When the onboard process came back in flight."""
+    hold_s: Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)] = 60.0
+    """How long a policy's hold waits for an operator before it lands."""
+
+
+class ItemFile(_Part, frozen=True, kw_only=True):
+    """What tasks and actions both take."""
+
+    after: tuple[Name, ...] = ()
+    """Siblings that must have ended before it begins."""
+    deadline_s: Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)] | None = None
+    """It fails when it runs longer; pauses are not counted."""
+    on_failure: Policy | None = None
+    """None: the next level's."""
+    retries: Retries = 0
+    """Attempts after the first before `on_failure` applies; `on_failure: retry` alone means one."""
+
+
+class ActionFile(ItemFile, frozen=True, kw_only=True):
+    """What an action takes beside its capability."""
+
+    until: Name | None = None
+    """A sibling; when it has ended, this action is ended as done."""
+
+
+class TaskFile(ItemFile, frozen=True, kw_only=True):
+    """A task as written; each action holds one capability with its arguments, and `ActionFile`'s keys."""
+
+    actions: Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
+
+
+class MissionFile(Policies, frozen=True, kw_only=True):
+    """A mission as written."""
+
+    mission: Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
+    """Its name."""
+    frame: Annotated[str, msgspec.Meta(min_length=1, max_length=32)]
+    """A local frame of the world or platform, or `geo`."""
+    height_above: HeightAbove = HeightAbove.HOME
+    """What heights are counted from in frame geo."""
+    deadline_s: Seconds | None = None
+    """It fails when it runs longer; pauses are not counted."""
+    geofence: GeofenceFile | None = None
+    tasks: Annotated[dict[Name, TaskFile], msgspec.Meta(min_length=1)]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Action:
+    """A step of a task: a capability with its arguments."""
+
+    name: str
+    capability: str
+    arguments: Arguments
+    """As written."""
+    order: Arguments
+    """As the component gets it: positions in NED."""
+    options: ActionFile = field(default_factory=ActionFile)
+
+    @property
+    def attempts(self) -> int:
+        """How often it is started at most."""
+        return attempts(self.options)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Task:
+    """A partially ordered set of actions."""
+
+    name: str
+    actions: Mapping[str, Action]
+    options: ItemFile = field(default_factory=ItemFile)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mission:
+    """A partially ordered set of tasks."""
+
+    name: str
+    frame: str
+    height_above: HeightAbove = HeightAbove.HOME
+    geofence: GeofenceFile | None = None
+    """As written."""
+    fence: Fence | None = None
+    """In NED."""
+    policies: Policies = field(default_factory=Policies)
+    deadline_s: float | None = None
+    tasks: Mapping[str, Task]
+    text: str = field(default="", compare=False)
+    """The file's content, from which the same mission can be read again."""
+    document: Document | None = field(default=None, compare=False, repr=False)
+    """Where everything stands in the file."""
+
+    def actions(self) -> dict[str, Action]:
+        """All actions by `TASK.ACTION`, in the order of the file."""
+        return {
+            f"{task.name}.{action.name}": action for task in self.tasks.values() for action in task.actions.values()
+        }
+
+
+def attempts(options: ItemFile) -> int:
+    """How often an item is started at most: once, and its retries."""
+    return 1 + (options.retries or (1 if options.on_failure is Policy.RETRY else 0))
+
+
+def where_of(target: str) -> Where:
+    """The path in the mission file of the mission (empty), a `TASK`, or a `TASK.ACTION`."""
+    task, _, action = target.partition(".")
+    return ("tasks", task, "actions", action) if action else ("tasks", task) if task else ()

@@ -1,0 +1,269 @@
+"""Reads mission files: YAML in, a mission in NED out, or everything that is wrong with it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
+
+from gloc3 import schema
+from gloc3.document import Document, Where, load_bytes, parse
+from gloc3.errors import Finding, InputError, Refused, nearest
+from gloc3.frames import GeoPoint, LocalFrame
+from gloc3.mission.arguments import Arguments, argument_kinds
+from gloc3.mission.fence_reader import read_fence
+from gloc3.mission.model import (
+    GEO,
+    Action,
+    ActionFile,
+    GeofenceFile,
+    ItemFile,
+    Mission,
+    MissionFile,
+    Policies,
+    Task,
+)
+from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
+from gloc3.platform import Platform
+from gloc3.yaml_nodes import Node
+
+Item = TypeVar("Item", bound=ItemFile)
+
+_ACTION_KEYS: Final = ActionFile.__struct_fields__
+_POSITION_KEYS: Final = ("polygon", "waypoints", "position", "at", "center")
+_EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surroundings:
+    """What a mission file refers to without saying it."""
+
+    frames: Mapping[str, LocalFrame] | None = None
+    """Local frames by name; None where they are not known, and any name is taken."""
+    origin: GeoPoint | None = None
+    """Origin of NED; None for that of the mission's frame, or (frame geo) the first position of the mission."""
+    home_altitude_m: float | None = None
+    """Altitude above the sea at which the vehicle stands; None for that of the origin."""
+    capabilities: Mapping[str, str] | None = None
+    """Capability to kind of arguments; None where they are not known, and each kind is a capability."""
+
+    @classmethod
+    def of(
+        cls, platform: Platform, *, frames: Mapping[str, LocalFrame] | None = None, origin: GeoPoint | None = None
+    ) -> "Surroundings":
+        """Those of a platform, with the frames of a world beside its own."""
+        return cls(
+            frames={**(frames or {}), **platform.local_frames()},
+            origin=origin,
+            capabilities={"wait": "wait", **{name: row.arguments for name, row in platform.capabilities.items()}},
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reading:
+    """What was found in a mission file, usable or not."""
+
+    document: Document
+    findings: list[Finding]
+    mission: Mission | None
+    """None where the frame of the file is not usable at all; lacks the actions that are not."""
+    skeleton: Mapping[str, ItemFile]
+    """The tasks as written."""
+    actions: Mapping[str, ActionFile]
+    """What each `TASK.ACTION` takes beside its capability, also of actions that are not usable."""
+
+
+def read_mission(data: bytes | str, file: str, surroundings: Surroundings | None = None) -> Mission:
+    """Reads a mission; does not check it against a platform (see `checker`).
+
+    Raises:
+        InputError: with everything that is wrong in the file by itself.
+    """
+    from gloc3.mission.structure import structure_findings
+
+    reading = inspect_mission(data, file, surroundings or Surroundings())
+    findings = [*reading.findings, *structure_findings(reading)]
+    if reading.mission is None or any(not finding.is_warning for finding in findings):
+        raise InputError(sorted(findings))
+    return reading.mission
+
+
+def load_mission(name: str, surroundings: Surroundings | None = None) -> Mission:
+    """Reads a mission from a file, or an example by its name.
+
+    Raises:
+        InputError: with everything that is wrong in the file by itself.
+    """
+    from gloc3.mission.examples import find_mission
+
+    path = find_mission(name)
+    return read_mission(load_bytes(path), str(path), surroundings)
+
+
+def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) -> Reading:
+    """Reads as much of a mission as can be read.
+
+    Raises:
+        InputError: it is not YAML, or no mapping.
+    """
+    document = parse(data, file)
+    findings: list[Finding] = []
+    if not isinstance(document.value, dict):
+        raise InputError([document.finding((), "a mission file is a mapping", "begin with 'mission: NAME'")])
+    written = schema.check(document.root, MissionFile, file, findings)
+    placement = _placement(document, surroundings, findings)
+    tasks: dict[str, Task] = {}
+    skeleton: dict[str, ItemFile] = {}
+    options: dict[str, ActionFile] = {}
+    for name, node in _entries(document.root, "tasks"):
+        task = _options(node, ItemFile, file, [], name)
+        actions: dict[str, Action] = {}
+        for action_name, action_node in _entries(node, "actions"):
+            where: Where = ("tasks", name, "actions", action_name)
+            if not isinstance(action_node.value, dict):
+                options[f"{name}.{action_name}"] = ActionFile()
+                continue
+            found = _action(action_name, action_node, where, document, surroundings, placement, findings)
+            options[f"{name}.{action_name}"] = found if isinstance(found, ActionFile) else found.options
+            if isinstance(found, Action):
+                actions[action_name] = found
+        skeleton[name] = task
+        tasks[name] = Task(name=name, actions=actions, options=task)
+    geofence = fence = None
+    fence_node = document.root.children.get("geofence")
+    if fence_node is not None and fence_node.value is not None:
+        geofence = schema.check(fence_node, GeofenceFile, file, [])
+    if geofence is not None and placement is not None:
+        fence = read_fence(geofence, placement, document, findings)
+    mission = None
+    if written is not None:
+        mission = Mission(
+            name=written.mission,
+            frame=written.frame,
+            height_above=written.height_above,
+            geofence=geofence,
+            fence=fence,
+            policies=Policies(**{name: getattr(written, name) for name in Policies.__struct_fields__}),
+            deadline_s=written.deadline_s,
+            tasks=tasks,
+            text=data if isinstance(data, str) else data.decode("utf-8-sig"),
+            document=document,
+        )
+    return Reading(document=document, findings=findings, mission=mission, skeleton=skeleton, actions=options)
+
+
+def _entries(node: Node, key: str) -> Iterator[tuple[str, Node]]:
+    """The entries of a mapping inside a mapping, as far as they are there."""
+    inner = node.children.get(key)
+    if inner is not None and isinstance(inner.value, dict):
+        for name, child in inner.children.items():
+            yield str(name), child
+
+
+def _placement(document: Document, surroundings: Surroundings, findings: list[Finding]) -> Placement | None:
+    frame = document.value.get("frame")
+    if not isinstance(frame, str):
+        return None
+    if frame != GEO:
+        if surroundings.frames is None:
+            hint = "name a platform or world that declares it"
+            findings.append(
+                document.finding(
+                    ("frame",), f"frame {frame!r} is not known here; x is taken as north", hint, is_warning=True
+                )
+            )
+            return LocalPlacement(LocalFrame(_EARTH))
+        if frame not in surroundings.frames:
+            hint = nearest(frame, [*surroundings.frames, GEO])
+            findings.append(document.finding(("frame",), f"unknown frame {frame!r}", hint))
+            return None
+        return LocalPlacement(surroundings.frames[frame], surroundings.origin)
+    above = document.value.get("height_above", "home")
+    if above not in list(HeightAbove):
+        return None
+    if above == HeightAbove.GROUND:
+        message = "height above ground is taken as height above home: there is no terrain model"
+        findings.append(document.finding(("height_above",), message, is_warning=True))
+    if surroundings.origin is None and above == HeightAbove.SEA:
+        message = "the altitude of home is not known here; it is taken as 0"
+        findings.append(document.finding(("height_above",), message, is_warning=True))
+    return GeoPlacement(
+        surroundings.origin or _first_position(document.value), HeightAbove(above), surroundings.home_altitude_m
+    )
+
+
+def _first_position(value: Any) -> GeoPoint:
+    """The first latitude and longitude in a file, at sea level; the origin of NED where no better one is known."""
+    waiting: list[tuple[str, Any]] = [("", value)]
+    while waiting:
+        key, found = waiting.pop()
+        if isinstance(found, dict):
+            waiting += reversed([(str(name), inner) for name, inner in found.items()])
+        elif isinstance(found, list) and found and key in _POSITION_KEYS:
+            if isinstance(found[0], list):
+                waiting.append((key, found[0]))
+            elif len(found) >= 2 and all(isinstance(part, int | float) for part in found[:2]):
+                return GeoPoint(max(-90.0, min(90.0, float(found[0]))), float(found[1]), 0.0)
+    return _EARTH
+
+
+def _action(
+    name: str,
+    node: Node,
+    where: Where,
+    document: Document,
+    surroundings: Surroundings,
+    placement: Placement | None,
+    findings: list[Finding],
+) -> Action | ActionFile:
+    """An action, or just what it takes beside its capability where that is not usable."""
+    options = _options(node, ActionFile, document.file, findings, name)
+    capability = _capability(node, where, document, surroundings, findings)
+    if capability is None:
+        return options
+    kind_name = capability if surroundings.capabilities is None else surroundings.capabilities[capability]
+    kind = argument_kinds().get(kind_name)
+    if kind is None:
+        findings.append(document.finding((*where, capability), f"unknown kind of arguments {kind_name!r}", at_key=True))
+        return options
+    given = node.children[capability]
+    if given.value is None:
+        given = Node({}, given.line, given.column)
+    arguments: Arguments | None = schema.check(given, kind, document.file, findings, capability)
+    if arguments is None or placement is None:
+        return options
+    try:
+        order = arguments.order(placement)
+    except Refused as refusal:
+        findings.append(document.finding((*where, capability), str(refusal)))
+        return options
+    return Action(name=name, capability=capability, arguments=arguments, order=order, options=options)
+
+
+def _options(node: Node, kind: type[Item], file: str, findings: list[Finding], name: str) -> Item:
+    """What a task or action takes beside its content; the defaults where that does not fit."""
+    own = Node({}, node.line, node.column)
+    own.key_places = node.key_places
+    for key, child in node.children.items():
+        if key in kind.__struct_fields__:
+            own.value[key], own.children[key] = child.value, child
+    return schema.check(own, kind, file, findings, name) or kind()
+
+
+def _capability(
+    node: Node, where: Where, document: Document, surroundings: Surroundings, findings: list[Finding]
+) -> str | None:
+    """The one key of an action that names what is to be done."""
+    known = sorted(argument_kinds() if surroundings.capabilities is None else surroundings.capabilities)
+    others = [str(key) for key in node.children if key not in _ACTION_KEYS]
+    named = [key for key in others if key in known]
+    if not others:
+        findings.append(document.finding(where, "no capability is given", "known: " + ", ".join(known)))
+    for key in others:
+        if key not in known:
+            what, words = ("key", list(_ACTION_KEYS)) if named else ("capability", [*known, *_ACTION_KEYS])
+            findings.append(
+                document.finding((*where, key), f"unknown {what} {key!r}", nearest(key, words), at_key=True)
+            )
+        elif key != named[0]:
+            message = f"a second capability {key!r} beside {named[0]!r}"
+            findings.append(document.finding((*where, key), message, "make it an action of its own", at_key=True))
+    return named[0] if named else None

@@ -1,0 +1,62 @@
+"""The one table of states of actions, tasks and missions, and the order of the policies."""
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.mission.policy import MANOEUVRES, Policy, most_severe, resolved
+from gloc3.mission.states import TABLE, ActionState, Trigger, allowed, to_mermaid, transition
+
+DRAWING = """\
+stateDiagram-v2
+    [*] --> waiting
+    waiting --> running: start
+    waiting --> skipped: skip
+    waiting --> aborted: abort
+    running --> paused: pause
+    running --> done: finish
+    running --> failed: fail
+    running --> skipped: skip
+    running --> aborted: abort
+    paused --> running: resume
+    paused --> done: finish
+    paused --> failed: fail
+    paused --> skipped: skip
+    paused --> aborted: abort
+    failed --> waiting: retry
+    failed --> skipped: skip
+    failed --> aborted: abort
+    done --> [*]
+    skipped --> [*]
+    aborted --> [*]
+"""
+
+
+def test_the_table_is_as_drawn() -> None:
+    assert to_mermaid() == DRAWING
+
+
+def test_what_has_no_row_is_refused_with_what_would_be_accepted() -> None:
+    with pytest.raises(Refused, match="^pause is not accepted in failed; accepted: retry, skip, abort$"):
+        transition(ActionState.FAILED, Trigger.PAUSE)
+    with pytest.raises(Refused, match="^start is not accepted in done; accepted: nothing$"):
+        transition(ActionState.DONE, Trigger.START)
+
+
+def test_every_state_has_a_row_and_what_is_allowed_leads_on() -> None:
+    assert list(TABLE) == list(ActionState)
+    for state in ActionState:
+        for trigger in allowed(state):
+            assert transition(state, trigger) is not state
+
+
+def test_the_most_severe_policy_wins() -> None:
+    ordered = [Policy.CONTINUE, Policy.SKIP, Policy.RETRY, Policy.HOLD, Policy.RETURN, Policy.LAND]
+    for index, policy in enumerate(ordered):
+        assert most_severe(ordered[: index + 1]) is policy
+    assert most_severe([]) is Policy.CONTINUE
+
+
+def test_abort_becomes_the_mission_s_on_failure_or_a_hold() -> None:
+    for policy in Policy:
+        assert resolved(Policy.ABORT, policy) is (policy if policy in MANOEUVRES else Policy.HOLD)
+    assert resolved(Policy.SKIP, Policy.LAND) is Policy.SKIP

@@ -151,11 +151,10 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
 
 
 def _entries(node: Node, key: str) -> Iterator[tuple[str, Node]]:
-    """The entries of a mapping inside a mapping, as far as they are there."""
+    """The entries of a mapping inside a mapping, as far as they are there and have usable names."""
     inner = node.children.get(key)
     if inner is not None and isinstance(inner.value, dict):
-        for name, child in inner.children.items():
-            yield str(name), child
+        yield from ((str(name), child) for name, child in inner.children.items() if "." not in str(name))
 
 
 def _placement(document: Document, surroundings: Surroundings, findings: list[Finding]) -> Placement | None:

@@ -1,0 +1,1 @@
+"""The embedded autopilot: a flight controller in the style of PX4 or of ArduPilot, without I/O and told the time."""

@@ -1,0 +1,93 @@
+"""The form of a behaviour, and the part that most share: a smooth way to a place with a heading."""
+
+from abc import ABC, abstractmethod
+from math import hypot, sqrt
+
+from gloc3.frames import Vector3, wrap_pi
+from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.control.trajectory import Trajectory, TrajectoryLimits
+from gloc3_sitl.autopilot.craft import Craft
+
+PERIOD_S = 0.02
+"""Time between two setpoints."""
+
+_LAG_M = 1.0
+"""A vehicle further behind its trajectory than this makes the trajectory wait."""
+
+
+class Activity(ABC):
+    """One behaviour while it lasts; made when its mode is entered."""
+
+    __slots__ = ("craft",)
+
+    is_done: bool = False
+    """Whether it has done what it was for; the style says what follows."""
+
+    def __init__(self, craft: Craft) -> None:
+        self.craft = craft
+
+    @abstractmethod
+    def update(self) -> Setpoint:
+        """The setpoint for the next 20 ms."""
+
+    def on_reset(self) -> None:  # noqa: B027 # most have nothing to forget
+        """The position estimate has jumped."""
+
+
+class Mover(Activity):
+    """Moves a smooth trajectory and a heading; its subclasses say where to."""
+
+    __slots__ = ("_resets", "trajectory", "yaw_rad", "yaw_wanted_rad")
+
+    def __init__(self, craft: Craft, limits: TrajectoryLimits | None = None) -> None:
+        super().__init__(craft)
+        inertial = craft.estimator.inertial
+        self.trajectory = Trajectory(
+            craft.tuning.limits if limits is None else limits, inertial.position_ned_m, inertial.velocity_ned_m_s
+        )
+        self.yaw_rad = craft.estimator.yaw_rad
+        self.yaw_wanted_rad = self.yaw_rad
+        self._resets = craft.estimator.reset_count
+
+    def on_reset(self) -> None:
+        """The position estimate has jumped: goes on from where the vehicle now believes to be."""
+        inertial = self.craft.estimator.inertial
+        self.trajectory.position = inertial.position_ned_m
+        self.trajectory.velocity = inertial.velocity_ned_m_s
+        self.trajectory.acceleration = (0.0, 0.0, 0.0)
+
+    def fly(self) -> MotionSetpoint:
+        """Moves on by one period."""
+        trajectory = self.trajectory
+        n, e, d = self.craft.estimator.inertial.position_ned_m
+        pn, pe, pd = trajectory.position
+        lag = sqrt((pn - n) ** 2 + (pe - e) ** 2 + (pd - d) ** 2)
+        trajectory.advance(PERIOD_S if lag < _LAG_M else PERIOD_S * max(0.0, 2.0 - lag / _LAG_M))
+        turn = wrap_pi(self.yaw_wanted_rad - self.yaw_rad)
+        step = self.craft.tuning.yaw_rate_rad_s * PERIOD_S
+        if turn > step:
+            turn = step
+        elif turn < -step:
+            turn = -step
+        self.yaw_rad = wrap_pi(self.yaw_rad + turn)
+        return MotionSetpoint(
+            position_ned_m=trajectory.position,
+            velocity_ned_m_s=trajectory.velocity,
+            acceleration_ned_m_s2=trajectory.acceleration,
+            yaw_rad=self.yaw_rad,
+        )
+
+    def distance_to(self, position_ned_m: Vector3) -> float:
+        """From where the vehicle is believed to be."""
+        n, e, d = self.craft.estimator.inertial.position_ned_m
+        tn, te, td = position_ned_m
+        return sqrt((tn - n) ** 2 + (te - e) ** 2 + (td - d) ** 2)
+
+    def horizontal_distance_to(self, position_ned_m: Vector3) -> float:
+        """The same on the map."""
+        n, e, _ = self.craft.estimator.inertial.position_ned_m
+        return hypot(position_ned_m[0] - n, position_ned_m[1] - e)
+
+    def has_arrived(self, within_m: float = 0.3) -> bool:
+        """Whether the trajectory has ended and the vehicle is there."""
+        return self.trajectory.distance_m < 0.05 and self.distance_to(self.trajectory.target) < within_m

@@ -1,0 +1,48 @@
+"""Landing: straight down here, until the ground is felt."""
+
+from gloc3.frames import Vector3
+from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Mover
+from gloc3_sitl.autopilot.control.setpoint import LANDED, MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.craft import Craft
+
+
+class Land(Mover):
+    """Holds its place on the map and descends; done on the ground.
+
+    Without a position estimate it stays level and drifts with the wind; without a height it descends by speed all the
+    same, since the vertical velocity comes from the accelerometer for a while.
+    """
+
+    __slots__ = ("_descent_m_s", "is_done")
+
+    def __init__(self, craft: Craft, place_ned_m: Vector3 | None = None) -> None:
+        super().__init__(craft)
+        self.is_done = False
+        self._descent_m_s = max(0.0, craft.estimator.inertial.velocity_ned_m_s[2])
+        if place_ned_m is None:
+            self.trajectory.stop()
+        else:
+            self.trajectory.go_to(place_ned_m)
+
+    def update(self) -> Setpoint:
+        """The setpoint for the next 20 ms."""
+        craft = self.craft
+        if craft.is_landed:
+            self.is_done = True
+            return LANDED
+        tuning = craft.tuning
+        is_low = craft.height_over_ground_m < tuning.land_slow_height_m
+        wanted = tuning.land_speed_m_s if is_low else tuning.land_fast_speed_m_s
+        step = 1.0 * PERIOD_S
+        self._descent_m_s += max(-step, min(step, wanted - self._descent_m_s))
+        if not craft.estimator.is_position_good(craft.now_s):
+            nothing = float("nan")
+            return MotionSetpoint(velocity_ned_m_s=(nothing, nothing, self._descent_m_s), yaw_rad=self.yaw_rad)
+        n, e, _ = self.trajectory.target
+        self.trajectory.go_to((n, e, self.trajectory.position[2]))
+        hold = self.fly()
+        n, e, _ = hold.position_ned_m
+        vn, ve, _ = hold.velocity_ned_m_s
+        return MotionSetpoint(
+            position_ned_m=(n, e, float("nan")), velocity_ned_m_s=(vn, ve, self._descent_m_s), yaw_rad=hold.yaw_rad
+        )

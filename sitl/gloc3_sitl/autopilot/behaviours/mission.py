@@ -1,0 +1,237 @@
+"""Flies an uploaded mission, item by item."""
+
+from dataclasses import replace
+from math import atan2, hypot, isfinite, radians
+
+from gloc3.frames import Vector3, wrap_pi
+from gloc3_sitl.autopilot.behaviours.base import Activity, Mover
+from gloc3_sitl.autopilot.behaviours.climb import TakeOff
+from gloc3_sitl.autopilot.behaviours.land import Land
+from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
+from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
+from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.mission import MissionState
+from gloc3_sitl.autopilot.modes import Severity
+from gloc3_sitl.autopilot.plans import INSTANT, Command, PlanItem
+
+_MOST_INSTANT = 64
+"""Items that are done at once in one period; a mission of nothing but jumps must not hang the vehicle."""
+_HEIGHT_RADIUS_M = 0.8
+
+
+class MissionFlight(Mover):
+    """Goes on with the current item of the mission; done when the last one is."""
+
+    __slots__ = ("_item", "_leg_start", "_sub", "_wait_until_s", "is_done")
+
+    def __init__(self, craft: Craft) -> None:
+        super().__init__(craft, replace(craft.tuning.limits))
+        self.is_done = False
+        self._item: PlanItem | None = None
+        self._sub: Activity | None = None
+        self._wait_until_s: float | None = None
+        self._leg_start: Vector3 | None = None
+        self.trajectory.stop()
+        progress = craft.mission
+        if progress.state is MissionState.COMPLETE:
+            progress.restart(craft.first_item)
+        progress.is_paused = False
+
+    def update(self) -> Setpoint:
+        """The setpoint for the next 20 ms."""
+        craft = self.craft
+        progress = craft.mission
+        if not craft.is_armed:
+            self.on_reset()
+            return LANDED
+        if progress.is_paused:
+            progress.state = MissionState.PAUSED
+            return LANDED if craft.is_landed else self.fly()
+        if self.is_done or not craft.plans.mission:
+            return self._rest()
+        progress.state = MissionState.ACTIVE
+        if self._item is None:
+            self._begin()
+        if self._item is None:
+            return self._rest()
+        return self._carry_on(self._item)
+
+    def skip_to(self, index: int) -> None:
+        """Makes another item the current one."""
+        self.craft.mission.current = index
+        self._item = self._sub = self._wait_until_s = None
+        self.is_done = False
+
+    def pause(self) -> None:
+        """Stops here, inside the mode."""
+        self.craft.mission.is_paused = True
+        self.trajectory.stop()
+
+    def go_on(self) -> None:
+        """Goes on after a pause."""
+        self.craft.mission.is_paused = False
+        self._item = self._sub = None
+
+    # -- items ----------------------------------------------------------------------------------------------------
+
+    def _rest(self) -> Setpoint:
+        if self.craft.is_landed:
+            self.on_reset()
+            return LANDED
+        return self.fly()
+
+    def _begin(self) -> None:
+        """Starts the current item; items that are done at once are passed through."""
+        craft = self.craft
+        progress, items = craft.mission, craft.plans.mission
+        for _ in range(_MOST_INSTANT):
+            if progress.current >= len(items):
+                self._finish()
+                return
+            item = items[progress.current]
+            if self._is_instant(item):
+                continue
+            self._item = item
+            self._wait_until_s = None
+            self._start(item)
+            return
+
+    def _is_instant(self, item: PlanItem) -> bool:
+        """Does an item that takes no time; true where it was one."""
+        progress = self.craft.mission
+        index = progress.current
+        match item.command:
+            case Command.JUMP:
+                target, repeats = int(item.parameters[0]), int(item.parameters[1])
+                done = progress.jumps.get(index, 0)
+                if repeats < 0 or done < repeats:
+                    progress.jumps[index] = done + 1
+                    progress.current = target
+                else:
+                    progress.jumps.pop(index, None)
+                    progress.current += 1
+                return True
+            case Command.CHANGE_SPEED:
+                speed = item.parameters[1]
+                if speed > 0.0:
+                    self.trajectory.limits.speed_xy_m_s = min(speed, self.craft.tuning.gains.speed_xy_m_s)
+            case Command.CONDITION_YAW:
+                turn = radians(item.parameters[0])
+                if item.parameters[3]:
+                    sign = -1.0 if item.parameters[2] < 0.0 else 1.0
+                    turn = self.yaw_wanted_rad + sign * turn
+                self.yaw_wanted_rad = wrap_pi(turn)
+            case _ if item.command in INSTANT:
+                pass
+            case _:
+                return False
+        progress.reached.append(index)
+        progress.current += 1
+        return True
+
+    def _start(self, item: PlanItem) -> None:
+        """Sets out for an item."""
+        craft = self.craft
+        here = self.trajectory.position
+        match item.command:
+            case Command.DELAY | Command.CONDITION_DELAY:
+                self._wait_until_s = craft.now_s + max(0.0, item.parameters[0])
+                self.trajectory.stop()
+            case Command.RETURN:
+                self._sub = ReturnHome(craft)
+            case Command.TAKE_OFF if craft.is_landed:
+                self._sub = TakeOff(craft, self._place(item)[2])
+            case Command.LAND:
+                n, e, _ = self._place(item)
+                self._head_for((n, e, here[2]), item)
+            case Command.TAKE_OFF:
+                self._head_for((here[0], here[1], min(here[2], self._place(item)[2])), item)
+            case _:
+                self._head_for(self._place(item), item)
+
+    def _head_for(self, target: Vector3, item: PlanItem) -> None:
+        n, e, _ = self.trajectory.position
+        start = self._leg_start if self._leg_start is not None else self.trajectory.position
+        self.trajectory.go_to(target, start)
+        self._leg_start = target
+        yaw = item.parameters[3]
+        if self.craft.tuning.mission_uses_item_yaw and isfinite(yaw):
+            self.yaw_wanted_rad = wrap_pi(radians(yaw))
+        elif self.craft.tuning.mission_faces_course and hypot(target[0] - n, target[1] - e) > 1.0:
+            self.yaw_wanted_rad = atan2(target[1] - e, target[0] - n)
+
+    def _place(self, item: PlanItem) -> Vector3:
+        """Where an item is, in NED; "here" where it does not say."""
+        craft = self.craft
+        n, e, _ = self.trajectory.position
+        origin, home = craft.estimator.origin, craft.home
+        base = 0.0 if home is None else home.position_ned_m[2]
+        if origin is not None and item.has_place:
+            n, e, _ = origin.ned_from_geo(item.latitude_deg, item.longitude_deg, origin.origin.altitude_m)
+        if item.is_relative or origin is None:
+            return (n, e, base - item.height_m)
+        return (n, e, origin.origin.altitude_m - item.height_m)
+
+    def _carry_on(self, item: PlanItem) -> Setpoint:
+        """Flies the current item and goes on when it is done."""
+        craft = self.craft
+        if self._sub is not None:
+            setpoint = self._sub.update()
+            if self._sub.is_done:
+                self._leave_sub()
+            return setpoint
+        setpoint = self.fly()
+        if self._wait_until_s is not None:
+            if craft.now_s >= self._wait_until_s:
+                self._next()
+            return setpoint
+        if not self._is_reached(item):
+            return setpoint
+        match item.command:
+            case Command.LAND:
+                self._sub = Land(craft, self.trajectory.target)
+            case Command.LOITER_UNLIMITED:
+                pass
+            case _:
+                self._wait_until_s = craft.now_s + (max(0.0, item.parameters[0]) if _holds(item) else 0.0)
+        return setpoint
+
+    def _leave_sub(self) -> None:
+        """A take-off, landing or return inside the mission has ended."""
+        if isinstance(self._sub, TakeOff):
+            limits = self.trajectory.limits
+            self.trajectory = self._sub.trajectory
+            self.trajectory.limits = limits
+        self._leg_start = None
+        self._sub = None
+        self._next()
+
+    def _is_reached(self, item: PlanItem) -> bool:
+        radius = item.parameters[1] if item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT) else 0.0
+        if not radius > 0.0:
+            radius = self.craft.tuning.acceptance_radius_m
+        target = self.trajectory.target
+        off_height = abs(self.craft.estimator.inertial.position_ned_m[2] - target[2])
+        return self.horizontal_distance_to(target) < radius and off_height < _HEIGHT_RADIUS_M
+
+    def _next(self) -> None:
+        progress = self.craft.mission
+        progress.reached.append(progress.current)
+        progress.current += 1
+        self._item = self._wait_until_s = None
+        if progress.current >= len(self.craft.plans.mission):
+            self._finish()
+
+    def _finish(self) -> None:
+        progress = self.craft.mission
+        progress.state = MissionState.COMPLETE
+        progress.current = max(0, len(self.craft.plans.mission) - 1)
+        self.is_done = True
+        if not self.craft.is_landed:
+            self.trajectory.go_to(self.trajectory.target)
+        self.craft.say(Severity.INFO, "Mission finished")
+
+
+def _holds(item: PlanItem) -> bool:
+    """Whether the first parameter is a time to wait there."""
+    return item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT, Command.LOITER_TIME)

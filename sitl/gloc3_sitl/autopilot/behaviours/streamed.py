@@ -1,0 +1,104 @@
+"""Streamed control: setpoints from outside, flown as they come (PX4) or shaped and never run away with (ArduPilot)."""
+
+from math import nan
+
+from gloc3.frames import Vector3
+from gloc3_sitl.autopilot.behaviours.base import Mover
+from gloc3_sitl.autopilot.behaviours.climb import TakeOff
+from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.craft import Craft
+
+
+class Offboard(Mover):
+    """Flies the newest setpoint as it is; what happens when they end is the failsafe's."""
+
+    __slots__ = ("_yaw_hold_rad",)
+
+    def __init__(self, craft: Craft) -> None:
+        super().__init__(craft)
+        self._yaw_hold_rad = self.yaw_rad
+
+    def update(self) -> Setpoint:
+        """The setpoint for the next 20 ms."""
+        craft = self.craft
+        setpoint = craft.stream.setpoint
+        if setpoint is None:
+            return LANDED if craft.is_landed else self.fly()
+        if isinstance(setpoint, AttitudeSetpoint):
+            return LANDED if craft.is_landed and setpoint.thrust < 0.1 else setpoint
+        if craft.is_landed and not asks_for_climb(setpoint, craft.estimator.inertial.position_ned_m[2]):
+            return LANDED
+        return setpoint
+
+
+class Guided(Mover):
+    """ArduPilot's Guided: take-off, go to, velocities that stop when they are not renewed, attitudes."""
+
+    __slots__ = ("_climb", "_seen_s", "_stopped")
+
+    def __init__(self, craft: Craft) -> None:
+        super().__init__(craft)
+        self.trajectory.stop()
+        self._climb: TakeOff | None = None
+        self._seen_s = craft.stream.received_s
+        self._stopped = True
+
+    def take_off(self, target_down_m: float) -> None:
+        """Climbs from the ground to a height, as NED down."""
+        self._climb = TakeOff(self.craft, target_down_m)
+
+    def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan) -> None:
+        """Flies to a place and holds there."""
+        if not self._stopped:
+            self.on_reset()
+        self._stopped = True
+        self._climb = None
+        self.trajectory.go_to(position_ned_m, self.trajectory.position)
+        if yaw_rad == yaw_rad:
+            self.yaw_wanted_rad = yaw_rad
+
+    def update(self) -> Setpoint:
+        """The setpoint for the next 20 ms."""
+        craft = self.craft
+        if self._climb is not None:
+            setpoint = self._climb.update()
+            if not self._climb.is_done:
+                return setpoint
+            self.trajectory, self._climb = self._climb.trajectory, None
+            self.trajectory.limits = craft.tuning.limits
+            self._seen_s = craft.stream.received_s
+        if craft.is_landed:
+            self.on_reset()
+            self._seen_s = craft.stream.received_s
+            return LANDED
+        stream = craft.stream
+        if stream.received_s > self._seen_s:
+            self._seen_s = stream.received_s
+            wanted = stream.setpoint
+            if isinstance(wanted, MotionSetpoint) and is_place_only(wanted):
+                self.go_to(wanted.position_ned_m, wanted.yaw_rad)
+            else:
+                self._stopped = False
+        if self._stopped:
+            return self.fly()
+        if not stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
+            self._stopped = True
+            self.on_reset()
+            self.yaw_rad = self.yaw_wanted_rad = craft.estimator.yaw_rad
+            self.trajectory.stop()
+            return self.fly()
+        assert stream.setpoint is not None
+        return stream.setpoint
+
+
+def is_place_only(setpoint: MotionSetpoint) -> bool:
+    """Whether it is a place to go to, not a motion to follow."""
+    return setpoint.position_ned_m[0] == setpoint.position_ned_m[0] and not any(
+        value == value and value != 0.0 for value in setpoint.velocity_ned_m_s
+    )
+
+
+def asks_for_climb(setpoint: MotionSetpoint, down_m: float) -> bool:
+    """Whether a setpoint leads off the ground."""
+    wanted, speed = setpoint.position_ned_m[2], setpoint.velocity_ned_m_s[2]
+    return wanted < down_m - 0.1 if wanted == wanted else speed < -0.05 if speed == speed else False

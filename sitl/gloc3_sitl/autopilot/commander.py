@@ -1,0 +1,346 @@
+"""Who decides: arming, modes, home, and what follows when a behaviour is done."""
+
+from enum import StrEnum
+from math import nan
+from typing import Final, NamedTuple
+
+from gloc3.frames import Vector3
+from gloc3_sitl.autopilot.arming import Check, arming_problems
+from gloc3_sitl.autopilot.behaviours.base import Activity
+from gloc3_sitl.autopilot.behaviours.climb import TakeOff
+from gloc3_sitl.autopilot.behaviours.hold import Brake, Hold
+from gloc3_sitl.autopilot.behaviours.land import Land
+from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
+from gloc3_sitl.autopilot.behaviours.piloted import Altitude, Position, Stabilize
+from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
+from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard
+from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
+from gloc3_sitl.autopilot.craft import Craft, Home
+from gloc3_sitl.autopilot.fence import Fence
+from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, Severity, Style
+
+
+class Author(StrEnum):
+    """Who asks for a change."""
+
+    COMMAND = "command"
+    PILOT = "pilot"
+    FAILSAFE = "failsafe"
+    SELF = "self"
+
+
+class Verdict(NamedTuple):
+    """How a request ended, with the reason where it was refused."""
+
+    result: Result
+    reason: str = ""
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether it is done, or will be."""
+        return self.result is Result.ACCEPTED
+
+
+ACCEPTED: Final = Verdict(Result.ACCEPTED)
+
+
+class Terminated(Activity):
+    """Motors stopped in flight, for good."""
+
+    __slots__ = ()
+
+    def update(self) -> Setpoint:
+        """Nothing."""
+        return LANDED
+
+
+class Commander:
+    """Keeps the mode, and changes it when somebody may; every refusal says why."""
+
+    def __init__(self, craft: Craft, style: Style) -> None:
+        self.craft: Final = craft
+        self.style: Final = style
+        self.fence: Final = Fence()
+        mode = style.mode(style.boot_mode)
+        assert mode is not None
+        self.mode: Mode = mode
+        self.activity: Activity = Hold(craft)
+        self.battery_share = 1.0
+        """Told by the battery monitor."""
+        self.is_terminated = False
+        self.armed_s = -1e9
+        self.mode_author: Author = Author.SELF
+        self.mode_changes = 0
+        self.has_flown = False
+        self._takeoff_down_m = nan
+        self._resets = 0
+
+    # -- arming ---------------------------------------------------------------------------------------------------
+
+    def problems(self) -> list[str]:
+        """What speaks against arming now, worst first."""
+        mask = self.craft.tuning.check_mask
+        found = [
+            text for check, text in arming_problems(self.craft, self.mode.behaviour, self.battery_share) if check & mask
+        ]
+        if not self.mode.can_arm:
+            found.append(f"mode {self.mode.name} cannot be armed in")
+        if self.craft.home is not None and Check.FENCE & mask:
+            breach = self.fence.breach(self.craft)
+            if breach:
+                found.append(breach)
+        return found
+
+    def arm(self, author: Author, *, is_forced: bool = False) -> Verdict:
+        """Starts the motors."""
+        craft, style = self.craft, self.style
+        if craft.is_armed:
+            return ACCEPTED
+        if self.is_terminated:
+            return self._refuse("Arming denied: flight was terminated")
+        if not is_forced:
+            problems = self.problems()
+            if problems:
+                for problem in problems[:3]:
+                    craft.say(Severity.CRITICAL, f"{style.arming_prefix}{problem}")
+                return Verdict(style.refused, problems[0])
+        craft.is_armed = True
+        self.armed_s = craft.now_s
+        self.has_flown = False
+        self.set_home()
+        if self.mode.behaviour is Behaviour.MISSION:
+            craft.mission.restart(craft.first_item)
+        self._restart_activity()
+        craft.say(Severity.INFO, f"Armed by {author}")
+        return ACCEPTED
+
+    def disarm(self, author: Author, *, is_forced: bool = False) -> Verdict:
+        """Stops the motors; in the air only by force."""
+        craft = self.craft
+        if not craft.is_armed:
+            return ACCEPTED
+        if not craft.is_landed and not is_forced:
+            return self._refuse("Disarming denied: not landed")
+        craft.is_armed = False
+        craft.say(Severity.INFO, f"Disarmed by {author}")
+        follows = self.style.after_disarm.get(self.mode.behaviour)
+        if follows is not None and not self.is_terminated:
+            self._enter(follows, Author.SELF)
+        else:
+            self._restart_activity()
+        return ACCEPTED
+
+    def terminate(self) -> None:
+        """Stops the motors wherever the vehicle is, and does not let it arm again."""
+        self.is_terminated = True
+        self.craft.say(Severity.EMERGENCY, "Flight terminated")
+        self.disarm(Author.FAILSAFE, is_forced=True)
+        self.activity = Terminated(self.craft)
+
+    def set_home(self, position_ned_m: Vector3 | None = None) -> Verdict:
+        """Makes a place home; without one, here."""
+        craft = self.craft
+        origin = craft.estimator.origin
+        if origin is None or (position_ned_m is None and not craft.estimator.is_position_good(craft.now_s)):
+            return self._refuse("Home not set: position unknown")
+        position = craft.estimator.inertial.position_ned_m if position_ned_m is None else position_ned_m
+        craft.home = Home(origin.geo_from_ned(position), position, craft.estimator.yaw_rad)
+        return ACCEPTED
+
+    # -- modes ----------------------------------------------------------------------------------------------------
+
+    def set_mode(self, custom_mode: int, author: Author) -> Verdict:
+        """Changes the mode; refused where the mode cannot be flown now."""
+        mode = self.style.mode(custom_mode)
+        if mode is None:
+            return Verdict(
+                Result.UNSUPPORTED if self.style.refused is Result.TEMPORARILY_REJECTED else Result.FAILED,
+                "no such mode",
+            )
+        if mode is self.mode and author is not Author.FAILSAFE:
+            self.mode_author = author
+            return ACCEPTED
+        problem = self.cannot_fly(mode)
+        if problem:
+            return self._refuse(f"{mode.name} denied: {problem}")
+        self._enter(custom_mode, author)
+        return ACCEPTED
+
+    def cannot_fly(self, mode: Mode) -> str:
+        """Why a mode cannot be entered now, in words; empty where it can."""
+        craft = self.craft
+        if self.is_terminated:
+            return "flight was terminated"
+        if mode.behaviour in POSITIONED and not craft.estimator.is_position_good(craft.now_s):
+            return "no position"
+        if mode.behaviour is Behaviour.MISSION and len(craft.plans.mission) <= craft.first_item:
+            return "no mission"
+        if (
+            mode.behaviour is Behaviour.STREAMED
+            and self.style.streamed_needs_stream
+            and not craft.stream.is_streaming(craft.now_s, craft.tuning.stream_needed_hz)
+        ):
+            return "no setpoints are streamed"
+        if mode.behaviour in PILOTED and craft.is_armed and not self.has_pilot:
+            return "no transmitter" if mode.behaviour is not Behaviour.POSITION else ""
+        return ""
+
+    @property
+    def has_pilot(self) -> bool:
+        """Whether a transmitter is heard."""
+        return self.craft.now_s - self.craft.pilot.last_seen_s <= self.craft.tuning.pilot_timeout_s
+
+    def take_off(self, target_down_m: float) -> Verdict:
+        """Climbs to a height (NED down); NaN means the usual one. The vehicle must be armed."""
+        craft, style = self.craft, self.style
+        if not craft.is_armed:
+            return self._refuse("Take-off denied: not armed")
+        base = craft.home.position_ned_m[2] if craft.home is not None else 0.0
+        target = base - craft.tuning.takeoff_height_m if target_down_m != target_down_m else target_down_m
+        if style.takeoff_in_streamed:
+            if self.mode.behaviour is not Behaviour.STREAMED or not isinstance(self.activity, Guided):
+                return self._refuse("Take-off denied: not in GUIDED")
+            if not craft.is_landed:
+                return self._refuse("Take-off denied: already flying")
+            self.activity.take_off(target)
+            return ACCEPTED
+        if not craft.estimator.is_position_good(craft.now_s):
+            return self._refuse("Take-off denied: no position")
+        self._takeoff_down_m = target
+        if self.mode.custom_mode == style.takeoff_mode:
+            self._restart_activity()
+        else:
+            self._enter(style.takeoff_mode, Author.COMMAND)
+        return ACCEPTED
+
+    def go_to(self, position_ned_m: Vector3, yaw_rad: float, speed_m_s: float) -> Verdict:
+        """Flies to a place and holds there, in the style's mode for it."""
+        craft, style = self.craft, self.style
+        if not craft.is_armed or craft.is_landed:
+            return self._refuse("Go-to denied: not flying")
+        wanted = style.streamed_mode if style.takeoff_in_streamed else style.hold_mode
+        if self.mode.custom_mode != wanted:
+            verdict = self.set_mode(wanted, Author.COMMAND)
+            if not verdict.is_accepted:
+                return verdict
+        if isinstance(self.activity, Hold):
+            self.activity.go_to(position_ned_m, yaw_rad, speed_m_s)
+        elif isinstance(self.activity, Guided):
+            self.activity.go_to(position_ned_m, yaw_rad)
+        return ACCEPTED
+
+    def _enter(self, custom_mode: int, author: Author) -> None:
+        mode = self.style.mode(custom_mode)
+        assert mode is not None
+        if self.mode.behaviour is Behaviour.MISSION and isinstance(self.activity, MissionFlight):
+            self.craft.mission_left()
+        self.mode, self.mode_author = mode, author
+        self.mode_changes += 1
+        self._restart_activity()
+
+    def _restart_activity(self) -> None:
+        craft = self.craft
+        match self.mode.behaviour:
+            case Behaviour.STABILIZE | Behaviour.STREAMED_ATTITUDE | Behaviour.TERMINATED:
+                self.activity = Stabilize(craft)
+            case Behaviour.ALTITUDE:
+                self.activity = Altitude(craft)
+            case Behaviour.POSITION:
+                self.activity = Position(craft)
+            case Behaviour.HOLD:
+                self.activity = Hold(craft)
+            case Behaviour.BRAKE:
+                self.activity = Brake(craft)
+            case Behaviour.TAKE_OFF:
+                down = craft.estimator.inertial.position_ned_m[2] - craft.tuning.takeoff_height_m
+                target = self._takeoff_down_m
+                self._takeoff_down_m = nan
+                self.activity = TakeOff(craft, target if target == target else down)
+            case Behaviour.LAND:
+                self.activity = Land(craft)
+            case Behaviour.RETURN:
+                self.activity = ReturnHome(craft)
+            case Behaviour.MISSION:
+                self.activity = MissionFlight(craft)
+            case Behaviour.STREAMED if self.style.takeoff_in_streamed:
+                self.activity = Guided(craft)
+            case Behaviour.STREAMED:
+                self.activity = Offboard(craft)
+
+    def _refuse(self, reason: str) -> Verdict:
+        self.craft.say(Severity.WARNING, reason)
+        return Verdict(self.style.refused, reason)
+
+    # -- as time goes on ------------------------------------------------------------------------------------------
+
+    def tick(self) -> Setpoint:
+        """50 times a second, after the failsafes: what the vehicle shall do."""
+        craft = self.craft
+        estimator = craft.estimator
+        if estimator.reset_count != self._resets:
+            self._resets = estimator.reset_count
+            self.activity.on_reset()
+        if craft.home is None and estimator.origin is not None and estimator.is_position_good(craft.now_s):
+            self.set_home()
+        self._mind_pilot()
+        if not craft.is_landed:
+            self.has_flown = True
+        if craft.is_armed:
+            self._mind_idle_motors()
+        setpoint = self.activity.update()
+        if self.activity.is_done and craft.is_armed and not craft.is_landed:
+            follows = self.style.goes_on.get(self.mode.behaviour)
+            if follows is not None:
+                self._enter(follows, Author.SELF)
+        return setpoint
+
+    def _mind_pilot(self) -> None:
+        craft = self.craft
+        pilot = craft.pilot
+        if not pilot.is_on:
+            return
+        pilot.last_seen_s = craft.now_s
+        if pilot.is_killed:
+            pilot.is_killed = False
+            craft.say(Severity.CRITICAL, "Kill switch")
+            self.disarm(Author.PILOT, is_forced=True)
+        if pilot.mode_wanted is not None:
+            wanted = self.style.mode_named(pilot.mode_wanted)
+            pilot.mode_wanted = None
+            if wanted is None:
+                self._refuse("the switch asks for a mode that does not exist")
+            else:
+                self.set_mode(wanted.custom_mode, Author.PILOT)
+        if pilot.arm_wanted is not None:
+            if pilot.arm_wanted:
+                self.arm(Author.PILOT)
+            else:
+                self.disarm(Author.PILOT, is_forced=self.style.pilot_disarms_in_air)
+            pilot.arm_wanted = None
+        behaviour, override = self.mode.behaviour, craft.tuning.pilot_override
+        if behaviour in PILOTED or not craft.is_armed or not override or craft.is_landed:
+            return
+        if pilot.deflection() > craft.tuning.pilot_override_stick and override & (
+            2 if behaviour is Behaviour.STREAMED else 1
+        ):
+            craft.say(Severity.NOTICE, "Pilot took over using sticks")
+            position_good = craft.estimator.is_position_good(craft.now_s)
+            self._enter(self.style.position_mode if position_good else self.style.altitude_mode, Author.PILOT)
+
+    def _mind_idle_motors(self) -> None:
+        """Stops the motors of a vehicle that stands."""
+        craft, tuning = self.craft, self.craft.tuning
+        if not craft.is_landed:
+            return
+        if not self.has_flown:
+            wait, since = tuning.disarm_unflown_s, self.armed_s
+            if wait <= 0.0:
+                return
+        else:
+            is_landing = self.mode.behaviour in (Behaviour.LAND, Behaviour.RETURN, Behaviour.MISSION)
+            wait = tuning.disarm_after_landing_s if is_landing else tuning.disarm_idle_s
+            since = craft.touchdown.landed_s
+            if wait < 0.0:
+                return
+        if craft.now_s - since >= wait:
+            self.disarm(Author.SELF)

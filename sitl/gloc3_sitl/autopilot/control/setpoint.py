@@ -1,0 +1,45 @@
+"""What the modes ask of the control loops: one setpoint per 20 ms, in NED or as an attitude."""
+
+from dataclasses import dataclass
+from math import nan
+from typing import Final
+
+from gloc3.frames import Quaternion, Vector3
+
+FREE: Final[Vector3] = (nan, nan, nan)
+"""No wish in any axis."""
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class MotionSetpoint:
+    """Position, velocity and acceleration, each axis of each either a number or NaN for "no wish".
+
+    A velocity beside a position is fed forward; a velocity alone is flown. An axis without position and velocity is
+    flown by acceleration alone.
+    """
+
+    position_ned_m: Vector3 = FREE
+    velocity_ned_m_s: Vector3 = FREE
+    acceleration_ned_m_s2: Vector3 = (0.0, 0.0, 0.0)
+    yaw_rad: float = nan
+    """Heading clockwise from north; NaN keeps the heading, or turns it by the rate."""
+    yaw_rate_rad_s: float = 0.0
+    is_landed: bool = False
+    """The vehicle stands on the ground with motors idling; nothing is controlled but rates."""
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class AttitudeSetpoint:
+    """An attitude with a thrust, or body rates with a thrust."""
+
+    ned_from_frd: Quaternion | None = None
+    """Wanted attitude; None flies the rates alone."""
+    rate_frd_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    thrust: float = 0.0
+    """Collective thrust, 0..1 of full."""
+
+
+Setpoint = MotionSetpoint | AttitudeSetpoint
+
+LANDED: Final = MotionSetpoint(is_landed=True)
+"""Motors idle on the ground."""

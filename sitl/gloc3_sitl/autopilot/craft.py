@@ -1,0 +1,100 @@
+"""What every behaviour sees of the vehicle that it flies."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from gloc3.frames import GeoPoint, Vector3
+from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.estimator.estimator import Estimator
+from gloc3_sitl.autopilot.landing import TouchdownDetector
+from gloc3_sitl.autopilot.mission import MissionProgress, MissionState
+from gloc3_sitl.autopilot.modes import Severity
+from gloc3_sitl.autopilot.pilot import Pilot
+from gloc3_sitl.autopilot.plans import Plans
+from gloc3_sitl.autopilot.tuning import Tuning
+
+Say = Callable[[Severity, str], None]
+"""Tells the ground a sentence."""
+
+
+class Home(NamedTuple):
+    """Where the vehicle was armed, or where somebody put it."""
+
+    place: GeoPoint
+    position_ned_m: Vector3
+    yaw_rad: float
+
+
+@dataclass(slots=True)
+class Stream:
+    """The newest setpoint from outside, and when it came."""
+
+    setpoint: MotionSetpoint | AttitudeSetpoint | None = None
+    received_s: float = -1e9
+    period_s: float = 1e9
+    """Smoothed time between setpoints."""
+
+    def put(self, setpoint: MotionSetpoint | AttitudeSetpoint, now_s: float) -> None:
+        """A new setpoint."""
+        gap = now_s - self.received_s
+        self.period_s = gap if gap > 1.0 or self.period_s > 1.0 else 0.8 * self.period_s + 0.2 * gap
+        self.setpoint = setpoint
+        self.received_s = now_s
+
+    def is_fresh(self, now_s: float, timeout_s: float) -> bool:
+        """Whether the newest one is young enough."""
+        return now_s - self.received_s <= timeout_s
+
+    def is_streaming(self, now_s: float, least_hz: float) -> bool:
+        """Whether setpoints come in at this rate at least."""
+        if least_hz <= 0.0:
+            return True
+        period = 1.0 / least_hz
+        return now_s - self.received_s <= period and self.period_s <= period
+
+
+@dataclass(slots=True)
+class Craft:
+    """The vehicle: what it knows, what it may, where home is, and what time it is."""
+
+    estimator: Estimator
+    tuning: Tuning
+    pilot: Pilot
+    plans: Plans
+    say: Say
+    touchdown: TouchdownDetector = field(default_factory=TouchdownDetector)
+    stream: Stream = field(default_factory=Stream)
+    mission: MissionProgress = field(default_factory=MissionProgress)
+    first_item: int = 0
+    """Where missions begin: 1 where item 0 is home."""
+    home: Home | None = None
+    now_s: float = 0.0
+    is_armed: bool = False
+    fault: str = ""
+    """Something that is broken, in words; arming is refused while it stands."""
+    last_setpoint: Setpoint = LANDED
+
+    def mission_left(self) -> None:
+        """Mission mode was left before the end."""
+        if self.mission.state is MissionState.ACTIVE:
+            self.mission.state = MissionState.PAUSED
+
+    @property
+    def is_landed(self) -> bool:
+        """On the ground."""
+        return self.touchdown.is_landed
+
+    @property
+    def height_over_home_m(self) -> float:
+        """Over home, or over the estimator's origin before there is a home."""
+        down = 0.0 if self.home is None else self.home.position_ned_m[2]
+        return down - self.estimator.inertial.position_ned_m[2]
+
+    @property
+    def height_over_ground_m(self) -> float:
+        """By the range finder where it sees the ground, else over home."""
+        estimator = self.estimator
+        if self.now_s - estimator.range_t_s < 0.5:
+            return estimator.ground_down_m - estimator.inertial.position_ned_m[2]
+        return self.height_over_home_m

@@ -1,0 +1,1 @@
+"""Where the vehicle is and how it moves, from noisy sensors."""

@@ -1,0 +1,55 @@
+"""The first attitude: which way is down and north, found while the vehicle stands still."""
+
+from math import asin, atan2, sqrt
+
+from gloc3.frames import Quaternion, Vector3, from_euler, rotate
+
+_SAMPLES = 200
+"""IMU samples that are averaged: 0.8 s at 250 Hz."""
+_STILL_RAD_S = 0.1
+"""Largest body rate that still counts as standing."""
+
+
+class Alignment:
+    """Averages the IMU while nothing moves; then gives attitude and gyro bias."""
+
+    __slots__ = ("_count", "_force", "_rate", "field_frd")
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._force: Vector3 = (0.0, 0.0, 0.0)
+        self._rate: Vector3 = (0.0, 0.0, 0.0)
+        self.field_frd: Vector3 | None = None
+        """The newest magnetic field in the body, in any unit."""
+
+    def add(self, force_frd_m_s2: Vector3, rate_frd_rad_s: Vector3) -> bool:
+        """Takes in one IMU sample; true when the average is complete."""
+        p, q, r = rate_frd_rad_s
+        if p * p + q * q + r * r > _STILL_RAD_S * _STILL_RAD_S:
+            self._count = 0
+            self._force = self._rate = (0.0, 0.0, 0.0)
+            return False
+        fx, fy, fz = force_frd_m_s2
+        ax, ay, az = self._force
+        self._force = (ax + fx, ay + fy, az + fz)
+        ap, aq, ar = self._rate
+        self._rate = (ap + p, aq + q, ar + r)
+        self._count += 1
+        return self._count >= _SAMPLES
+
+    @property
+    def gyro_bias_rad_s(self) -> Vector3:
+        """Mean body rate of the time at rest."""
+        p, q, r = self._rate
+        return (p / self._count, q / self._count, r / self._count)
+
+    def attitude(self, declination_rad: float) -> Quaternion:
+        """Level by gravity, heading by the magnetic field (north where there is none)."""
+        fx, fy, fz = self._force
+        size = sqrt(fx * fx + fy * fy + fz * fz)
+        pitch = asin(max(-1.0, min(1.0, fx / size)))
+        roll = atan2(-fy, -fz)
+        if self.field_frd is None:
+            return from_euler(roll, pitch, 0.0)
+        north, east, _ = rotate(from_euler(roll, pitch, 0.0), self.field_frd)
+        return from_euler(roll, pitch, declination_rad - atan2(east, north))

@@ -1,0 +1,85 @@
+"""The geofence: polygons, circles, and the plain limits of distance and height."""
+
+from collections.abc import Sequence
+from math import hypot
+
+from gloc3.frames import TangentPlane
+from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.plans import PlanItem
+
+Point = tuple[float, float]
+
+
+def is_inside(point: Point, corners: Sequence[Point]) -> bool:
+    """Whether a point lies in a polygon (crossing number)."""
+    x, y = point
+    inside = False
+    last_x, last_y = corners[-1]
+    for corner_x, corner_y in corners:
+        if (corner_y > y) != (last_y > y) and x < (last_x - corner_x) * (y - corner_y) / (last_y - corner_y) + corner_x:
+            inside = not inside
+        last_x, last_y = corner_x, corner_y
+    return inside
+
+
+class Fence:
+    """Judges the position; polygons are brought into NED once."""
+
+    __slots__ = ("_circles", "_items", "_origin", "_polygons")
+
+    def __init__(self) -> None:
+        self._items: tuple[PlanItem, ...] = ()
+        self._origin: TangentPlane | None = None
+        self._polygons: list[tuple[list[Point], bool]] = []
+        self._circles: list[tuple[Point, float, bool]] = []
+
+    def breach(self, craft: Craft) -> str:
+        """What is broken, in words; empty inside."""
+        tuning = craft.tuning
+        if not tuning.fence_is_on:
+            return ""
+        n, e, _ = craft.estimator.inertial.position_ned_m
+        height = craft.height_over_home_m
+        if tuning.fence_height_m > 0.0 and height > tuning.fence_height_m:
+            return f"above the fence's height of {tuning.fence_height_m:.0f} m"
+        if craft.home is not None and tuning.fence_radius_m > 0.0:
+            home_n, home_e, _ = craft.home.position_ned_m
+            if hypot(n - home_n, e - home_e) > tuning.fence_radius_m:
+                return f"farther from home than {tuning.fence_radius_m:.0f} m"
+        origin = craft.estimator.origin
+        if origin is None or not craft.plans.fence:
+            return ""
+        self._prepare(craft, origin)
+        inclusions = False
+        inside_any = False
+        for corners, is_inclusion in self._polygons:
+            inside = is_inside((n, e), corners)
+            if not is_inclusion and inside:
+                return "inside an area that is closed"
+            inclusions |= is_inclusion
+            inside_any |= is_inclusion and inside
+        for (centre_n, centre_e), radius, is_inclusion in self._circles:
+            inside = hypot(n - centre_n, e - centre_e) <= radius
+            if not is_inclusion and inside:
+                return "inside an area that is closed"
+            inclusions |= is_inclusion
+            inside_any |= is_inclusion and inside
+        return "outside the fence" if inclusions and not inside_any else ""
+
+    def _prepare(self, craft: Craft, origin: TangentPlane) -> None:
+        if self._items is craft.plans.fence and self._origin is origin:
+            return
+        self._items, self._origin = craft.plans.fence, origin
+        altitude = origin.origin.altitude_m
+        self._polygons = [
+            ([origin.ned_from_geo(place[0], place[1], altitude)[:2] for place in polygon.corners], polygon.is_inclusion)
+            for polygon in craft.plans.polygons
+        ]
+        self._circles = [
+            (
+                origin.ned_from_geo(circle.centre[0], circle.centre[1], altitude)[:2],
+                circle.radius_m,
+                circle.is_inclusion,
+            )
+            for circle in craft.plans.circles
+        ]

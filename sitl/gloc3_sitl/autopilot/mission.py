@@ -1,0 +1,45 @@
+"""How far a mission has come; it outlives the mode, so that a mission that was left goes on where it was."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+
+class MissionState(IntEnum):
+    """Numbered as MISSION_STATE."""
+
+    UNKNOWN = 0
+    NO_MISSION = 1
+    NOT_STARTED = 2
+    ACTIVE = 3
+    PAUSED = 4
+    COMPLETE = 5
+
+
+@dataclass(slots=True)
+class MissionProgress:
+    """The item that is current, and what a repeat or a restart must know."""
+
+    current: int = 0
+    state: MissionState = MissionState.NO_MISSION
+    jumps: dict[int, int] = field(default_factory=dict)
+    """Repeats already made, by the index of the jump."""
+    reached: list[int] = field(default_factory=list)
+    """Items reached since somebody looked; drained by the MAVLink front end."""
+    count: int = 0
+    """Number of the upload that this progress belongs to."""
+    is_paused: bool = False
+    """Halted inside mission mode (DO_PAUSE_CONTINUE in ArduPilot's style)."""
+
+    def restart(self, first: int) -> None:
+        """Back to the beginning."""
+        self.current = first
+        self.jumps.clear()
+        self.state = MissionState.NOT_STARTED
+        self.is_paused = False
+
+    def on_upload(self, upload: int, has_items: bool, first: int) -> None:
+        """A new list has taken the place of the old one."""
+        self.count = upload
+        self.restart(first)
+        if not has_items:
+            self.state = MissionState.NO_MISSION

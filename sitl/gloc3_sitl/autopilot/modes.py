@@ -1,0 +1,135 @@
+"""Modes: what a vehicle can be doing, and the form of each style's table of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import Final
+
+from gloc3_sitl.autopilot.parameters import ParameterRow
+
+
+class Behaviour(StrEnum):
+    """What the vehicle does in a mode; several modes may share one."""
+
+    STABILIZE = "stabilize"
+    ALTITUDE = "altitude"
+    POSITION = "position"
+    HOLD = "hold"
+    BRAKE = "brake"
+    TAKE_OFF = "take off"
+    LAND = "land"
+    RETURN = "return"
+    MISSION = "mission"
+    STREAMED = "streamed"
+    """Setpoints from outside: PX4's Offboard, ArduPilot's Guided."""
+    STREAMED_ATTITUDE = "streamed attitude"
+    TERMINATED = "terminated"
+
+
+PILOTED: Final = frozenset({Behaviour.STABILIZE, Behaviour.ALTITUDE, Behaviour.POSITION})
+"""Flown by the pilot's sticks."""
+
+POSITIONED: Final = frozenset(Behaviour) - {
+    Behaviour.STABILIZE,
+    Behaviour.ALTITUDE,
+    Behaviour.STREAMED_ATTITUDE,
+    Behaviour.TERMINATED,
+    Behaviour.LAND,
+}
+"""Impossible without a position estimate."""
+
+
+class Landed(IntEnum):
+    """Where the vehicle is between ground and air, numbered as MAV_LANDED_STATE."""
+
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKING_OFF = 3
+    LANDING = 4
+
+
+class Result(IntEnum):
+    """How a request ended, numbered as MAV_RESULT."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+
+
+class Severity(IntEnum):
+    """Of a text to the ground, numbered as MAV_SEVERITY."""
+
+    EMERGENCY = 0
+    ALERT = 1
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mode:
+    """One row of a style's table of modes."""
+
+    name: str
+    """As people and ground stations call it."""
+    custom_mode: int
+    """As in HEARTBEAT.custom_mode."""
+    base_mode: int
+    """Flags of MAV_MODE_FLAG beside armed and custom."""
+    behaviour: Behaviour
+    can_arm: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Style:
+    """Everything in which the two autopilots differ, as data."""
+
+    name: str
+    autopilot: int
+    """MAV_AUTOPILOT."""
+    modes: Sequence[Mode]
+    boot_mode: int
+    """Custom mode after start."""
+    goes_on: Mapping[Behaviour, int]
+    """Custom mode that follows by itself when a behaviour is done."""
+    after_disarm: Mapping[Behaviour, int]
+    """Custom mode that follows when the vehicle disarms in a behaviour."""
+    hold_mode: int
+    brake_mode: int
+    takeoff_mode: int
+    land_mode: int
+    return_mode: int
+    mission_mode: int
+    streamed_mode: int
+    position_mode: int
+    altitude_mode: int
+    parameters: Sequence[ParameterRow]
+    refused: Result
+    """Result of a request that the present state forbids (arming while unhealthy, take-off while disarmed)."""
+    arming_prefix: str
+    """Before each reason why arming is refused, in STATUSTEXT."""
+    streamed_needs_stream: bool
+    """Whether streamed control is only entered while setpoints come in."""
+    streamed_shapes_positions: bool
+    """Whether a single far position is approached by a smooth trajectory."""
+    mission_keeps_home: bool
+    """Whether item 0 of a mission is home."""
+    pilot_disarms_in_air: bool
+    """Whether the arming switch stops the motors in flight."""
+    takeoff_in_streamed: bool
+    """Whether NAV_TAKEOFF is flown inside streamed control, and refused elsewhere."""
+    version: tuple[int, int, int]
+    """Of the firmware whose manners are followed."""
+
+    def mode(self, custom_mode: int) -> Mode | None:
+        """The row with this number."""
+        return next((mode for mode in self.modes if mode.custom_mode == custom_mode), None)
+
+    def mode_named(self, name: str) -> Mode | None:
+        """The row with this name, letter case aside."""
+        return next((mode for mode in self.modes if mode.name.lower() == name.lower()), None)

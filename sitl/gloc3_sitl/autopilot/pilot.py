@@ -1,0 +1,65 @@
+"""The human pilot with a transmitter: sticks and a mode switch, simulated."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class Pilot:
+    """What the receiver would say. Nobody holds a transmitter until `switch_on` is called or a stick is moved."""
+
+    is_on: bool = False
+    """Whether the transmitter is switched on and in range."""
+    roll: float = 0.0
+    """Right positive, -1..1."""
+    pitch: float = 0.0
+    """Stick pulled (nose up, backwards) positive, -1..1."""
+    yaw: float = 0.0
+    """Clockwise positive, -1..1."""
+    throttle: float = 0.5
+    """0..1, centred at 0.5."""
+    mode_wanted: str | None = None
+    """Mode that the switch was just put to, until the autopilot has taken it."""
+    arm_wanted: bool | None = None
+    """What the arming switch was just put to, until the autopilot has taken it."""
+    is_killed: bool = False
+    """Kill switch: motors stop at once, in flight too."""
+    last_seen_s: float = field(default=-1e9)
+    """Last time that the receiver gave valid channels."""
+
+    def switch_on(self) -> None:
+        """Switches the transmitter on, sticks centred."""
+        self.is_on = True
+
+    def switch_off(self) -> None:
+        """Switches the transmitter off, or flies out of its range."""
+        self.is_on = False
+
+    def sticks(self, *, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0, throttle: float = 0.5) -> None:
+        """Holds the sticks like this."""
+        self.is_on = True
+        self.roll, self.pitch, self.yaw = (max(-1.0, min(1.0, value)) for value in (roll, pitch, yaw))
+        self.throttle = max(0.0, min(1.0, throttle))
+
+    def switch_mode(self, name: str) -> None:
+        """Puts the mode switch to a mode, by the style's own name for it."""
+        self.is_on = True
+        self.mode_wanted = name
+
+    def arm(self) -> None:
+        """Puts the arming switch on."""
+        self.is_on = True
+        self.arm_wanted = True
+
+    def disarm(self) -> None:
+        """Puts the arming switch off; PX4's style refuses that in flight, ArduPilot's stops the motors."""
+        self.is_on = True
+        self.arm_wanted = False
+
+    def kill(self) -> None:
+        """Throws the kill switch."""
+        self.is_on = True
+        self.is_killed = True
+
+    def deflection(self) -> float:
+        """How far the sticks are from their centres, throttle aside."""
+        return max(abs(self.roll), abs(self.pitch), abs(self.yaw))

@@ -1,0 +1,238 @@
+"""What ground stations upload: mission, fence and rally points, as the vehicle keeps and checks them."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from math import isfinite, nan
+from typing import Final
+
+from gloc3.frames import GeoPoint
+
+
+class Command(IntEnum):
+    """The MAV_CMDs that can stand in an uploaded list."""
+
+    WAYPOINT = 16
+    LOITER_UNLIMITED = 17
+    LOITER_TIME = 19
+    RETURN = 20
+    LAND = 21
+    TAKE_OFF = 22
+    LOITER_TO_HEIGHT = 31
+    SPLINE_WAYPOINT = 82
+    DELAY = 93
+    CONDITION_DELAY = 112
+    CONDITION_DISTANCE = 114
+    CONDITION_YAW = 115
+    SET_MODE = 176
+    JUMP = 177
+    CHANGE_SPEED = 178
+    SET_HOME = 179
+    SET_SERVO = 183
+    LAND_START = 189
+    SET_ROI_LOCATION = 195
+    SET_ROI_NONE = 197
+    DIGICAM_CONFIGURE = 202
+    DIGICAM_CONTROL = 203
+    MOUNT_CONTROL = 205
+    CAM_TRIGG_DIST = 206
+    FENCE_ENABLE = 207
+    SET_CAMERA_MODE = 530
+    SET_CAMERA_ZOOM = 531
+    IMAGE_START_CAPTURE = 2000
+    IMAGE_STOP_CAPTURE = 2001
+    VIDEO_START_CAPTURE = 2500
+    VIDEO_STOP_CAPTURE = 2501
+    GIMBAL_MANAGER_PITCHYAW = 1000
+    SET_ROI = 201
+    TRIGGER_CONTROL = 2003
+    FENCE_RETURN_POINT = 5000
+    FENCE_POLYGON_INCLUSION = 5001
+    FENCE_POLYGON_EXCLUSION = 5002
+    FENCE_CIRCLE_INCLUSION = 5003
+    FENCE_CIRCLE_EXCLUSION = 5004
+    RALLY_POINT = 5100
+
+
+POSITIONED: Final = frozenset(
+    {
+        Command.WAYPOINT,
+        Command.SPLINE_WAYPOINT,
+        Command.LOITER_UNLIMITED,
+        Command.LOITER_TIME,
+        Command.LOITER_TO_HEIGHT,
+        Command.LAND,
+        Command.TAKE_OFF,
+    }
+)
+"""Items at which the vehicle goes somewhere."""
+
+INSTANT: Final = frozenset(
+    {
+        Command.SET_SERVO,
+        Command.SET_HOME,
+        Command.LAND_START,
+        Command.SET_ROI,
+        Command.SET_ROI_LOCATION,
+        Command.SET_ROI_NONE,
+        Command.DIGICAM_CONFIGURE,
+        Command.DIGICAM_CONTROL,
+        Command.MOUNT_CONTROL,
+        Command.CAM_TRIGG_DIST,
+        Command.FENCE_ENABLE,
+        Command.SET_CAMERA_MODE,
+        Command.SET_CAMERA_ZOOM,
+        Command.IMAGE_START_CAPTURE,
+        Command.IMAGE_STOP_CAPTURE,
+        Command.VIDEO_START_CAPTURE,
+        Command.VIDEO_STOP_CAPTURE,
+        Command.GIMBAL_MANAGER_PITCHYAW,
+        Command.TRIGGER_CONTROL,
+        Command.CONDITION_DISTANCE,
+        Command.SET_MODE,
+    }
+)
+"""Items that are taken and done at once; there is no camera, gimbal or servo here that they could move."""
+
+OTHER_MISSION: Final = frozenset(
+    {Command.RETURN, Command.DELAY, Command.CONDITION_DELAY, Command.CONDITION_YAW, Command.JUMP, Command.CHANGE_SPEED}
+)
+
+MISSION_COMMANDS: Final = POSITIONED | INSTANT | OTHER_MISSION
+FENCE_COMMANDS: Final = frozenset(command for command in Command if 5000 <= command <= 5004)
+
+_RELATIVE: Final = frozenset({3, 6, 10, 11})
+_ABSOLUTE: Final = frozenset({0, 5})
+
+
+class Refusal(IntEnum):
+    """Why an uploaded item is refused, numbered as MAV_MISSION_RESULT."""
+
+    ACCEPTED = 0
+    ERROR = 1
+    UNSUPPORTED_FRAME = 2
+    UNSUPPORTED = 3
+    NO_SPACE = 4
+    INVALID = 5
+    INVALID_PARAM1 = 6
+    INVALID_PARAM2 = 7
+    INVALID_PARAM5 = 10
+    INVALID_PARAM6 = 11
+    INVALID_PARAM7 = 12
+    DENIED = 14
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanItem:
+    """One uploaded item, in plain units."""
+
+    command: int
+    frame: int
+    parameters: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    latitude_deg: float = 0.0
+    longitude_deg: float = 0.0
+    height_m: float = 0.0
+    """Above the frame's zero."""
+    autocontinue: bool = True
+    x: int = 0
+    """As it came, for reading back."""
+    y: int = 0
+    """As it came."""
+
+    @property
+    def has_place(self) -> bool:
+        """Whether it says where; zero and zero stand for "here"."""
+        return isfinite(self.latitude_deg) and (self.latitude_deg != 0.0 or self.longitude_deg != 0.0)
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether its height counts from home."""
+        return self.frame in _RELATIVE
+
+
+def check_mission_item(item: PlanItem, count: int) -> tuple[Refusal, str]:
+    """Judges an item of a mission; `count` is the length of the list."""
+    if item.command not in MISSION_COMMANDS:
+        return Refusal.UNSUPPORTED, f"command {item.command} is not supported"
+    if item.command in POSITIONED:
+        if item.frame not in _RELATIVE | _ABSOLUTE:
+            return Refusal.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
+        if not abs(item.latitude_deg) <= 90.0:
+            return Refusal.INVALID_PARAM5, "latitude out of range"
+        if not abs(item.longitude_deg) <= 180.0:
+            return Refusal.INVALID_PARAM6, "longitude out of range"
+        if not abs(item.height_m) < 100_000.0:
+            return Refusal.INVALID_PARAM7, "height is not a number"
+    if item.command == Command.JUMP and not 0 <= item.parameters[0] < count:
+        return Refusal.INVALID_PARAM1, f"jump to item {item.parameters[0]:g}, which does not exist"
+    if item.command == Command.CHANGE_SPEED and not item.parameters[1] > 0.0 and item.parameters[1] != -1.0:
+        return Refusal.INVALID_PARAM2, "speed must be positive"
+    return Refusal.ACCEPTED, ""
+
+
+@dataclass(slots=True)
+class Circle:
+    """A round part of a fence."""
+
+    centre: GeoPoint
+    radius_m: float
+    is_inclusion: bool
+
+
+@dataclass(slots=True)
+class Polygon:
+    """A part of a fence with corners."""
+
+    corners: list[GeoPoint]
+    is_inclusion: bool
+
+
+@dataclass(slots=True)
+class Plans:
+    """Everything that was uploaded."""
+
+    mission: tuple[PlanItem, ...] = ()
+    fence: tuple[PlanItem, ...] = ()
+    rally: tuple[PlanItem, ...] = ()
+    polygons: list[Polygon] = field(default_factory=list)
+    circles: list[Circle] = field(default_factory=list)
+    mission_count: int = 0
+    """How often a mission was uploaded."""
+
+    def set_mission(self, items: tuple[PlanItem, ...]) -> None:
+        """Puts a new mission in place of the old one."""
+        self.mission = items
+        self.mission_count += 1
+
+    def set_fence(self, items: tuple[PlanItem, ...]) -> None:
+        """Puts a new fence in place of the old one.
+
+        Raises:
+            ValueError: the corners of a polygon are not complete.
+        """
+        polygons: list[Polygon] = []
+        circles: list[Circle] = []
+        wanted = 0
+        for item in items:
+            place = GeoPoint(item.latitude_deg, item.longitude_deg, nan)
+            is_inclusion = item.command in (Command.FENCE_POLYGON_INCLUSION, Command.FENCE_CIRCLE_INCLUSION)
+            if item.command in (Command.FENCE_POLYGON_INCLUSION, Command.FENCE_POLYGON_EXCLUSION):
+                if wanted == 0:
+                    wanted = int(item.parameters[0])
+                    if wanted < 3:
+                        raise ValueError("a polygon needs three corners")
+                    polygons.append(Polygon([], is_inclusion))
+                if polygons[-1].is_inclusion is not is_inclusion:
+                    raise ValueError("a polygon ends before its last corner")
+                polygons[-1].corners.append(place)
+                wanted -= 1
+            elif wanted:
+                raise ValueError("a polygon ends before its last corner")
+            elif item.command in (Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION):
+                circles.append(Circle(place, item.parameters[0], is_inclusion))
+        if wanted:
+            raise ValueError("a polygon ends before its last corner")
+        self.fence, self.polygons, self.circles = items, polygons, circles
+
+    def set_rally(self, items: tuple[PlanItem, ...]) -> None:
+        """Puts new rally points in place of the old ones."""
+        self.rally = items

@@ -1,0 +1,1 @@
+"""The two styles of autopilot: PX4's and ArduPilot's modes, parameters and manners, as data."""

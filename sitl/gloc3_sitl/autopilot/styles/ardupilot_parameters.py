@@ -1,0 +1,137 @@
+"""ArduPilot's parameters that matter here, with the names, types and units of Copter 4.7."""
+
+from collections.abc import Mapping
+from math import radians
+from typing import Final
+
+from gloc3_sitl.autopilot.parameters import Kind, ParameterRow, real, whole
+from gloc3_sitl.autopilot.tuning import Action
+
+_STATION_LOST: Final[Mapping[int, Action]] = {
+    0: Action.NONE,
+    1: Action.RETURN,
+    3: Action.RETURN,
+    4: Action.LAND,
+    5: Action.LAND,
+    7: Action.BRAKE,
+}
+_PILOT_LOST: Final[Mapping[int, Action]] = {
+    0: Action.NONE,
+    1: Action.RETURN,
+    3: Action.LAND,
+    4: Action.RETURN,
+    5: Action.LAND,
+    7: Action.BRAKE,
+}
+_FENCE: Final[Mapping[int, Action]] = {
+    0: Action.WARN,
+    1: Action.RETURN,
+    2: Action.LAND,
+    3: Action.RETURN,
+    4: Action.BRAKE,
+    5: Action.LAND,
+}
+_BATTERY: Final[Mapping[int, Action]] = {
+    0: Action.WARN,
+    1: Action.LAND,
+    2: Action.RETURN,
+    3: Action.RETURN,
+    4: Action.LAND,
+    5: Action.TERMINATE,
+    7: Action.BRAKE,
+}
+_POSITION_LOST: Final[Mapping[int, Action]] = {1: Action.LAND, 2: Action.POSITION, 3: Action.LAND}
+_CHECKS_SKIPPED: Final[Mapping[int, int]] = {0: -1, 1: 0}
+
+PARAMETERS: Final[tuple[ParameterRow, ...]] = (
+    # Identity and links
+    whole("MAV_SYSID", 1, 1, 255, "MAVLink system id", kind=Kind.INT16),
+    whole("MAV_GCS_SYSID", 255, 1, 255, "system id of my ground station", "station_system", kind=Kind.INT16),
+    whole("FRAME_CLASS", 1, 0, 17, "frame: quad", kind=Kind.INT8),
+    whole("FRAME_TYPE", 1, 0, 19, "frame: X", kind=Kind.INT8),
+    whole("MAV1_POSITION", 0, 0, 50, "stream rate of positions, Hz", kind=Kind.INT16),
+    whole("MAV1_EXTRA1", 0, 0, 50, "stream rate of attitude, Hz", kind=Kind.INT16),
+    whole("MAV1_EXTRA2", 0, 0, 50, "stream rate of VFR_HUD, Hz", kind=Kind.INT16),
+    whole("MAV1_EXTRA3", 0, 0, 50, "stream rate of slow state, Hz", kind=Kind.INT16),
+    whole("MAV1_EXT_STAT", 0, 0, 50, "stream rate of status, Hz", kind=Kind.INT16),
+    whole("MAV1_RAW_SENS", 0, 0, 50, "stream rate of raw sensors, Hz", kind=Kind.INT16),
+    # Arming and failsafes
+    whole("ARMING_SKIPCHK", 0, 0, 1, "1 skips the arming checks", "check_mask", _CHECKS_SKIPPED),
+    whole("DISARM_DELAY", 10, 0, 127, "disarm when idle on the ground, s", "disarm_idle_s", kind=Kind.INT8),
+    whole("FS_GCS_ENABLE", 0, 0, 7, "station loss action", "station_lost_action", _STATION_LOST, Kind.INT8),
+    real("FS_GCS_TIMEOUT", 5.0, 2.0, 120.0, "station loss timeout, s", "station_timeout_s"),
+    whole("FS_THR_ENABLE", 1, 0, 7, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, Kind.INT8),
+    whole("FS_OPTIONS", 16, 0, 511, "modes in which failsafes change nothing"),
+    whole("FS_EKF_ACTION", 1, 1, 3, "position loss action", "position_lost_action", _POSITION_LOST, Kind.INT8),
+    real("FS_EKF_THRESH", 0.8, 0.6, 1.0, "estimator variance that counts as failure"),
+    whole("FS_DR_ENABLE", 2, 0, 6, "dead reckoning action", kind=Kind.INT8),
+    whole("FS_DR_TIMEOUT", 30, 0, 120, "dead reckoning timeout, s", kind=Kind.INT16),
+    real("RC_FS_TIMEOUT", 1.0, 0.5, 10.0, "transmitter loss timeout, s", "pilot_timeout_s"),
+    whole("BATT_MONITOR", 4, 0, 29, "battery monitor: voltage and current", kind=Kind.INT8),
+    whole("BATT_CAPACITY", 6250, 0, 1000000, "capacity, mAh"),
+    real("BATT_LOW_MAH", 937.0, 0.0, 1000000.0, "low battery, mAh left"),
+    real("BATT_CRT_MAH", 437.0, 0.0, 1000000.0, "critical battery, mAh left"),
+    whole("BATT_FS_LOW_ACT", 0, 0, 7, "low battery action", "battery_low_action", _BATTERY, Kind.INT8),
+    whole("BATT_FS_CRT_ACT", 0, 0, 7, "critical battery action", "battery_critical_action", _BATTERY, Kind.INT8),
+    # Fence
+    whole("FENCE_ENABLE", 0, 0, 1, "fence is on", "fence_is_on", kind=Kind.INT8),
+    whole("FENCE_TYPE", 7, 0, 15, "height, circle, polygons", kind=Kind.INT8),
+    whole("FENCE_ACTION", 1, 0, 8, "fence action", "fence_action", _FENCE, Kind.INT8),
+    real("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "highest over home, m", "fence_height_m"),
+    real("FENCE_RADIUS", 300.0, 30.0, 10000.0, "farthest from home, m", "fence_radius_m"),
+    real("FENCE_MARGIN", 2.0, 1.0, 10.0, "distance kept from the fence, m", "fence_margin_m"),
+    whole("FENCE_TOTAL", 0, 0, 255, "items of the fence", kind=Kind.INT8),
+    # Take-off, mission, return, land
+    real("PILOT_TKO_ALT_M", 0.0, 0.0, 10.0, "pilot's take-off height, m"),
+    real("PILOT_SPD_UP", 2.5, 0.5, 5.0, "pilot's climb speed, m/s"),
+    real("PILOT_SPD_DN", 0.0, 0.0, 5.0, "pilot's descent speed, m/s"),
+    whole("GUID_OPTIONS", 0, 0, 511, "guided options"),
+    real("GUID_TIMEOUT", 3.0, 0.1, 5.0, "guided timeout, s", "stream_timeout_s"),
+    whole("MIS_TOTAL", 0, 0, 32766, "items of the mission", kind=Kind.INT16),
+    whole("MIS_RESTART", 0, 0, 1, "mission begins anew in AUTO", kind=Kind.INT8),
+    whole("WP_YAW_BEHAVIOR", 2, 0, 3, "heading in missions", kind=Kind.INT8),
+    real("WP_SPD", 5.0, 0.1, 20.0, "speed in missions, m/s", "limits.speed_xy_m_s"),
+    real("WP_SPD_UP", 2.5, 0.1, 10.0, "climb speed, m/s", "limits.speed_up_m_s"),
+    real("WP_SPD_DN", 1.5, 0.1, 5.0, "descent speed, m/s", "limits.speed_down_m_s"),
+    real("WP_ACC", 2.5, 0.5, 5.0, "horizontal acceleration, m/s^2", "limits.acceleration_xy_m_s2"),
+    real("WP_ACC_Z", 2.0, 0.5, 5.0, "vertical acceleration, m/s^2", "limits.acceleration_z_m_s2"),
+    real("WP_JERK", 6.0, 1.0, 20.0, "jerk, m/s^3", "limits.jerk_m_s3"),
+    real("WP_RADIUS_M", 2.0, 0.05, 10.0, "acceptance radius, m", "acceptance_radius_m"),
+    real("RTL_ALT_M", 15.0, 0.3, 3000.0, "return height, m", "return_height_m"),
+    real("RTL_ALT_FINAL_M", 0.0, 0.0, 10.0, "height to wait at, m; 0 lands"),
+    real("RTL_CLIMB_MIN_M", 0.0, 0.0, 30.0, "least climb, m"),
+    whole("RTL_LOIT_TIME", 5000, 0, 60000, "wait before landing, ms"),
+    real("RTL_SPEED_MS", 0.0, 0.0, 20.0, "return speed, m/s; 0 is WP_SPD"),
+    real("LAND_SPD_MS", 0.5, 0.3, 2.0, "landing speed, m/s", "land_speed_m_s"),
+    real("LAND_SPD_HIGH_MS", 1.5, 0.0, 5.0, "landing speed higher up, m/s", "land_fast_speed_m_s"),
+    real("LAND_ALT_LOW_M", 5.0, 1.0, 100.0, "height below which landing is slow, m", "land_slow_height_m"),
+    # Control
+    real("LOIT_SPEED_MS", 8.0, 0.2, 35.0, "largest speed, m/s", "gains.speed_xy_m_s"),
+    real("PSC_NE_POS_P", 1.3, 0.5, 4.0, "position gain", "gains.position_xy"),
+    real("PSC_D_POS_P", 1.4, 0.5, 4.0, "height gain", "gains.position_z"),
+    real("PSC_NE_VEL_P", 2.6, 0.1, 6.0, "velocity gain", "gains.velocity_p_xy"),
+    real("PSC_NE_VEL_I", 1.0, 0.0, 2.0, "velocity integral gain", "gains.velocity_i_xy"),
+    real("PSC_NE_VEL_D", 0.25, 0.0, 1.0, "velocity derivative gain", "gains.velocity_d_xy"),
+    real("PSC_D_VEL_P", 5.0, 1.0, 8.0, "vertical velocity gain", "gains.velocity_p_z"),
+    real("ATC_ANGLE_MAX", 35.0, 10.0, 80.0, "largest lean, deg", "gains.tilt_rad", radians(1.0)),
+    real("ATC_RATE_WPY_MAX", 60.0, 5.0, 360.0, "fastest turn in missions, deg/s", "yaw_rate_rad_s", radians(1.0)),
+    real("ATC_ANG_RLL_P", 6.5, 3.0, 12.0, "roll gain", "attitude_p_roll"),
+    real("ATC_ANG_PIT_P", 6.5, 3.0, 12.0, "pitch gain", "attitude_p_pitch"),
+    real("ATC_ANG_YAW_P", 2.8, 1.0, 12.0, "yaw gain", "attitude_p_yaw"),
+    real("MOT_THST_HOVER", 0.46, 0.125, 0.6875, "hover thrust", "hover_thrust"),
+    real("MOT_SPIN_MIN", 0.15, 0.0, 0.3, "least throttle in flight"),
+    # Estimator
+    whole("AHRS_EKF_TYPE", 3, 0, 11, "estimator", kind=Kind.INT8),
+    whole("EK3_SRC1_POSXY", 3, 0, 6, "position: 0 none, 3 GPS, 6 external", kind=Kind.INT8),
+    whole("EK3_SRC1_VELXY", 3, 0, 7, "velocity: 0 none, 3 GPS, 6 external", kind=Kind.INT8),
+    whole("EK3_SRC1_POSZ", 3, 0, 6, "height: 1 barometer, 2 range, 3 GPS, 6 external", kind=Kind.INT8),
+    whole("EK3_SRC1_YAW", 1, 0, 8, "heading: 1 compass, 6 external", kind=Kind.INT8),
+    whole("EK3_SRC2_POSXY", 0, 0, 6, "second set: position", kind=Kind.INT8),
+    whole("EK3_SRC2_VELXY", 0, 0, 7, "second set: velocity", kind=Kind.INT8),
+    whole("EK3_SRC2_POSZ", 1, 0, 6, "second set: height", kind=Kind.INT8),
+    whole("EK3_SRC2_YAW", 0, 0, 8, "second set: heading", kind=Kind.INT8),
+    whole("VISO_TYPE", 0, 0, 3, "vision: 0 none, 1 MAVLink", kind=Kind.INT8),
+    whole("VISO_DELAY_MS", 10, 0, 250, "vision latency, ms", kind=Kind.INT16),
+    whole("VISO_QUAL_MIN", 0, -1, 100, "least vision quality", kind=Kind.INT8),
+    whole("LOG_BITMASK", 176126, 0, 1048575, "what is logged"),
+)

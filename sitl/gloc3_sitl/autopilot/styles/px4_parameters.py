@@ -1,0 +1,134 @@
+"""PX4's parameters that matter here, with the names, types, bounds and meanings of its parameter reference (v1.16)."""
+
+from collections.abc import Mapping
+from math import radians
+from typing import Final
+
+from gloc3_sitl.autopilot.parameters import ParameterRow, real, whole
+from gloc3_sitl.autopilot.tuning import Action
+
+_STATION_LOST: Final[Mapping[int, Action]] = {
+    0: Action.NONE,
+    1: Action.HOLD,
+    2: Action.RETURN,
+    3: Action.LAND,
+    5: Action.TERMINATE,
+    6: Action.DISARM,
+}
+_PILOT_LOST: Final[Mapping[int, Action]] = {
+    1: Action.HOLD,
+    2: Action.RETURN,
+    3: Action.LAND,
+    5: Action.TERMINATE,
+    6: Action.DISARM,
+}
+_STREAM_LOST: Final[Mapping[int, Action]] = {
+    0: Action.POSITION,
+    1: Action.POSITION,
+    2: Action.POSITION,
+    3: Action.RETURN,
+    4: Action.LAND,
+    5: Action.HOLD,
+    6: Action.TERMINATE,
+    7: Action.DISARM,
+}
+_FENCE: Final[Mapping[int, Action]] = {
+    0: Action.NONE,
+    1: Action.WARN,
+    2: Action.HOLD,
+    3: Action.RETURN,
+    4: Action.TERMINATE,
+    5: Action.LAND,
+}
+_BATTERY_CRITICAL: Final[Mapping[int, Action]] = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
+
+PARAMETERS: Final[tuple[ParameterRow, ...]] = (
+    # Identity and links
+    whole("SYS_AUTOSTART", 4001, 0, 9999999, "airframe: generic quadcopter"),
+    whole("MAV_SYS_ID", 1, 1, 250, "MAVLink system id"),
+    whole("MAV_COMP_ID", 1, 1, 250, "MAVLink component id"),
+    whole("MAV_TYPE", 2, 0, 22, "MAVLink vehicle type: quadrotor"),
+    # Modes, arming, failsafes
+    whole("COM_RC_IN_MODE", 3, 0, 4, "manual control: transmitter, joystick, either, first, none"),
+    real("COM_RC_LOSS_T", 0.5, 0.0, 35.0, "manual control loss timeout, s", "pilot_timeout_s"),
+    whole("COM_RC_OVERRIDE", 1, 0, 3, "sticks take over: bit 0 auto modes, bit 1 offboard", "pilot_override"),
+    real("COM_RC_STICK_OV", 30.0, 5.0, 80.0, "stick deflection that takes over, %", "pilot_override_stick", 0.01),
+    whole("NAV_RCL_ACT", 2, 1, 6, "manual control loss action", "pilot_lost_action", _PILOT_LOST),
+    whole(
+        "COM_RCL_EXCEPT", 4, 0, 31, "modes without manual control loss: mission, hold, offboard", "pilot_lost_exempt"
+    ),
+    whole("NAV_DLL_ACT", 0, 0, 6, "ground station loss action", "station_lost_action", _STATION_LOST),
+    whole("COM_DL_LOSS_T", 10, 5, 300, "ground station loss timeout, s", "station_timeout_s"),
+    whole("COM_DLL_EXCEPT", 0, 0, 7, "modes without station loss: mission, hold, offboard", "station_lost_exempt"),
+    real("COM_FAIL_ACT_T", 5.0, 0.0, 25.0, "hold before a failsafe, s", "action_delay_s"),
+    real("COM_OF_LOSS_T", 1.0, 0.0, 60.0, "offboard loss timeout, s", "stream_timeout_s"),
+    whole("COM_OBL_RC_ACT", 0, 0, 7, "offboard loss action", "stream_lost_action", _STREAM_LOST),
+    whole("COM_POS_FS_DELAY", 1, 1, 100, "position loss delay, s", "position_lost_s"),
+    real("COM_DISARM_LAND", 2.0, -1.0, 3600.0, "disarm after landing, s", "disarm_after_landing_s"),
+    real("COM_DISARM_PRFLT", 10.0, -1.0, 3600.0, "disarm when nothing took off, s", "disarm_unflown_s"),
+    whole("COM_ARM_WO_GPS", 1, 0, 2, "arming without a position"),
+    whole("COM_LOW_BAT_ACT", 0, 0, 3, "battery action", "battery_critical_action", _BATTERY_CRITICAL),
+    real("BAT_LOW_THR", 0.15, 0.12, 0.5, "low battery, share", "battery_low"),
+    real("BAT_CRIT_THR", 0.07, 0.05, 0.5, "critical battery, share", "battery_critical"),
+    real("BAT_EMERGEN_THR", 0.05, 0.03, 0.5, "battery emergency, share", "battery_emergency"),
+    whole("BAT1_N_CELLS", 3, 0, 16, "cells in series"),
+    real("BAT1_CAPACITY", 6250.0, -1.0, 100000.0, "capacity, mAh"),
+    whole("COM_FLTMODE1", -1, -1, 15, "mode of the switch's first position"),
+    whole("COM_ARM_AUTH_REQ", 0, 0, 1, "arming needs an authorization"),
+    # Fence
+    whole("GF_ACTION", 2, 0, 5, "fence action", "fence_action", _FENCE),
+    real("GF_MAX_HOR_DIST", 0.0, 0.0, 10000.0, "farthest from home, m", "fence_radius_m"),
+    real("GF_MAX_VER_DIST", 0.0, 0.0, 10000.0, "highest over home, m", "fence_height_m"),
+    whole("GF_SOURCE", 0, 0, 1, "position that the fence looks at"),
+    # Take-off, mission, return, land
+    real("MIS_TAKEOFF_ALT", 2.5, 0.0, 80.0, "take-off height, m", "takeoff_height_m"),
+    whole("MIS_TKO_LAND_REQ", 0, 0, 5, "mission must have take-off or landing"),
+    whole("MIS_YAWMODE", 1, 0, 4, "heading in missions"),
+    real("NAV_ACC_RAD", 2.0, 0.05, 200.0, "acceptance radius, m", "acceptance_radius_m"),
+    real("NAV_MC_ALT_RAD", 0.8, 0.05, 200.0, "acceptance height, m"),
+    real("RTL_RETURN_ALT", 30.0, 0.0, 2000.0, "return height, m", "return_height_m"),
+    real("RTL_DESCEND_ALT", 10.0, 0.0, 2000.0, "height to wait at, m", "return_descend_m"),
+    real("RTL_LAND_DELAY", 0.0, -1.0, 3600.0, "wait before landing, s", "return_wait_s"),
+    real("RTL_MIN_DIST", 10.0, 0.5, 100.0, "no climb closer to home, m", "return_near_m"),
+    whole("RTL_TYPE", 0, 0, 5, "return to home or rally points"),
+    real("MPC_TKO_SPEED", 1.5, 1.0, 5.0, "take-off speed, m/s", "takeoff_speed_m_s"),
+    real("MPC_LAND_SPEED", 0.7, 0.6, 10.0, "landing speed, m/s", "land_speed_m_s"),
+    real("MPC_LAND_ALT2", 5.0, 0.0, 100.0, "height below which landing is slow, m", "land_slow_height_m"),
+    real("MPC_Z_V_AUTO_DN", 1.5, 0.5, 4.0, "descent speed in auto modes, m/s", "limits.speed_down_m_s"),
+    real("MPC_Z_V_AUTO_UP", 3.0, 0.5, 8.0, "climb speed in auto modes, m/s", "limits.speed_up_m_s"),
+    # Position control
+    real("MPC_XY_CRUISE", 5.0, 3.0, 20.0, "speed in missions, m/s", "limits.speed_xy_m_s"),
+    real("MPC_XY_VEL_MAX", 12.0, 0.0, 20.0, "largest speed, m/s", "gains.speed_xy_m_s"),
+    real("MPC_Z_VEL_MAX_UP", 3.0, 0.5, 8.0, "largest climb, m/s", "gains.speed_up_m_s"),
+    real("MPC_Z_VEL_MAX_DN", 1.5, 0.5, 4.0, "largest descent, m/s", "gains.speed_down_m_s"),
+    real("MPC_ACC_HOR", 3.0, 2.0, 15.0, "horizontal acceleration, m/s^2", "limits.acceleration_xy_m_s2"),
+    real("MPC_JERK_AUTO", 6.0, 1.0, 80.0, "jerk in auto modes, m/s^3", "limits.jerk_m_s3"),
+    real("MPC_XY_P", 1.3, 0.0, 2.0, "position gain", "gains.position_xy"),
+    real("MPC_Z_P", 1.4, 0.1, 1.5, "height gain", "gains.position_z"),
+    real("MPC_XY_VEL_P_ACC", 2.6, 1.2, 5.0, "velocity gain", "gains.velocity_p_xy"),
+    real("MPC_XY_VEL_I_ACC", 1.0, 0.0, 60.0, "velocity integral gain", "gains.velocity_i_xy"),
+    real("MPC_XY_VEL_D_ACC", 0.25, 0.1, 2.0, "velocity derivative gain", "gains.velocity_d_xy"),
+    real("MPC_Z_VEL_P_ACC", 5.0, 2.0, 15.0, "vertical velocity gain", "gains.velocity_p_z"),
+    real("MPC_Z_VEL_I_ACC", 2.0, 0.2, 3.0, "vertical velocity integral gain", "gains.velocity_i_z"),
+    real("MPC_TILTMAX_AIR", 45.0, 20.0, 89.0, "largest lean, deg", "gains.tilt_rad", radians(1.0)),
+    real("MPC_THR_HOVER", 0.46, 0.1, 0.8, "hover thrust", "hover_thrust"),
+    real("MPC_THR_MIN", 0.12, 0.05, 0.5, "least thrust", "gains.thrust_min"),
+    real("MPC_THR_MAX", 1.0, 0.0, 1.0, "largest thrust", "gains.thrust_max"),
+    real("MPC_YAWRAUTO_MAX", 45.0, 5.0, 360.0, "fastest turn in auto modes, deg/s", "yaw_rate_rad_s", radians(1.0)),
+    real("MC_ROLL_P", 6.5, 0.0, 12.0, "roll gain", "attitude_p_roll"),
+    real("MC_PITCH_P", 6.5, 0.0, 12.0, "pitch gain", "attitude_p_pitch"),
+    real("MC_YAW_P", 2.8, 0.0, 5.0, "yaw gain", "attitude_p_yaw"),
+    # Estimator
+    whole("EKF2_EN", 1, 0, 1, "estimator is on"),
+    whole("EKF2_GPS_CTRL", 7, 0, 15, "GPS: position, height, velocity, heading"),
+    whole("EKF2_EV_CTRL", 0, 0, 15, "vision: position, height, velocity, heading"),
+    whole("EKF2_BARO_CTRL", 1, 0, 1, "barometer is used"),
+    whole("EKF2_MAG_TYPE", 0, 0, 6, "magnetometer: automatic, ..., 5 none"),
+    whole("EKF2_HGT_REF", 1, 0, 3, "height reference: barometer, GPS, range, vision"),
+    real("EKF2_EV_DELAY", 0.0, 0.0, 300.0, "vision latency, ms"),
+    whole("EKF2_EV_QMIN", 0, 0, 100, "least vision quality"),
+    whole("SDLOG_MODE", 0, -1, 4, "when to log"),
+    whole("CAL_MAG0_ID", 197388, -2147483648, 2147483647, "magnetometer's device id"),
+    whole("CAL_GYRO0_ID", 2490378, -2147483648, 2147483647, "gyro's device id"),
+    whole("CAL_ACC0_ID", 2490378, -2147483648, 2147483647, "accelerometer's device id"),
+)

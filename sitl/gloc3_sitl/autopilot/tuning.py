@@ -1,0 +1,118 @@
+"""What the parameters of either style come down to: one set of figures in SI units, and actions with one meaning."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from gloc3_sitl.autopilot.control.position import PositionGains
+from gloc3_sitl.autopilot.control.trajectory import TrajectoryLimits
+
+
+class Action(IntEnum):
+    """What a failsafe does, the more severe the higher."""
+
+    NONE = 0
+    WARN = 1
+    HOLD = 2
+    BRAKE = 3
+    POSITION = 4
+    """Hand over to the pilot, in position mode."""
+    RETURN = 5
+    LAND = 6
+    DISARM = 7
+    TERMINATE = 8
+
+
+@dataclass(slots=True, kw_only=True)
+class Tuning:
+    """Every figure that a parameter can change; the comments name what it is for, the style's table names the parameter."""
+
+    gains: PositionGains = field(default_factory=PositionGains)
+    limits: TrajectoryLimits = field(default_factory=TrajectoryLimits)
+    attitude_p_roll: float = 6.5
+    attitude_p_pitch: float = 6.5
+    attitude_p_yaw: float = 3.0
+    yaw_rate_rad_s: float = 0.8
+    """Fastest turn in modes of its own."""
+    hover_thrust: float = 0.46
+
+    # Take-off, landing, return
+    takeoff_height_m: float = 2.5
+    takeoff_speed_m_s: float = 1.5
+    land_speed_m_s: float = 0.6
+    land_slow_height_m: float = 4.0
+    """Below this height above the ground the landing goes at `land_speed_m_s`."""
+    land_fast_speed_m_s: float = 1.0
+    disarm_after_landing_s: float = 2.0
+    """Motors off so long after touchdown in a landing; never when negative."""
+    disarm_idle_s: float = 2.0
+    """Motors off so long after touchdown in any other mode; never when negative."""
+    disarm_unflown_s: float = 10.0
+    """Motors off when nothing took off within this time after arming; never when 0 or negative."""
+    return_height_m: float = 15.0
+    """Least height over home while flying back."""
+    return_near_m: float = 10.0
+    """Closer to home than this the vehicle does not climb first."""
+    return_descend_m: float = 10.0
+    """Height over home to which it comes down before it waits."""
+    return_wait_s: float = 0.0
+
+    # Mission
+    acceptance_radius_m: float = 2.0
+    """Horizontal distance at which a waypoint counts as reached, where the item says none."""
+
+    mission_uses_item_yaw: bool = True
+    mission_faces_course: bool = True
+    """Turns towards the next waypoint, where the item says no heading."""
+
+    # Streamed setpoints
+    stream_timeout_s: float = 1.0
+    """Setpoints older than this are lost."""
+    stream_lost_action: Action = Action.HOLD
+    stream_needed_hz: float = 2.0
+    """Rate below which streamed control is not accepted; 0 asks for none."""
+
+    # Links, battery, pilot, position, fence
+    station_timeout_s: float = 10.0
+    station_lost_action: Action = Action.NONE
+    station_lost_exempt: int = 0
+    """Bits as `Exempt`."""
+    station_system: int = 0
+    """Only heartbeats of this system count as the station's; 0 takes any ground station."""
+    action_delay_s: float = 5.0
+    """Hold before a failsafe that moves."""
+    battery_low: float = 0.15
+    battery_critical: float = 0.07
+    battery_emergency: float = 0.05
+    battery_low_action: Action = Action.WARN
+    battery_critical_action: Action = Action.RETURN
+    battery_emergency_action: Action = Action.LAND
+    pilot_timeout_s: float = 0.5
+    pilot_lost_action: Action = Action.RETURN
+    pilot_lost_exempt: int = 0
+    pilot_required: bool = False
+    """Whether arming needs a pilot's transmitter."""
+    pilot_override: int = 1
+    """Bit 0: moved sticks take over from modes of its own; bit 1: from streamed control too."""
+    pilot_override_stick: float = 0.3
+    position_lost_action: Action = Action.LAND
+    position_lost_s: float = 1.0
+    fence_is_on: bool = True
+    fence_action: Action = Action.HOLD
+    fence_radius_m: float = 0.0
+    """Farthest from home; 0 is no limit."""
+    fence_height_m: float = 0.0
+    """Highest over home; 0 is no limit."""
+    fence_margin_m: float = 0.0
+    check_mask: int = -1
+    """Arming checks that are made, bits as `Check`."""
+    needs_position_to_arm: bool = True
+
+
+class Exempt(IntEnum):
+    """Bits of the modes in which a lost link changes nothing."""
+
+    MISSION = 1
+    HOLD = 2
+    STREAMED = 4
+    LANDING = 8
+    PILOT = 16

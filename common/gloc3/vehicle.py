@@ -103,6 +103,8 @@ class Pose(Message, frozen=True):
     """Grows by one at each jump of the estimate."""
     sources: list[str] = []
     """What the estimate rests on."""
+    origin_geo: tuple[float, float, float] | None = None
+    """Where the NED frame begins: latitude and longitude in degrees, altitude above mean sea level in metres."""
 
 
 class Image(Message, frozen=True):

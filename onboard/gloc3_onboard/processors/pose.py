@@ -1,5 +1,6 @@
 """DP: the platform's pose, from the autopilot's own estimate, in the NED frame of the platform's local frame."""
 
+import math
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -14,8 +15,10 @@ class PoseSettings(Settings, frozen=True):
     """Settings of the pose processor."""
 
     origin_geo: tuple[float, float, float] | None = None
-    """Origin of the local frame: latitude and longitude in degrees, altitude above mean sea level in metres. None
-    takes the origin of the autopilot's estimator."""
+    """Origin of the local frame: latitude and longitude in degrees, altitude above mean sea level in metres. None, or
+    a place farther than `reach_m` away, takes the origin of the autopilot's estimator."""
+    reach_m: Annotated[float, Bounds(1.0, 100_000.0)] = 5_000.0
+    """Farthest distance at which a local frame is used."""
     jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
     """A step of the position that its velocity does not explain by more than this is a jump."""
     std_m: Annotated[float, Bounds(0.001, 100.0)] = 0.05
@@ -38,6 +41,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._plane: TangentPlane | None = None
         self._offset_of: tuple[float, float, float] | None = None
         self._offset_ned_m: Vector3 = (0.0, 0.0, 0.0)
+        self._origin_geo: tuple[float, float, float] | None = None
         self._last: Pose | None = None
         self._last_s = 0.0
 
@@ -64,8 +68,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
             if given.origin_geo is None:
                 self.reason = "the autopilot has not told its origin"
             elif given.origin_geo != self._offset_of:
-                self._offset_of = given.origin_geo
-                self._offset_ned_m = self._plane.ned_from_geo(*given.origin_geo)
+                self._move_to(given.origin_geo, self._plane)
         n, e, d = given.position_ned_m
         offset = self._offset_ned_m
         position = (n + offset[0], e + offset[1], d + offset[2])
@@ -81,9 +84,17 @@ class PoseProcessor(DataProcessor[PoseSettings]):
             quality=0.0 if self.reason else 1.0,
             reset_counter=self.reset_counter,
             sources=["autopilot"],
+            origin_geo=self._origin_geo or given.origin_geo,
         )
         self._last, self._last_s = pose, t_s
         return pose
+
+    def _move_to(self, autopilot_origin: tuple[float, float, float], plane: TangentPlane) -> None:
+        self._offset_of = autopilot_origin
+        offset = plane.ned_from_geo(*autopilot_origin)
+        is_near = math.hypot(offset[0], offset[1]) <= self._settings.reach_m
+        self._offset_ned_m = offset if is_near else (0.0, 0.0, 0.0)
+        self._origin_geo = self._settings.origin_geo if is_near else autopilot_origin
 
     def _count_jump(self, position: Vector3, velocity: Vector3, t_s: float) -> None:
         if self._last is None:

@@ -1,0 +1,169 @@
+"""What an autopilot tells in MAVLink, as our messages: state, pose, height."""
+
+import math
+from typing import ClassVar, Final
+
+import msgspec
+
+from gloc3.frames import normalize
+from gloc3.link.codec import MavlinkMessage
+from gloc3.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
+from gloc3_onboard.autopilot.style import AutopilotStyle
+from gloc3_onboard.devices import Stamped, StampedHeight
+
+ARMED_FLAG: Final = 128
+CRITICAL: Final = 5
+PREARM_BIT: Final = 1 << 28
+DOWNWARD: Final = 25
+"""MAV_SENSOR_ROTATION_PITCH_270."""
+MOST_REASONS: Final = 8
+PREARM_WORDS: Final = ("prearm", "preflight", "arming denied", "arm:")
+"""How a status text begins that says why the autopilot would not arm, in lower case."""
+
+_LANDED: Final = {
+    1: LandedState.ON_GROUND,
+    2: LandedState.IN_AIR,
+    3: LandedState.TAKING_OFF,
+    4: LandedState.LANDING,
+}
+
+
+class BootClock:
+    """Maps the autopilot's time since boot to ours: the smallest difference seen is that of the fastest message."""
+
+    DRIFT: ClassVar[float] = 1e-4
+
+    def __init__(self) -> None:
+        self._offset_s = math.inf
+        self._last_s = 0.0
+
+    def t_s(self, boot_ms: int, now_s: float) -> float:
+        """Our time of something that the autopilot stamps with its own."""
+        difference_s = now_s - boot_ms * 1e-3
+        self._offset_s = min(self._offset_s + self.DRIFT * (now_s - self._last_s), difference_s)
+        if difference_s - self._offset_s > 1.0:  # it has restarted
+            self._offset_s = difference_s
+        self._last_s = now_s
+        return boot_ms * 1e-3 + self._offset_s
+
+    def boot_ms(self, now_s: float) -> int:
+        """The autopilot's own time now."""
+        return max(0, int((now_s - self._offset_s) * 1e3)) if math.isfinite(self._offset_s) else 0
+
+
+class Telemetry:
+    """Keeps the latest of everything; each message replaces immutable values."""
+
+    HANDLES: ClassVar = (
+        "HEARTBEAT",
+        "SYS_STATUS",
+        "ATTITUDE_QUATERNION",
+        "LOCAL_POSITION_NED",
+        "GLOBAL_POSITION_INT",
+        "GPS_GLOBAL_ORIGIN",
+        "DISTANCE_SENSOR",
+        "EXTENDED_SYS_STATE",
+        "STATUSTEXT",
+    )
+
+    def __init__(self) -> None:
+        self.state = AutopilotState(is_connected=False)
+        self.pose: Stamped | None = None
+        self.height: StampedHeight | None = None
+        self.altitude_m = 0.0
+        """Above mean sea level."""
+        self._style: AutopilotStyle | None = None
+        self._clock = BootClock()
+        self._origin: tuple[float, float, float] | None = None
+        self._attitude = (1.0, 0.0, 0.0, 0.0)
+        self._rate = (0.0, 0.0, 0.0)
+        self._has_attitude = False
+
+    def adopt(self, style: AutopilotStyle) -> None:
+        """Reads mode numbers by this style from now on."""
+        self._style = style
+
+    def state_when(self, is_connected: bool) -> AutopilotState:
+        """The state, marked as connected or not."""
+        if self.state.is_connected != is_connected:
+            self.state = msgspec.structs.replace(self.state, is_connected=is_connected)
+        return self.state
+
+    def boot_ms(self, now_s: float) -> int:
+        """The autopilot's own time now."""
+        return self._clock.boot_ms(now_s)
+
+    def receive(self, message: MavlinkMessage, now_s: float) -> None:
+        """Takes a message of the autopilot in."""
+        match message.name:
+            case "LOCAL_POSITION_NED":
+                self._local_position(message, now_s)
+            case "ATTITUDE_QUATERNION":
+                self._attitude = normalize((message.q1, message.q2, message.q3, message.q4))
+                self._rate = (message.rollspeed, message.pitchspeed, message.yawspeed)
+                self._has_attitude = True
+            case "DISTANCE_SENSOR":
+                self._distance(message, now_s)
+            case "HEARTBEAT":
+                self._heartbeat(message)
+            case "EXTENDED_SYS_STATE":
+                self._set(landed=_LANDED.get(message.landed_state, LandedState.UNKNOWN))
+            case "SYS_STATUS":
+                self._system(message)
+            case "GLOBAL_POSITION_INT":
+                self.altitude_m = message.alt * 1e-3
+            case "GPS_GLOBAL_ORIGIN":
+                self._origin = (message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
+            case "STATUSTEXT":
+                self._text(message.text)
+
+    def _set(self, **fields: object) -> None:
+        if any(getattr(self.state, name) != value for name, value in fields.items()):
+            self.state = msgspec.structs.replace(self.state, **fields)
+
+    def _heartbeat(self, message: MavlinkMessage) -> None:
+        if self._style is None:
+            return
+        self._set(
+            style=self._style.style,
+            is_armed=bool(message.base_mode & ARMED_FLAG),
+            mode=self._style.flight_mode(message.custom_mode),
+            mode_name=self._style.mode_name(message.custom_mode),
+            is_failsafe=message.system_status >= CRITICAL,
+        )
+
+    def _system(self, message: MavlinkMessage) -> None:
+        is_armable = bool(message.onboard_control_sensors_health & PREARM_BIT)
+        self._set(
+            battery_v=message.voltage_battery * 1e-3,
+            battery_a=message.current_battery * 1e-2 if message.current_battery >= 0 else 0.0,
+            battery_remaining=message.battery_remaining * 1e-2 if message.battery_remaining >= 0 else -1.0,
+            is_armable=is_armable,
+            reasons=[] if is_armable else self.state.reasons,
+        )
+
+    def _text(self, text: str) -> None:
+        if text.lower().startswith(PREARM_WORDS) and text not in self.state.reasons:
+            self._set(reasons=[*self.state.reasons, text][-MOST_REASONS:])
+
+    def _local_position(self, message: MavlinkMessage, now_s: float) -> None:
+        if not self._has_attitude:
+            return
+        pose = AutopilotPose(
+            position_ned_m=(message.x, message.y, message.z),
+            velocity_ned_m_s=(message.vx, message.vy, message.vz),
+            ned_from_frd=self._attitude,
+            rate_frd_rad_s=self._rate,
+            origin_geo=self._origin,
+        )
+        self.pose = Stamped(self._clock.t_s(message.time_boot_ms, now_s), pose)
+
+    def _distance(self, message: MavlinkMessage, now_s: float) -> None:
+        if message.orientation != DOWNWARD:
+            return
+        distance_m = message.current_distance * 1e-2
+        is_valid = message.min_distance <= message.current_distance <= message.max_distance
+        height = HeightAboveGround(
+            height_m=distance_m, is_valid=is_valid, reason="" if is_valid else "no echo in range"
+        )
+        self.height = StampedHeight(self._clock.t_s(message.time_boot_ms, now_s), height)

@@ -67,10 +67,13 @@ class Answer(NamedTuple):
 class AutopilotControl(Protocol):
     """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
 
-    arm_in_mode: FlightMode | None
-    """The mode in which this style wants to be armed for a take-off; None for any."""
-    stream_before_guided_s: float
-    """How long setpoints must have been streamed before guided mode is accepted."""
+    @property
+    def arm_in_mode(self) -> FlightMode | None:
+        """The mode in which this style wants to be armed for a take-off; None for any."""
+
+    @property
+    def stream_before_guided_s(self) -> float:
+        """How long setpoints must have been streamed before guided mode is accepted."""
 
     def send_setpoint(
         self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None

@@ -47,6 +47,10 @@ class ByteLink(Protocol):
         """Sends whole frames."""
 
 
+def _say_nothing(_severity: Severity, _text: str) -> None:
+    """For links whose events nobody wants."""
+
+
 class AutopilotLink:
     """One autopilot: implements the telemetry, height and control devices.
 
@@ -62,7 +66,7 @@ class AutopilotLink:
         loop: asyncio.AbstractEventLoop,
         clock: Clock,
         system_id: int = 1,
-        say: Callable[[Severity, str], None] = lambda severity, text: None,
+        say: Callable[[Severity, str], None] = _say_nothing,
     ) -> None:
         self.own = Address(system_id, COMPANION)
         self.style: AutopilotStyle = Px4()

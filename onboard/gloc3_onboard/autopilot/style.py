@@ -24,12 +24,25 @@ class Stream(NamedTuple):
 class AutopilotStyle(Protocol):
     """One family of autopilots."""
 
-    style: Style
-    arm_in_mode: FlightMode | None
-    stream_before_guided_s: float
-    position_mask: int
-    """`type_mask` of SET_POSITION_TARGET_LOCAL_NED for position and yaw."""
-    streams: Sequence[Stream]
+    @property
+    def style(self) -> Style:
+        """Which family it is."""
+
+    @property
+    def arm_in_mode(self) -> FlightMode | None:
+        """The mode in which it wants to be armed for a take-off; None for any."""
+
+    @property
+    def stream_before_guided_s(self) -> float:
+        """How long setpoints must have been streamed before guided mode is accepted."""
+
+    @property
+    def position_mask(self) -> int:
+        """`type_mask` of SET_POSITION_TARGET_LOCAL_NED for position, velocity and yaw."""
+
+    @property
+    def streams(self) -> Sequence[Stream]:
+        """The messages that we need."""
 
     def flight_mode(self, custom_mode: int) -> FlightMode:
         """What a heartbeat's `custom_mode` means to us."""

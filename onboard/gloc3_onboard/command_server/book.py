@@ -1,0 +1,99 @@
+"""What the server knows of the platform's components, and the summary of it for the stations (paper §V)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, Health, Summary, TableRow, health_of
+from gloc3.deployment import ComponentRow
+from gloc3.lci import State
+from gloc3.messages import ComponentStatus
+
+SILENT_PERIODS: Final = 3.0
+"""A component whose status stays away for so many periods counts as absent."""
+HEALTHS: Final = tuple(Health)
+
+
+class ComponentBook:
+    """The last status of every component of the deployment."""
+
+    def __init__(self, rows: Sequence[ComponentRow]) -> None:
+        self.rows: Final[Mapping[str, ComponentRow]] = {row.name: row for row in rows}
+        self._status: dict[str, ComponentStatus] = {}
+        self._heard_s: dict[str, float] = {}
+        self._told_errors: dict[str, int] = {}
+
+    def hear(self, status: ComponentStatus, now_s: float) -> None:
+        """Takes a status in; of a component that is not in the deployment nothing is kept."""
+        if status.name in self.rows:
+            self._status[status.name] = status
+            self._heard_s[status.name] = now_s
+
+    def status(self, name: str) -> ComponentStatus | None:
+        """The last status of a component."""
+        return self._status.get(name)
+
+    def state(self, name: str, now_s: float) -> State | None:
+        """The state of a component; None when it has left, or is silent."""
+        status = self._status.get(name)
+        if status is None or now_s - self._heard_s[name] > SILENT_PERIODS * self.rows[name].status_period_s + 0.5:
+            return None
+        return status.state
+
+    def is_working(self, name: str, now_s: float) -> bool:
+        """Whether a component is there and working."""
+        return self.state(name, now_s) is State.WORKING
+
+    def health(self, now_s: float) -> Health:
+        """The platform's: the worst of its required components, standbys that are quiet excepted."""
+        worst = Health.WORKING
+        for name, row in self.rows.items():
+            if not row.required:
+                continue
+            health = health_of(self.state(name, now_s))
+            if health is Health.QUIET and row.standby_for:
+                continue
+            if HEALTHS.index(health) > HEALTHS.index(worst):
+                worst = health
+        return worst
+
+    def table(self) -> ComponentTable:
+        """The names behind the summary's indices."""
+        rows = [
+            TableRow(
+                row.name,
+                status.kind.value if (status := self._status.get(row.name)) else "",
+                status.nominal_rate_hz if status else 0.0,
+                row.required,
+                row.standby_for or "",
+            )
+            for row in self.rows.values()
+        ]
+        return ComponentTable(table=self._table_number(), rows=rows)
+
+    def _table_number(self) -> int:
+        return len(self._status)
+
+    def summary(self, now_s: float) -> Summary:
+        """All components, a short line each."""
+        lines = []
+        for index, name in enumerate(self.rows):
+            status, state = self._status.get(name), self.state(name, now_s)
+            rate_percent = load_percent = overruns = errors = 0
+            if status is not None:
+                if status.nominal_rate_hz > 0.0:
+                    rate_percent = min(255, round(100.0 * status.rate_hz / status.nominal_rate_hz))
+                    load_percent = min(255, round(100.0 * status.cycle_mean_s * status.nominal_rate_hz))
+                overruns, errors = status.overruns & 0xFFFF, status.errors & 0xFFFF
+            lines.append(
+                ComponentLine(index, HEALTHS.index(health_of(state)), rate_percent, load_percent, overruns, errors)
+            )
+        return Summary(table=self._table_number(), health=self.health(now_s), lines=lines)
+
+    def new_troubles(self) -> list[ComponentTrouble]:
+        """The last errors in words, of the components whose count of errors has grown since this was last asked."""
+        troubles = []
+        for name, status in self._status.items():
+            if status.errors > self._told_errors.get(name, 0):
+                troubles.append(ComponentTrouble(name=name, cause=status.cause, errors=status.errors))
+            self._told_errors[name] = status.errors
+        return troubles

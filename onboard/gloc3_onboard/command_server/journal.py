@@ -1,0 +1,119 @@
+"""Remembers what stations have asked and what they were told, on disk, so that nothing is executed twice (DESIGN §7)."""
+
+from collections import OrderedDict
+from typing import Final, NamedTuple, Protocol
+
+import msgspec
+
+from gloc3.ci import CiReply, CiRequest, Outcome
+
+REMEMBERED: Final = 256
+"""Requests kept for each sender."""
+MOST_SENDERS: Final = 16
+COMPACT_AFTER: Final = 4 * REMEMBERED
+"""Records after which the file is written anew."""
+
+
+class Store(Protocol):
+    """A file of records that survives the process."""
+
+    def load(self) -> list[bytes]:
+        """All whole records, oldest first; a torn one at the end is left out."""
+
+    def append(self, record: bytes) -> None:
+        """Adds a record and does not return before it is on disk."""
+
+    def rewrite(self, records: list[bytes]) -> None:
+        """Replaces all records at once."""
+
+
+class _Record(msgspec.Struct, frozen=True, array_like=True):
+    sender: str
+    boot: int
+    sequence: int
+    reply: CiReply | None
+    """None: begun, and not known to have ended."""
+
+
+class Known(NamedTuple):
+    """What the journal says of a request."""
+
+    is_new: bool
+    reply: CiReply | None = None
+    """What to answer a request that is not new; None while it is still being carried out."""
+
+
+class Journal:
+    """The last requests of each sender. `begin` is written before a request is executed, `end` with its reply."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._senders: OrderedDict[str, OrderedDict[tuple[int, int], CiReply | None]] = OrderedDict()
+        self._floors: dict[tuple[str, int], int] = {}
+        self._running: set[tuple[str, int, int]] = set()
+        self._records = 0
+        decoder = msgspec.msgpack.Decoder(_Record)
+        for data in store.load():
+            record = decoder.decode(data)
+            self._note(record)
+
+    def begin(self, request: CiRequest) -> Known:
+        """Whether a request is to be executed; if so, that is on disk when this returns."""
+        known = self._senders.get(request.sender, OrderedDict())
+        key = (request.boot, request.sequence)
+        if key in known:
+            return Known(False, known[key] if known[key] is not None else self._unfinished(request))
+        if request.sequence <= self._floors.get((request.sender, request.boot), -1):
+            return Known(False, _reply(request, Outcome.EXPIRED, "older than what is remembered"))
+        self._running.add((request.sender, *key))
+        self._write(_Record(request.sender, request.boot, request.sequence, None))
+        return Known(True)
+
+    def end(self, reply: CiReply) -> None:
+        """Keeps the reply to a request that has been executed."""
+        self._running.discard((reply.sender, reply.boot, reply.sequence))
+        self._write(_Record(reply.sender, reply.boot, reply.sequence, reply))
+
+    def query(self, sender: str, boot: int, sequence: int) -> tuple[Outcome, CiReply | None]:
+        """What became of an earlier request of a sender."""
+        known = self._senders.get(sender, OrderedDict())
+        reply = known.get((boot, sequence))
+        if reply is not None:
+            return reply.outcome, reply
+        if (boot, sequence) not in known and sequence <= self._floors.get((sender, boot), -1):
+            return Outcome.EXPIRED, None
+        return Outcome.UNKNOWN, None
+
+    def _unfinished(self, request: CiRequest) -> CiReply | None:
+        if (request.sender, request.boot, request.sequence) in self._running:
+            return None
+        return _reply(request, Outcome.UNKNOWN, "the process ended while it was carried out")
+
+    def _write(self, record: _Record) -> None:
+        self._note(record)
+        self._records += 1
+        if self._records >= COMPACT_AFTER:
+            self._records = 0
+            records = [
+                _Record(sender, boot, sequence, reply)
+                for sender, known in self._senders.items()
+                for (boot, sequence), reply in known.items()
+            ]
+            self._store.rewrite([msgspec.msgpack.encode(kept) for kept in records])
+        else:
+            self._store.append(msgspec.msgpack.encode(record))
+
+    def _note(self, record: _Record) -> None:
+        known = self._senders.setdefault(record.sender, OrderedDict())
+        self._senders.move_to_end(record.sender)
+        known[record.boot, record.sequence] = record.reply
+        while len(known) > REMEMBERED:
+            (boot, sequence), _ = known.popitem(last=False)
+            place = (record.sender, boot)
+            self._floors[place] = max(self._floors.get(place, -1), sequence)
+        while len(self._senders) > MOST_SENDERS:
+            self._senders.popitem(last=False)
+
+
+def _reply(request: CiRequest, outcome: Outcome, reason: str) -> CiReply:
+    return CiReply(sender=request.sender, boot=request.boot, sequence=request.sequence, outcome=outcome, reason=reason)

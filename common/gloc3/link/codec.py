@@ -25,6 +25,7 @@ __all__ = [
     "enum_name",
     "enums",
     "message",
+    "name_of",
     "shape",
 ]
 
@@ -78,6 +79,12 @@ _NAMES: Final = _Names()
 def shape(name: str) -> Shape:
     """How the message of this name lies on the wire."""
     return _NAMES[name]
+
+
+def name_of(number: int) -> str:
+    """The name of the message with this id; empty if the dialect does not know it."""
+    found = _SHAPES[number]
+    return "" if found is None else found.name
 
 
 def message(name: str, /, **fields: Any) -> MavlinkMessage:

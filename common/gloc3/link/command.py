@@ -1,0 +1,386 @@
+"""The command protocol: COMMAND_LONG and COMMAND_INT with COMMAND_ACK, from both ends.
+
+An accepted command is valid and will be tried; it need not be done yet. In progress prolongs the waiting. One command
+of a kind runs at a time. What is lost is asked again, and what is asked again is not run again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from enum import IntEnum
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.codec import enum_name
+from gloc3.link.codec import message as make
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.service import Service
+
+RETRY_S: Final = 0.5
+ATTEMPTS: Final = 8
+PROGRESS_S: Final = 5.0
+"""How long the answer to a command in progress may keep silent."""
+REMEMBERED_S: Final = 30.0
+"""How long an answer is kept for who asks again with a higher confirmation."""
+REPEATED_WITHIN_S: Final = 1.5
+"""A COMMAND_INT has no confirmation: the same again within this, with no other command between, is a repeat."""
+DUPLICATED_WITHIN_S: Final = 0.25
+"""The same COMMAND_LONG again within this, with the same confirmation, was doubled on the way."""
+MOST_REMEMBERED: Final = 128
+
+_GLOBAL_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
+_FRAME_MISSION: Final = 2
+_NOT_SET: Final = 0x7FFF_FFFF
+
+
+class CommandResult(IntEnum):
+    """How a command ended: MAV_RESULT, and two ends that have no message."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
+    LONG_ONLY = 7
+    INT_ONLY = 8
+    UNSUPPORTED_FRAME = 9
+    NOT_IN_CONTROL = 10
+    OTHER = 254
+    """A result that this version does not know."""
+    NO_ANSWER = 255
+    """Nobody answered, or the answer stayed away after it was in progress."""
+
+    @property
+    def words(self) -> str:
+        """For a person."""
+        return _WORDS[self]
+
+
+_WORDS: Final = {
+    CommandResult.ACCEPTED: "accepted",
+    CommandResult.TEMPORARILY_REJECTED: "rejected for now; it may be accepted later",
+    CommandResult.DENIED: "denied: it cannot be done with these values or in this state",
+    CommandResult.UNSUPPORTED: "not supported",
+    CommandResult.FAILED: "failed",
+    CommandResult.IN_PROGRESS: "in progress",
+    CommandResult.CANCELLED: "cancelled",
+    CommandResult.LONG_ONLY: "must be sent as COMMAND_LONG",
+    CommandResult.INT_ONLY: "must be sent as COMMAND_INT",
+    CommandResult.UNSUPPORTED_FRAME: "this frame of reference is not supported",
+    CommandResult.NOT_IN_CONTROL: "refused: the sender is not in control",
+    CommandResult.OTHER: "answered with an unknown result",
+    CommandResult.NO_ANSWER: "not answered",
+}
+
+
+class CommandCall:
+    """A command on its way, and what became of it."""
+
+    __slots__ = (
+        "_message",
+        "attempts",
+        "command",
+        "deadline_s",
+        "is_in_progress",
+        "progress",
+        "result",
+        "result_param2",
+        "target",
+    )
+
+    def __init__(self, target: Address, command: int, message: MavlinkMessage) -> None:
+        self.target = target
+        self.command = command
+        """MAV_CMD."""
+        self.result: CommandResult | None = None
+        """None while it is not over."""
+        self.is_in_progress = False
+        """Whether the other side said that it is at it."""
+        self.progress: int | None = None
+        """Percent; None while that is not said."""
+        self.result_param2 = 0
+        """What the command defines it to be, as a reason."""
+        self.attempts = 0
+        self.deadline_s = 0.0
+        """When the patience of this attempt ends."""
+        self._message = message
+
+    def __repr__(self) -> str:
+        result = "under way" if self.result is None else self.result.words
+        return f"{enum_name('MAV_CMD', self.command)} to {self.target.system}/{self.target.component}: {result}"
+
+
+class CommandClient(Service[CommandCall]):
+    """Sends commands; a call comes back as an event when it is over, and each time its progress is told."""
+
+    handles = frozenset({"COMMAND_ACK"})
+
+    def __init__(self, own: Address, *, retry_s: float = RETRY_S, attempts: int = ATTEMPTS) -> None:
+        super().__init__(own)
+        self._retry_s = retry_s
+        self._attempts = attempts
+        self._calls: dict[tuple[Address, int], CommandCall] = {}
+
+    def send_long(self, target: Address, command: int, params: Sequence[float] = (), *, now_s: float) -> CommandCall:
+        """Sends a COMMAND_LONG.
+
+        Args:
+            target: whom; component 0 is whoever feels concerned.
+            command: MAV_CMD.
+            params: up to seven; those left out are 0.
+            now_s: now.
+
+        Raises:
+            Refused: this command to this target is still under way.
+        """
+        values = {f"param{index}": value for index, value in enumerate(params, start=1)}
+        return self._begin(target, command, make("COMMAND_LONG", command=command, **_to(target), **values), now_s)
+
+    def send_int(
+        self,
+        target: Address,
+        command: int,
+        params: Sequence[float] = (),
+        *,
+        frame: int,
+        x: int = 0,
+        y: int = 0,
+        z: float = 0.0,
+        now_s: float,
+    ) -> CommandCall:
+        """Sends a COMMAND_INT, the form for positions.
+
+        Args:
+            target: whom.
+            command: MAV_CMD.
+            params: up to four; those left out are 0.
+            frame: MAV_FRAME of the position.
+            x: latitude in 1e-7 degrees, or local x in 1e-4 m.
+            y: longitude in 1e-7 degrees, or local y in 1e-4 m.
+            z: altitude in metres, as the frame says.
+            now_s: now.
+
+        Raises:
+            Refused: this command to this target is still under way.
+        """
+        values = {f"param{index}": value for index, value in enumerate(params, start=1)}
+        message = make("COMMAND_INT", command=command, frame=frame, x=x, y=y, z=z, **_to(target), **values)
+        return self._begin(target, command, message, now_s)
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in an answer."""
+        if not self._is_for_us(message):
+            return
+        call = self._calls.get((sender, message.command)) or self._calls.get(
+            (Address(sender.system, 0), message.command)
+        )
+        if call is None:
+            return
+        call.result_param2 = message.result_param2
+        if message.result == CommandResult.IN_PROGRESS:
+            call.is_in_progress = True
+            call.progress = None if message.progress == 255 else message.progress
+            call.deadline_s = now_s + PROGRESS_S
+            self._events.append(call)
+        else:
+            known = message.result in CommandResult._value2member_map_
+            self._end(call, CommandResult(message.result) if known else CommandResult.OTHER)
+
+    def tick(self, now_s: float) -> None:
+        """Asks again, or gives up."""
+        for call in [call for call in self._calls.values() if now_s >= call.deadline_s]:
+            # a command in progress is not sent again: a peer that does not know repeats would run it twice
+            if call.is_in_progress or call.attempts >= self._attempts:
+                self._end(call, CommandResult.NO_ANSWER)
+            else:
+                self._attempt(call, now_s)
+
+    def next_tick_s(self) -> float | None:
+        """When the next patience ends."""
+        return min((call.deadline_s for call in self._calls.values()), default=None)
+
+    def _begin(self, target: Address, command: int, message: MavlinkMessage, now_s: float) -> CommandCall:
+        if (target, command) in self._calls:
+            name = enum_name("MAV_CMD", command)
+            raise Refused(f"{name} to {target.system}/{target.component} is still under way")
+        call = self._calls[target, command] = CommandCall(target, command, message)
+        self._attempt(call, now_s)
+        return call
+
+    def _attempt(self, call: CommandCall, now_s: float) -> None:
+        message = call._message
+        if call.attempts and message.name == "COMMAND_LONG":
+            message = msgspec.structs.replace(message, confirmation=min(call.attempts, 255))
+        call.attempts += 1
+        call.deadline_s = now_s + self._retry_s
+        self._outgoing.append(message)
+
+    def _end(self, call: CommandCall, result: CommandResult) -> None:
+        del self._calls[call.target, call.command]
+        call.result = result
+        self._events.append(call)
+
+
+class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """A command that somebody asks us to run."""
+
+    sender: Address
+    target: Address
+    """As it was addressed; component 0 means anybody here."""
+    command: int
+    """MAV_CMD."""
+    params: tuple[float, float, float, float, float, float, float]
+    """As in COMMAND_LONG: 5 and 6 are degrees or metres whichever way it came; NaN where a COMMAND_INT sets none."""
+    is_int: bool
+    frame: int
+    """MAV_FRAME of a COMMAND_INT; 0 for a COMMAND_LONG."""
+    confirmation: int
+
+
+class _Answered(msgspec.Struct):
+    """What is kept of a command that ran or runs."""
+
+    request: CommandRequest
+    ack: MavlinkMessage | None
+    """None while it runs and nothing was said."""
+    is_over: bool
+    t_s: float
+
+
+class CommandServer(Service[CommandRequest]):
+    """Takes commands: each comes out as an event once, and is to be answered with `answer`.
+
+    Args:
+        own: as whom it answers.
+        commands: those that are handled; others are answered as unsupported. None passes all on.
+        is_autopilot: answers for the whole system also what it does not support; others keep silent about what is
+            addressed to everybody and not theirs.
+    """
+
+    handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+
+    def __init__(self, own: Address, commands: Collection[int] | None = None, *, is_autopilot: bool = False) -> None:
+        super().__init__(own)
+        self.repeated = 0
+        """Requests that were repeats of others."""
+        self._commands = commands
+        self._is_autopilot = is_autopilot
+        self._known: dict[tuple[Address, int], _Answered] = {}
+        self._latest: tuple[Address, int] | None = None
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in a command: a new one becomes an event, a repeat its answer."""
+        if not self._is_for_us(message):
+            return
+        request = _read(message, sender)
+        if self._commands is not None and request.command not in self._commands:
+            if self._is_autopilot or request.target.component == self.own.component:
+                self._acknowledge(request, CommandResult.UNSUPPORTED)
+            return
+        key = (sender, request.command)
+        known = self._known.get(key)
+        if known is not None and self._is_repeat(known, request, now_s):
+            self.repeated += 1
+            if known.ack is None:
+                self._acknowledge(request, CommandResult.IN_PROGRESS)
+            else:
+                self._outgoing.append(known.ack)
+            return
+        if any(running.request.command == request.command for running in self._known.values() if not running.is_over):
+            self._acknowledge(request, CommandResult.TEMPORARILY_REJECTED)
+            return
+        self._known.pop(key, None)
+        if len(self._known) >= MOST_REMEMBERED:
+            self._forget()
+        self._known[key] = _Answered(request, None, False, now_s)
+        self._latest = key
+        self._events.append(request)
+
+    def answer(
+        self,
+        request: CommandRequest,
+        result: CommandResult,
+        *,
+        now_s: float,
+        progress: int = 255,
+        result_param2: int = 0,
+    ) -> None:
+        """Answers a command, or tells its progress with `IN_PROGRESS`; the last word is any other result.
+
+        Args:
+            request: the event.
+            result: what is to be said.
+            now_s: now.
+            progress: percent, 255 for unknown.
+            result_param2: as the command defines it.
+        """
+        ack = self._acknowledge(request, result, progress, result_param2)
+        known = self._known.get((request.sender, request.command))
+        if known is not None and known.request is request:
+            known.ack, known.is_over, known.t_s = ack, result is not CommandResult.IN_PROGRESS, now_s
+
+    def _is_repeat(self, known: _Answered, request: CommandRequest, now_s: float) -> bool:
+        before = known.request
+        if request.is_int != before.is_int or request.frame != before.frame or not _same(request.params, before.params):
+            return False
+        age_s = now_s - known.t_s
+        if not known.is_over:
+            return True
+        if request.is_int:
+            return age_s < REPEATED_WITHIN_S and self._latest == (request.sender, request.command)
+        if request.confirmation > before.confirmation:
+            return age_s < REMEMBERED_S
+        return request.confirmation == before.confirmation and age_s < DUPLICATED_WITHIN_S
+
+    def _forget(self) -> None:
+        over = [key for key, known in self._known.items() if known.is_over]
+        for key in over[: MOST_REMEMBERED // 2] or list(self._known)[:1]:
+            del self._known[key]
+
+    def _acknowledge(
+        self, request: CommandRequest, result: CommandResult, progress: int = 255, result_param2: int = 0
+    ) -> MavlinkMessage:
+        ack = make(
+            "COMMAND_ACK",
+            command=request.command,
+            result=result,
+            progress=progress if result is CommandResult.IN_PROGRESS else 0,
+            result_param2=result_param2,
+            **_to(request.sender),
+        )
+        self._outgoing.append(ack)
+        return ack
+
+
+def _to(target: Address) -> dict[str, int]:
+    return {"target_system": target.system, "target_component": target.component}
+
+
+def _same(left: Sequence[float], right: Sequence[float]) -> bool:
+    """Equal, where NaN equals NaN."""
+    return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(left, right, strict=True))
+
+
+def _read(message: MavlinkMessage, sender: Address) -> CommandRequest:
+    first = (message.param1, message.param2, message.param3, message.param4)
+    is_int = message.name == "COMMAND_INT"
+    if is_int:
+        per_unit = 1e7 if message.frame in _GLOBAL_FRAMES else 1.0 if message.frame == _FRAME_MISSION else 1e4
+        x, y = (math.nan if value == _NOT_SET else value / per_unit for value in (message.x, message.y))
+        z = message.z
+    else:
+        x, y, z = message.param5, message.param6, message.param7
+    return CommandRequest(
+        sender=sender,
+        target=Address(message.target_system, message.target_component),
+        command=message.command,
+        params=(*first, x, y, z),
+        is_int=is_int,
+        frame=message.frame if is_int else 0,
+        confirmation=0 if is_int else message.confirmation,
+    )

@@ -1,0 +1,157 @@
+"""AUTOPILOT_VERSION: what a component is and can do, told on request and asked for."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.codec import message as make
+from gloc3.link.command import CommandClient, CommandRequest, CommandResult
+from gloc3.link.interval import REQUEST_MESSAGE
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.service import Service
+
+AUTOPILOT_VERSION: Final = 148
+REQUEST_AUTOPILOT_CAPABILITIES: Final = 520
+ASK_AGAIN_S: Final = 1.0
+
+
+class Capability(IntFlag):
+    """MAV_PROTOCOL_CAPABILITY."""
+
+    MISSION_FLOAT = 1
+    PARAM_FLOAT = 2
+    MISSION_INT = 4
+    COMMAND_INT = 8
+    PARAM_ENCODE_BYTEWISE = 16
+    FTP = 32
+    SET_ATTITUDE_TARGET = 64
+    SET_POSITION_TARGET_LOCAL_NED = 128
+    SET_POSITION_TARGET_GLOBAL_INT = 256
+    TERRAIN = 512
+    RESERVED3 = 1024
+    FLIGHT_TERMINATION = 2048
+    COMPASS_CALIBRATION = 4096
+    MAVLINK2 = 8192
+    MISSION_FENCE = 16384
+    MISSION_RALLY = 32768
+    RESERVED2 = 65536
+    PARAM_ENCODE_C_CAST = 131072
+    COMPONENT_IMPLEMENTS_GIMBAL_MANAGER = 262144
+    COMPONENT_ACCEPTS_GCS_CONTROL = 524288
+    GRIPPER = 1048576
+
+
+def version_number(major: int, minor: int, patch: int, release: int = 255) -> int:
+    """A version in one number, as AUTOPILOT_VERSION has it; release 0 development, 64 alpha, 128 beta, 255 official."""
+    return major << 24 | minor << 16 | patch << 8 | release
+
+
+class Version(msgspec.Struct, frozen=True, kw_only=True):
+    """What a component says of itself."""
+
+    capabilities: Capability
+    flight_software: int = 0
+    """As `version_number` makes it."""
+    middleware_software: int = 0
+    os_software: int = 0
+    board: int = 0
+    vendor_id: int = 0
+    product_id: int = 0
+    uid: int = 0
+    """The hardware's own number; 0 if it has none."""
+
+    def message(self) -> MavlinkMessage:
+        """AUTOPILOT_VERSION."""
+        return make(
+            "AUTOPILOT_VERSION",
+            capabilities=int(self.capabilities),
+            flight_sw_version=self.flight_software,
+            middleware_sw_version=self.middleware_software,
+            os_sw_version=self.os_software,
+            board_version=self.board,
+            vendor_id=self.vendor_id,
+            product_id=self.product_id,
+            uid=self.uid,
+        )
+
+    @property
+    def words(self) -> str:
+        """The flight software's version for a person, as "1.15.4"."""
+        number = self.flight_software
+        return f"{number >> 24 & 0xFF}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}"
+
+
+def read_version(message: MavlinkMessage) -> Version:
+    """What an AUTOPILOT_VERSION says."""
+    return Version(
+        capabilities=Capability(message.capabilities),
+        flight_software=message.flight_sw_version,
+        middleware_software=message.middleware_sw_version,
+        os_software=message.os_sw_version,
+        board=message.board_version,
+        vendor_id=message.vendor_id,
+        product_id=message.product_id,
+        uid=message.uid,
+    )
+
+
+class VersionServer(Service[Version]):
+    """Tells what we are, when a command asks for it."""
+
+    def __init__(self, own: Address, version: Version) -> None:
+        super().__init__(own)
+        self.version = version
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Nothing: it is asked by command."""
+
+    def command(self, request: CommandRequest) -> CommandResult | None:
+        """Runs a command if it asks for the version, and says its result; None for any other."""
+        asks = request.command == REQUEST_MESSAGE and request.params[0] == AUTOPILOT_VERSION
+        if not asks and request.command != REQUEST_AUTOPILOT_CAPABILITIES:
+            return None
+        self._outgoing.append(self.version.message())
+        return CommandResult.ACCEPTED
+
+
+class VersionClient(Service[Version]):
+    """Asks a component what it is until it has said so; then that is an event."""
+
+    handles = frozenset({"AUTOPILOT_VERSION"})
+
+    def __init__(self, commands: CommandClient, target: Address) -> None:
+        super().__init__(commands.own)
+        self.version: Version | None = None
+        """None until it is known."""
+        self._commands = commands
+        self._target = target
+        self._next_s = 0.0
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in the answer."""
+        if sender == self._target:
+            self.version = read_version(message)
+            self._events.append(self.version)
+
+    def ask_again(self) -> None:
+        """Forgets the answer, as after the other side has restarted."""
+        self.version = None
+        self._next_s = 0.0
+
+    def tick(self, now_s: float) -> None:
+        """Asks while there is no answer."""
+        if self.version is not None or now_s < self._next_s:
+            return
+        self._next_s = now_s + ASK_AGAIN_S
+        try:
+            self._commands.send_long(self._target, REQUEST_MESSAGE, (AUTOPILOT_VERSION,), now_s=now_s)
+        except Refused:
+            return  # the last question, or another one of its kind, is still under way
+
+    def next_tick_s(self) -> float | None:
+        """When it asks."""
+        return None if self.version is not None else self._next_s

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
 from math import radians
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 
@@ -34,6 +34,9 @@ Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
 class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """The base of the arguments of an action."""
 
+    moves: ClassVar[bool] = False
+    """Whether the action moves the vehicle, or keeps it in place on purpose."""
+
     @property
     def is_endless(self) -> bool:
         """Whether the action goes on until it is told to end."""
@@ -52,6 +55,10 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         """The way that the vehicle makes, of an order; none for actions that do not move it."""
         del start_ned_m, budget
         return ()
+
+    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
+        """How long an order takes, as far as it ends by itself."""
+        return sum(leg.duration_s for leg in self.legs(start_ned_m, budget))
 
 
 class LookAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -90,6 +97,8 @@ def heading_order(heading: Heading, placement: Placement) -> HeadingOrder:
 class TakeOff(Arguments, frozen=True, kw_only=True):
     """Arm (where that is allowed) and climb straight up."""
 
+    moves = True
+
     height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
     """Height above the place where the vehicle stands."""
 
@@ -102,6 +111,8 @@ class TakeOff(Arguments, frozen=True, kw_only=True):
 
 class LandOrder(Arguments, frozen=True, kw_only=True):
     """Come down."""
+
+    moves = True
 
     at_ned_m: Vector3 | None = None
     """The place to land at, whose height is ignored; None for right here."""
@@ -116,6 +127,8 @@ class LandOrder(Arguments, frozen=True, kw_only=True):
 class Land(Arguments, frozen=True, kw_only=True):
     """Come down, here or at a place."""
 
+    moves = True
+
     at_m: tuple[Metres, Metres] | None = None
     """`[x, y]` of the place, in a local frame."""
     at: tuple[Latitude, Longitude] | None = None
@@ -129,6 +142,8 @@ class Land(Arguments, frozen=True, kw_only=True):
 
 class Hold(Arguments, frozen=True, kw_only=True):
     """Keep position."""
+
+    moves = True
 
     duration_s: Seconds | None = None
     """How long; None for until it is told to end."""
@@ -147,6 +162,8 @@ class Hold(Arguments, frozen=True, kw_only=True):
 class ReturnHome(Arguments, frozen=True, kw_only=True):
     """Fly to above the place where the vehicle was armed, and stay there."""
 
+    moves = True
+
     height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)] | None = None
     """Height above home to fly at, reached first; None for the present height."""
     speed_m_s: Speed | None = None
@@ -164,6 +181,8 @@ class ReturnHome(Arguments, frozen=True, kw_only=True):
 class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
     """Fly through positions in their order."""
 
+    moves = True
+
     waypoints_ned_m: tuple[Vector3, ...]
     speed_m_s: float
     heading: HeadingOrder = HeadingOrder()
@@ -179,6 +198,8 @@ class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
 
 class _Flight(Arguments, frozen=True, kw_only=True):
     """What every flight to positions takes."""
+
+    moves = True
 
     speed_m_s: Speed = 1.0
     heading: Heading = "along"
@@ -248,11 +269,21 @@ class RecordImages(Arguments, frozen=True, kw_only=True):
         """Without a count it is."""
         return self.count is None
 
+    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
+        """Known with a count and a time between pictures."""
+        del start_ned_m, budget
+        return (self.count or 0) * (self.every_s or 0.0)
+
 
 class Wait(Arguments, frozen=True, kw_only=True):
     """Let time pass; carried out by the executor itself, without a component."""
 
     duration_s: Seconds
+
+    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
+        """What is asked for."""
+        del start_ned_m, budget
+        return self.duration_s
 
 
 def _down(start_ned_m: Vector3, budget: Budget) -> Leg:

@@ -47,14 +47,19 @@ class Surroundings:
 
     @classmethod
     def of(
-        cls, platform: Platform, *, frames: Mapping[str, LocalFrame] | None = None, origin: GeoPoint | None = None
+        cls,
+        platform: Platform | None,
+        *,
+        frames: Mapping[str, LocalFrame] | None = None,
+        origin: GeoPoint | None = None,
+        home_altitude_m: float | None = None,
     ) -> "Surroundings":
-        """Those of a platform, with the frames of a world beside its own."""
-        return cls(
-            frames={**(frames or {}), **platform.local_frames()},
-            origin=origin,
-            capabilities={"wait": "wait", **{name: row.arguments for name, row in platform.capabilities.items()}},
-        )
+        """Those of a platform (if it is known), with the frames of a world beside its own."""
+        capabilities = None
+        if platform is not None:
+            frames = {**(frames or {}), **platform.local_frames()}
+            capabilities = {"wait": "wait"} | {name: row.arguments for name, row in platform.capabilities.items()}
+        return cls(frames=frames, origin=origin, home_altitude_m=home_altitude_m, capabilities=capabilities)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

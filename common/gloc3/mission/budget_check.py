@@ -1,0 +1,57 @@
+"""Whether a mission can be flown in the time and with the energy that there is."""
+
+from collections.abc import Iterator
+
+from gloc3.document import Document, Where
+from gloc3.errors import Finding
+from gloc3.mission.estimate import Estimate
+from gloc3.mission.model import Mission, where_of
+from gloc3.platform import Platform
+
+
+def budget_findings(mission: Mission, figures: Estimate, platform: Platform | None) -> list[Finding]:
+    """Deadlines that cannot be kept, actions without an end, and more energy than the battery has."""
+    document = mission.document
+    if document is None:
+        return []
+    return [*_time(mission, figures, document), *_energy(mission, figures, platform, document)]
+
+
+def _time(mission: Mission, figures: Estimate, document: Document) -> Iterator[Finding]:
+    for target, part in figures.actions.items():
+        if part.is_endless:
+            hint = "give it until with its companion, or a duration or count"
+            yield document.finding(where_of(target), f"{target} never ends by itself", hint, at_key=True)
+        deadline_s = mission.actions()[target].options.deadline_s
+        yield from _late(document, where_of(target), deadline_s, part.end_s - part.start_s)
+    for name, task in mission.tasks.items():
+        start_s, end_s = figures.task_span(task)
+        yield from _late(document, where_of(name), task.options.deadline_s, end_s - start_s)
+    yield from _late(document, (), mission.deadline_s, figures.duration_s)
+
+
+def _late(document: Document, where: Where, deadline_s: float | None, needed_s: float) -> Iterator[Finding]:
+    if deadline_s is not None and needed_s > deadline_s:
+        message = f"about {needed_s:.0f} s are needed, but deadline_s is {deadline_s:g}"
+        yield document.finding((*where, "deadline_s"), message, "fly faster, leave out something, or allow more time")
+
+
+def _energy(mission: Mission, figures: Estimate, platform: Platform | None, document: Document) -> Iterator[Finding]:
+    power = platform.power if platform is not None else None
+    if power is None:
+        return
+    if figures.energy_wh > power.usable_wh:
+        yield document.finding(
+            ("mission",),
+            f"about {figures.energy_wh:.1f} Wh are needed, but only {power.usable_wh:.1f} Wh of {power.battery_wh:g} Wh "
+            f"may be used (reserve {power.reserve:.0%})",
+            "make it shorter, or several missions",
+        )
+    reserve_wh = power.battery_wh * power.reserve
+    if mission.policies.on_low_battery == "return" and figures.return_wh > reserve_wh:
+        yield document.finding(
+            ("on_low_battery",),
+            f"to return from the farthest place takes {figures.return_wh:.1f} Wh, more than the reserve "
+            f"of {reserve_wh:.1f} Wh",
+            "say on_low_battery: land, or keep a larger reserve",
+        )

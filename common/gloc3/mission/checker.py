@@ -1,0 +1,214 @@
+"""Proves a mission against a platform before it goes anywhere, and again onboard: all findings at once."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.document import load_bytes
+from gloc3.errors import Finding, Gloc3Error, InputError, nearest
+from gloc3.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.mission.agreement import agreement_findings
+from gloc3.mission.arguments import TakeOff, argument_kinds
+from gloc3.mission.budget_check import budget_findings
+from gloc3.mission.estimate import Estimate, estimate
+from gloc3.mission.examples import find_mission
+from gloc3.mission.legs import Budget
+from gloc3.mission.model import Mission, where_of
+from gloc3.mission.reader import Reading, Surroundings, inspect_mission
+from gloc3.mission.space_check import flight_findings, space_findings
+from gloc3.mission.structure import PartialOrder, structure_findings
+from gloc3.platform import Capability, Limits, Platform
+
+HOME_CLEARANCE_M: Final = 0.5
+"""A home outside the fence, or nearer to it than this, is refused."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Circumstances:
+    """What a mission is checked against."""
+
+    platform: Platform | None = None
+    """None: every capability is taken to be there, and nothing is known of limits, energy and failsafes."""
+    frames: Mapping[str, LocalFrame] | None = None
+    """Frames of the world, beside those of the platform."""
+    origin: GeoPoint | None = None
+    """Origin of NED, where it is known."""
+    home_altitude_m: float | None = None
+    """Altitude above the sea of home, where it is known."""
+    home_ned_m: Vector3 | None = None
+    """Where the vehicle was armed, or stands; None where that is not known yet."""
+    start_ned_m: Vector3 | None = None
+    """Where the vehicle is; None for at home, on the ground."""
+
+    def surroundings(self) -> Surroundings:
+        """What the reader needs of it."""
+        return Surroundings.of(
+            self.platform, frames=self.frames, origin=self.origin, home_altitude_m=self.home_altitude_m
+        )
+
+    def capabilities(self) -> Mapping[str, Capability]:
+        """The rows by name; without a platform one for each kind of arguments."""
+        wait = {"wait": Capability(arguments="wait", performed_by="")}
+        if self.platform is not None:
+            return wait | self.platform.capabilities
+        return wait | {
+            name: Capability(arguments=name, performed_by="", claims=("motion",) if kind.moves else ())
+            for name, kind in argument_kinds().items()
+        }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Report:
+    """The outcome of a check."""
+
+    file: str
+    findings: tuple[Finding, ...]
+    """In order of place."""
+    mission: Mission | None = None
+    estimate: Estimate | None = None
+    order: PartialOrder | None = field(default=None, repr=False)
+
+    @property
+    def is_ok(self) -> bool:
+        """Whether the mission may fly: there is nothing but warnings."""
+        return self.mission is not None and all(finding.is_warning for finding in self.findings)
+
+    def flyable(self) -> Mission:
+        """The mission.
+
+        Raises:
+            InputError: it may not fly.
+        """
+        if self.mission is None or not self.is_ok:
+            raise InputError(self.findings)
+        return self.mission
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report as plain values, for JSON."""
+        figures = None
+        if self.estimate is not None:
+            figures = {
+                "duration_s": round(self.estimate.duration_s, 1),
+                "energy_wh": round(self.estimate.energy_wh, 2),
+                "length_m": round(self.estimate.length_m, 1),
+            }
+        return {
+            "file": self.file,
+            "is_ok": self.is_ok,
+            "findings": [msgspec.to_builtins(finding) for finding in self.findings],
+            "estimate": figures,
+        }
+
+
+def check_file(name: str, circumstances: Circumstances) -> Report:
+    """Checks a mission file, or an example by its name; never raises for what is in the file."""
+    try:
+        path = find_mission(name)
+        return check_text(load_bytes(path), str(path), circumstances)
+    except InputError as error:
+        return Report(file=name, findings=error.findings)
+
+
+def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Report:
+    """Checks a mission's content; never raises for what is in it."""
+    try:
+        reading = inspect_mission(data, file, circumstances.surroundings())
+    except InputError as error:
+        return Report(file=file, findings=error.findings)
+    structural = structure_findings(reading)
+    findings = [*reading.findings, *structural]
+    mission = reading.mission
+    if mission is None or structural:
+        return Report(file=file, findings=tuple(sorted(findings)), mission=None)
+    order = PartialOrder.of(mission)
+    platform = circumstances.platform
+    budget = Budget.of(platform.limits if platform else Limits(), circumstances.home_ned_m or (0.0, 0.0, 0.0))
+    start_ned_m = circumstances.start_ned_m or budget.home_ned_m
+    figures = estimate(mission, order, start_ned_m, budget, platform.power if platform else None)
+    findings += _capabilities(reading, mission, circumstances)
+    findings += _resources(mission, order, circumstances.capabilities())
+    findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
+    findings += space_findings(
+        mission,
+        figures,
+        platform.limits if platform else None,
+        home_ned_m=circumstances.home_ned_m,
+        start_ned_m=circumstances.start_ned_m,
+    )
+    findings += budget_findings(mission, figures, platform)
+    if platform is not None:
+        findings += agreement_findings(mission, platform)
+    if circumstances.home_ned_m is not None:
+        problem = home_problem(mission, circumstances.home_ned_m)
+        if problem:
+            findings.append(
+                reading.document.finding(("geofence",), problem, "move the vehicle or the fence", at_key=True)
+            )
+    return Report(file=file, findings=tuple(sorted(set(findings))), mission=mission, estimate=figures, order=order)
+
+
+def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
+    """Why a mission may not start from this home; empty if it may."""
+    if mission.fence is None:
+        return ""
+    clearance_m = mission.fence.clearance_m(home_ned_m)
+    if clearance_m < 0.0:
+        return f"home is {-clearance_m:.1f} m outside the fence"
+    if clearance_m < HOME_CLEARANCE_M:
+        return f"home is {clearance_m:.2f} m inside the fence; at least {HOME_CLEARANCE_M} m are needed"
+    return ""
+
+
+def _capabilities(reading: Reading, mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:
+    """What the actions need is there, and the values of their arguments are possible here."""
+    platform = circumstances.platform
+    if platform is None:
+        return
+    is_complete = True
+    for component in platform.components:
+        try:
+            component.load_class()
+        except Gloc3Error:
+            is_complete = False
+    names = sorted({*platform.topics(), *platform.capabilities, *(row.name for row in platform.components)})
+    components = [row.name for row in platform.components]
+    for target, action in mission.actions().items():
+        row = circumstances.capabilities()[action.capability]
+        where = (*where_of(target), action.capability)
+        if row.performed_by and row.performed_by not in components:
+            hint = nearest(row.performed_by, components)
+            message = f"{action.capability} is performed by {row.performed_by!r}, which the platform does not have"
+            yield reading.document.finding(where, message, hint, at_key=True)
+        for need in row.needs:
+            if need not in names:
+                message = f"{action.capability} needs {need!r}, which nothing on {platform.platform} provides"
+                hint = nearest(need, names) if is_complete else "not all components' classes are installed here"
+                yield reading.document.finding(where, message, hint, at_key=True, is_warning=not is_complete)
+        for argument, possible in row.options.items():
+            value = getattr(action.arguments, argument, None)
+            if value is not None and str(value) not in possible:
+                hint = nearest(str(value), possible)
+                message = f"{argument} {value!r} is not possible on {platform.platform}"
+                yield reading.document.finding((*where, argument), message, hint)
+        if isinstance(action.order, TakeOff) and not platform.arm:
+            message = f"{platform.platform} does not arm by itself (arm: false)"
+            yield reading.document.finding(where, message, "a pilot has to arm it", at_key=True, is_warning=True)
+
+
+def _resources(mission: Mission, order: PartialOrder, rows: Mapping[str, Capability]) -> Iterator[Finding]:
+    """Two actions that may run at the same time never claim the same resource."""
+    actions = mission.actions()
+    claims = {target: rows[action.capability].claims for target, action in actions.items()}
+    targets = [target for target in order.targets if claims.get(target)]
+    for index, one in enumerate(targets):
+        for other in targets[:index]:
+            shared = [name for name in claims[one] if name in claims[other]]
+            if shared and order.may_overlap(one, other) and mission.document is not None:
+                yield mission.document.finding(
+                    where_of(one),
+                    f"{one} and {other} may run at the same time, and both claim {', '.join(shared)}",
+                    "put one after the other",
+                    at_key=True,
+                )

@@ -1,0 +1,132 @@
+"""Estimates when each action of a mission runs, which way the vehicle makes, and what energy that takes."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import dist
+
+from gloc3.frames import Vector3
+from gloc3.mission.arguments import LandOrder, ReturnHome
+from gloc3.mission.legs import Budget, Leg
+from gloc3.mission.model import Mission, Task
+from gloc3.mission.structure import PartialOrder
+from gloc3.platform import Power
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ActionEstimate:
+    """One action's part."""
+
+    start_s: float
+    """From the start of the mission."""
+    end_s: float
+    legs: tuple[Leg, ...] = ()
+    energy_wh: float = 0.0
+    is_endless: bool = False
+    """Whether nothing is known to end it."""
+
+    @property
+    def length_m(self) -> float:
+        """Length of its way."""
+        return sum(leg.length_m for leg in self.legs)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimate:
+    """A whole mission's figures."""
+
+    actions: Mapping[str, ActionEstimate]
+    """By `TASK.ACTION`, in an order in which they can run."""
+    duration_s: float
+    energy_wh: float
+    """0 without a power model."""
+    length_m: float
+    end_ned_m: Vector3
+    """Where the vehicle is at the end."""
+    return_wh: float
+    """Energy to return home and land from the place where that takes most."""
+
+    def task_span(self, task: Task) -> tuple[float, float]:
+        """When a task starts and ends, in seconds from the start of the mission."""
+        parts = [part for target, part in self.actions.items() if target.startswith(task.name + ".")]
+        return min((p.start_s for p in parts), default=0.0), max((p.end_s for p in parts), default=0.0)
+
+
+def estimate(
+    mission: Mission, order: PartialOrder, start_ned_m: Vector3, budget: Budget, power: Power | None
+) -> Estimate:
+    """The figures of a mission.
+
+    Args:
+        mission: what is to be flown.
+        order: its partial order.
+        start_ned_m: where the vehicle is at its start.
+        budget: home, speeds and the like.
+        power: the platform's power model; None for no energies.
+    """
+    all_actions = mission.actions()
+    here, moved_until_s, hover_wh = start_ned_m, 0.0, 0.0
+    found: dict[str, ActionEstimate] = {}
+    places = [start_ned_m]
+    for target in order.targets:
+        action = all_actions.get(target)
+        if action is None:
+            continue
+        start_s = max((found[one].end_s for one in _before(target, mission) if one in found), default=0.0)
+        legs: tuple[Leg, ...] = ()
+        end_s = start_s + action.order.time_needed_s(here, budget)
+        if action.order.moves:
+            start_s = max(start_s, moved_until_s) if action.options.until is None else start_s
+            legs = action.order.legs(here, budget)
+            end_s = start_s + sum(leg.duration_s for leg in legs)
+            if len(places) > 1 and power is not None:
+                hover_wh += (power.hover_w + power.avionics_w) * max(0.0, start_s - moved_until_s) / 3600.0
+            here = legs[-1].end if legs else here
+            places += [leg.end for leg in legs]
+            moved_until_s = max(moved_until_s, end_s)
+        energy_wh = sum(leg.energy_wh(power) for leg in legs) if power is not None else 0.0
+        is_endless = action.order.is_endless and action.options.until is None and action.options.deadline_s is None
+        found[target] = ActionEstimate(
+            start_s=start_s, end_s=end_s, legs=legs, energy_wh=energy_wh, is_endless=is_endless
+        )
+    _end_companions(mission, found)
+    return Estimate(
+        actions=found,
+        duration_s=max((part.end_s for part in found.values()), default=0.0),
+        energy_wh=hover_wh + sum(part.energy_wh for part in found.values()),
+        length_m=sum(part.length_m for part in found.values()),
+        end_ned_m=here,
+        return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in places),
+    )
+
+
+def return_energy_wh(place_ned_m: Vector3, budget: Budget, power: Power) -> float:
+    """Energy to fly home from a place and land there."""
+    if dist(place_ned_m, budget.home_ned_m) < 1e-6:
+        return 0.0
+    legs = ReturnHome().legs(place_ned_m, budget)
+    above = legs[-1].end if legs else place_ned_m
+    return sum(leg.energy_wh(power) for leg in (*legs, *LandOrder().legs(above, budget)))
+
+
+def _before(target: str, mission: Mission) -> Iterator[str]:
+    """The actions whose end an action's start waits for."""
+    task_name, _, name = target.partition(".")
+    task = mission.tasks[task_name]
+    for other in task.options.after:
+        yield from (f"{other}.{one}" for one in mission.tasks[other].actions)
+    for other in task.actions[name].options.after:
+        yield f"{task_name}.{other}"
+
+
+def _end_companions(mission: Mission, found: dict[str, ActionEstimate]) -> None:
+    """Gives actions with `until` the end of their companion, where that is earlier or they have none."""
+    for target, part in found.items():
+        task_name, _, name = target.partition(".")
+        action = mission.tasks[task_name].actions[name]
+        companion = found.get(f"{task_name}.{action.options.until}")
+        if action.options.until is None or companion is None:
+            continue
+        end_s = max(part.start_s, companion.end_s)
+        if not action.order.is_endless and part.end_s > part.start_s:
+            end_s = min(end_s, part.end_s)
+        found[target] = ActionEstimate(start_s=part.start_s, end_s=end_s, legs=part.legs, energy_wh=part.energy_wh)

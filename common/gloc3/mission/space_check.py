@@ -1,0 +1,137 @@
+"""Whether the way of a mission stays inside the fence and the platform's limits, and begins and ends on the ground."""
+
+from collections.abc import Iterator
+
+from gloc3.document import Document, Where
+from gloc3.errors import Finding
+from gloc3.frames import Vector3
+from gloc3.mission.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, TakeOff
+from gloc3.mission.estimate import Estimate
+from gloc3.mission.fence import Fence
+from gloc3.mission.legs import Leg
+from gloc3.mission.model import Action, Mission, where_of
+from gloc3.mission.structure import PartialOrder
+from gloc3.platform import Limits
+
+_TOLERANCE_M = 1e-3
+
+
+def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool) -> Iterator[Finding]:
+    """Take-off comes before all other motion, once, and a landing at the end."""
+    document = mission.document
+    actions = mission.actions()
+    moving = [target for target in order.targets if target in actions and actions[target].order.moves]
+    if document is None or not moving:
+        return
+    takes_off = any(isinstance(actions[target].order, TakeOff) for target in moving)
+    if not takes_off and not is_airborne:
+        hint = "begin with take_off"
+        yield document.finding(
+            ("tasks",), "without take_off it can only be started in the air", hint, at_key=True, is_warning=True
+        )
+    in_air = is_airborne or not takes_off
+    for target in moving:
+        kind = actions[target].order
+        where = (*where_of(target), actions[target].capability)
+        if isinstance(kind, TakeOff):
+            if in_air:
+                yield document.finding(where, f"{target} takes off in the air", "land first", at_key=True)
+            in_air = True
+        elif not in_air:
+            yield document.finding(where, f"{target} moves the vehicle on the ground", "take off first", at_key=True)
+        elif isinstance(kind, LandOrder):
+            in_air = False
+    if in_air:
+        yield document.finding(
+            ("tasks",),
+            "the mission ends in the air, and the vehicle stays there",
+            "end with land",
+            at_key=True,
+            is_warning=True,
+        )
+
+
+def space_findings(
+    mission: Mission,
+    figures: Estimate,
+    limits: Limits | None,
+    *,
+    home_ned_m: Vector3 | None,
+    start_ned_m: Vector3 | None,
+) -> list[Finding]:
+    """Waypoints and legs outside the fence (margin included), too low, too high, and too fast.
+
+    Where home is not known, legs that begin or end there are not judged, and heights count from the origin.
+    """
+    document = mission.document
+    if document is None:
+        return []
+    found: list[Finding] = []
+    actions = mission.actions()
+    home = home_ned_m or (0.0, 0.0, 0.0)
+    is_place_known = start_ned_m is not None or home_ned_m is not None
+    for target, part in figures.actions.items():
+        action = actions[target]
+        where = (*where_of(target), action.capability)
+        ends_at_home = isinstance(action.order, ReturnHome)
+        for leg in part.legs:
+            place = _place(where, action, leg, document)
+            fence = mission.fence
+            if fence is not None and home_ned_m is None and isinstance(action.order, ReturnHome | TakeOff):
+                fence = Fence(ceiling_m=fence.ceiling_m)
+            if fence is not None:
+                margin_m = limits.fence_margin_m if limits is not None else 0.0
+                found += _fence(leg, fence, margin_m, document, place, is_start_known=is_place_known)
+            if limits is not None and not isinstance(action.order, LandOrder) and leg.length_m > 0.0:
+                found += _height(leg.end, home, limits, document, place)
+            is_place_known = not ends_at_home or home_ned_m is not None
+        if isinstance(action.order, TakeOff) and home_ned_m is None:
+            is_place_known = False
+        if limits is not None and isinstance(action.order, FollowWaypointsOrder | ReturnHome):
+            speed_m_s = action.order.speed_m_s
+            if speed_m_s is not None and speed_m_s > limits.speed_m_s:
+                message = f"{speed_m_s:g} m/s are more than the platform's limit of {limits.speed_m_s:g} m/s"
+                found.append(document.finding((*where, "speed_m_s"), message, "fly slower"))
+    return found
+
+
+def _place(where: Where, action: Action, leg: Leg, document: Document) -> Where:
+    """The place in the file of what a leg leads to."""
+    for key in ("waypoints_m", "waypoints"):
+        if getattr(action.arguments, key, None) is not None and leg.waypoint is not None:
+            return (*where, key, leg.waypoint)
+    for key in ("position_m", "position", "at_m", "at", "height_m"):
+        if key in document.node(where).children:
+            return (*where, key)
+    return where
+
+
+def _fence(
+    leg: Leg, fence: Fence, margin_m: float, document: Document, place: Where, *, is_start_known: bool
+) -> Iterator[Finding]:
+    clearance_m = fence.clearance_m(leg.end)
+    if clearance_m < margin_m - _TOLERANCE_M:
+        if clearance_m < 0.0:
+            message = f"{_name(place)} is {-clearance_m:.1f} m outside the fence"
+        else:
+            message = f"{_name(place)} is {clearance_m:.2f} m inside the fence, less than the margin of {margin_m:g} m"
+        yield document.finding(place, message, "move it inwards")
+    elif is_start_known and fence.clearance_m(leg.start) >= margin_m - _TOLERANCE_M:
+        along_m = fence.leg_clearance_m(leg.start, leg.end)
+        if along_m < margin_m - _TOLERANCE_M:
+            message = f"the straight way to {_name(place)} leaves the fence or its margin of {margin_m:g} m"
+            yield document.finding(place, message, "add a waypoint that leads round")
+
+
+def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, place: Where) -> Iterator[Finding]:
+    height_m = home[2] - point[2]
+    if height_m > limits.height_max_m + _TOLERANCE_M:
+        message = f"{_name(place)} is {height_m:.1f} m above home, more than the platform's {limits.height_max_m:g} m"
+        yield document.finding(place, message, "fly lower")
+    elif height_m < limits.height_min_m - _TOLERANCE_M:
+        message = f"{_name(place)} is {height_m:.1f} m above home, less than the platform's {limits.height_min_m:g} m"
+        yield document.finding(place, message, "fly higher")
+
+
+def _name(place: Where) -> str:
+    return f"waypoint {place[-1] + 1}" if isinstance(place[-1], int) else f"{place[3]}'s end"

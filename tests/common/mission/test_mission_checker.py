@@ -1,0 +1,225 @@
+"""The checker proves a mission against a platform and tells everything that is wrong at once."""
+
+import pytest
+
+from gloc3.mission.checker import Circumstances, Report, check_file, check_text, home_problem
+from gloc3.mission.examples import example_missions
+from gloc3.platform import Platform, read_platform
+
+MISSION = """\
+mission: test
+frame: hold
+geofence: {polygon_m: [[-2, -2], [20, -2], [20, 12], [10, 12], [10, 6], [6, 6], [6, 12], [-2, 12]], ceiling_m: 8}
+on_failure: land
+tasks:
+  depart:
+    actions:
+      climb:  {take_off: {height_m: 1.5}}
+  sweep:
+    after: [depart]
+    deadline_s: 120
+    actions:
+      wall:   {follow_waypoints: {waypoints_m: [[2, 1, 2], [16, 1, 2]], speed_m_s: 0.5}}
+      photos: {record_images: {camera: ground, every_m: 0.5}, until: wall}
+  recover:
+    after: [sweep]
+    actions:
+      home:   {return_home: {}}
+      down:   {land: {}, after: [home]}
+"""
+HOME = (0.0, 0.0, 0.0)
+
+
+def told(report: Report) -> list[str]:
+    return [str(finding) for finding in report.findings]
+
+
+@pytest.mark.parametrize("name", sorted(example_missions()))
+def test_the_examples_pass(name: str, pelican: Platform) -> None:
+    report = check_file(name, Circumstances(platform=pelican, home_ned_m=HOME))
+    assert told(report) == []
+    assert report.is_ok
+    assert report.flyable().tasks
+
+
+def test_the_examples_take_the_time_that_is_promised(pelican: Platform) -> None:
+    def duration_s(name: str) -> float:
+        figures = check_file(name, Circumstances(platform=pelican, home_ned_m=HOME)).estimate
+        assert figures is not None
+        return figures.duration_s
+
+    assert duration_s("hop") < 30
+    assert duration_s("inspection") < 100
+    assert duration_s("patrol") > 620
+
+
+def test_a_good_mission_has_figures_and_no_findings(pelican: Platform) -> None:
+    report = check_text(MISSION, "m", Circumstances(platform=pelican, home_ned_m=HOME))
+    assert told(report) == []
+    figures = report.estimate
+    assert figures is not None
+    assert figures.length_m == pytest.approx(1.5 + 5**0.5 + 0.05 + 14 + 16.03 + 2, abs=0.2)
+    assert figures.actions["sweep.photos"].end_s == figures.actions["sweep.wall"].end_s
+    assert figures.actions["recover.home"].start_s == figures.actions["sweep.wall"].end_s
+    assert figures.duration_s == pytest.approx(3 + 1.5 + 4.6 + 0.2 + 28 + 0.2 + 6.5 + 7, abs=1.5)
+    assert figures.energy_wh == pytest.approx(177 * figures.duration_s / 3600, rel=0.1)
+    assert report.as_dict()["estimate"]["duration_s"] == round(figures.duration_s, 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "finding"),
+    [
+        ("[16, 1, 2]", "[21, 1, 2]", "m:13:60: waypoint 2 is 1.0 m outside the fence (move it inwards)"),
+        ("[16, 1, 2]", "[19.7, 1, 2]",
+         "m:13:60: waypoint 2 is 0.30 m inside the fence, less than the margin of 0.5 m (move it inwards)"),
+        ("[[2, 1, 2], [16, 1, 2]]", "[[4, 8, 2], [12, 8, 2]]",
+         "m:13:60: the straight way to waypoint 2 leaves the fence or its margin of 0.5 m (add a waypoint that leads round)"),
+        ("[2, 1, 2]", "[2, 1, 8.2]", "m:13:49: waypoint 1 is 0.2 m outside the fence (move it inwards)"),
+        ("[2, 1, 2]", "[2, 1, 0.1]",
+         "m:13:49: waypoint 1 is 0.1 m above home, less than the platform's 0.3 m (fly higher)"),
+        ("height_m: 1.5", "height_m: 7.8",
+         "m:8:37: climb's end is 0.20 m inside the fence, less than the margin of 0.5 m (move it inwards)"),
+        ("speed_m_s: 0.5", "speed_m_s: 5",
+         "m:13:84: 5 m/s are more than the platform's limit of 3 m/s (fly slower)"),
+        ("deadline_s: 120", "deadline_s: 20",
+         "m:11:17: about 33 s are needed, but deadline_s is 20 (fly faster, leave out something, or allow more time)"),
+        (", until: wall", "",
+         "m:14:7: sweep.photos never ends by itself (give it until with its companion, or a duration or count)"),
+        ("camera: ground", "camera: front",
+         "m:14:40: camera 'front' is not possible on pelican (known: ground)"),
+        ("    after: [sweep]\n", "",
+         "m:18:7: recover.down and depart.climb may run at the same time, and both claim motion (put one after the other)"),
+        (", after: [home]", "",
+         "m:19:7: recover.down and recover.home may run at the same time, and both claim motion (put one after the other)"),
+        ("follow_waypoints", "folow_waypoints",
+         "m:13:16: unknown capability 'folow_waypoints' (did you mean 'follow_waypoints'?)"),
+        ("on_failure: land", "on_low_battery: continue",
+         "m:4:17: on_low_battery is continue, but at 20% the autopilot does return by itself"),
+        ("on_failure: land", "on_pose_lost: return",
+         "m:4:15: return_home needs the pose, and cannot be flown when that is lost (say on_pose_lost: land)"),
+        ("down:   {land: {}, after: [home]}", "down:   {hold: {duration_s: 1}, after: [home]}",
+         "m:5:1: warning: the mission ends in the air, and the vehicle stays there (end with land)"),
+        ("climb:  {take_off: {height_m: 1.5}}", "climb:  {wait: {duration_s: 5}}",
+         "m:5:1: warning: without take_off it can only be started in the air (begin with take_off)"),
+        ("deadline_s: 120", "deadline_s: 1200", ""),
+    ],
+)  # fmt: skip
+def test_each_mistake_is_found(old: str, new: str, finding: str, pelican: Platform) -> None:
+    report = check_text(MISSION.replace(old, new, 1), "m", Circumstances(platform=pelican, home_ned_m=HOME))
+    found = told(report)
+    assert any(line.startswith(finding) for line in found) if finding else not found
+    assert report.is_ok is (not finding or "warning" in finding)
+
+
+def test_take_off_comes_first_and_once(pelican: Platform) -> None:
+    circumstances = Circumstances(platform=pelican, home_ned_m=HOME)
+    text = "mission: m\nframe: hold\ntasks:\n  t:\n    actions:\n      a: {go_to: {position_m: [1, 1, 2]}}\n"
+    late = text + "      b: {take_off: {height_m: 2}, after: [a]}\n      c: {land: {}, after: [b]}\n"
+    assert told(check_text(late, "m", circumstances)) == [
+        "m:6:11: t.a moves the vehicle on the ground (take off first)"
+    ]
+    twice = text.replace("go_to: {position_m: [1, 1, 2]}", "take_off: {height_m: 2}")
+    twice += "      b: {take_off: {height_m: 2}, after: [a]}\n      c: {land: {}, after: [b]}\n"
+    assert told(check_text(twice, "m", circumstances)) == ["m:7:11: t.b takes off in the air (land first)"]
+
+
+def test_a_home_near_or_outside_the_fence_is_refused(pelican: Platform) -> None:
+    report = check_text(MISSION, "m", Circumstances(platform=pelican, home_ned_m=(-1.7, 0.0, 0.0)))
+    assert "m:3:1: home is 0.30 m inside the fence; at least 0.5 m are needed (move the vehicle or the fence)" in told(
+        report
+    )
+    assert report.mission is not None
+    assert home_problem(report.mission, (-5.0, 0.0, 0.0)) == "home is 3.0 m outside the fence"
+    assert home_problem(report.mission, HOME) == ""
+
+
+def test_a_mission_beyond_the_battery_is_refused_with_figures(pelican: Platform) -> None:
+    text = MISSION.replace("deadline_s: 120", "deadline_s: 9000").replace(
+        "speed_m_s: 0.5", "speed_m_s: 0.5, hold_s: 600"
+    )
+    found = told(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
+    assert found == [
+        "m:1:10: about 61.6 Wh are needed, but only 53.2 Wh of 71 Wh may be used (reserve 25%) (make it shorter, or several missions)"
+    ]
+
+
+def test_returning_must_be_possible_on_the_reserve(platform_text: str) -> None:
+    small = read_platform(
+        platform_text.replace("reserve: 0.25", "reserve: 0.01")
+        .replace("at: 0.2", "at: 0.005")
+        .replace("hover_w: 165", "hover_w: 400"),
+        "p",
+    )
+    found = told(check_text(MISSION, "m", Circumstances(platform=small, home_ned_m=HOME)))
+    assert len(found) == 1
+    assert "to return from the farthest place takes" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("failsafe", "policy", "expected"),
+    [
+        ("action: continue", "continue", ""),
+        (
+            "action: return, after_s: 10",
+            "continue",
+            "on_link_loss is continue, but 10 s without a station the autopilot does return",
+        ),
+        ("action: return, after_s: 10", "hold", "on_link_loss is hold, but 10 s without"),
+        ("action: return, after_s: 10", "land", ""),
+        (
+            "action: return, after_s: 3",
+            "land",
+            "the autopilot does return after 3 s without a station, before land at 5 s",
+        ),
+        ("action: return, after_s: 3", "return", ""),
+        ("action: land, after_s: 9", "abort", ""),
+    ],
+)
+def test_link_loss_policies_agree_with_the_autopilot_s_failsafe(
+    platform_text: str, failsafe: str, policy: str, expected: str
+) -> None:
+    platform = read_platform(platform_text.replace("failsafes: {", f"failsafes: {{link_loss: {{{failsafe}}}, "), "p")
+    text = MISSION.replace("on_failure: land", f"on_failure: land\non_link_loss: {policy}")
+    found = told(check_text(text, "m", Circumstances(platform=platform, home_ned_m=HOME)))
+    assert found == [] if not expected else (len(found) == 1 and expected in found[0])
+
+
+def test_what_a_capability_needs_must_be_there(platform_text: str) -> None:
+    text = platform_text.replace(
+        "performed_by: waypoints, claims: [motion], needs: [pose",
+        "performed_by: waypoints, claims: [motion], needs: [odometry",
+    )
+    found = told(check_text(MISSION, "m", Circumstances(platform=read_platform(text, "p"), home_ned_m=HOME)))
+    assert found[0] == (
+        "m:13:16: warning: follow_waypoints needs 'odometry', which nothing on pelican provides "
+        "(not all components' classes are installed here)"
+    )
+
+
+def test_without_a_platform_the_file_alone_is_checked() -> None:
+    report = check_text(MISSION.replace("    after: [sweep]\n", "", 1), "m", Circumstances())
+    assert told(report)[0].startswith("m:2:8: warning: frame 'hold' is not known here")
+    assert any("both claim motion" in line for line in told(report))
+    assert check_text(MISSION, "m", Circumstances()).is_ok
+
+
+def test_errors_of_all_kinds_are_told_together(pelican: Platform) -> None:
+    text = (
+        MISSION.replace("[16, 1, 2]", "[21, 1, 2]")
+        .replace("camera: ground", "camra: ground")
+        .replace("speed_m_s: 0.5", "speed_m_s: 5")
+    )
+    found = told(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
+    assert [line.partition(": ")[2][:30] for line in found] == [
+        "waypoint 2 is 1.0 m outside th",
+        "5 m/s are more than the platfo",
+        "'camera' is missing in record_",
+        "unknown key 'camra' (did you m",
+    ]
+
+
+def test_a_file_that_is_no_mission_is_told_without_a_traceback(pelican: Platform) -> None:
+    assert told(check_text("[1, 2]", "m", Circumstances(platform=pelican))) == [
+        "m:1:1: a mission file is a mapping (begin with 'mission: NAME')"
+    ]
+    assert told(check_file("no_such_mission", Circumstances()))[0].startswith("no_such_mission: no such mission")

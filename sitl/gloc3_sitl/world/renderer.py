@@ -15,6 +15,7 @@ Matrix = NDArray[np.float64]
 
 _NEAR_M: Final = 0.02
 _SMALL_PX: Final = 96
+_RIM_PX: Final = 2
 
 
 class _Sheet:
@@ -32,9 +33,13 @@ class _Sheet:
         self.pixels_per_m = pixels_per_m
         self.period_px = (texture.shape[1], texture.shape[0]) if is_repeated else None
         picture: Image = np.tile(texture, (2, 2)) if is_repeated else texture
-        self.levels = [picture]
-        while min(self.levels[-1].shape) > _SMALL_PX and all(side % 2 == 0 for side in self.levels[-1].shape):
-            self.levels.append(cv2.resize(self.levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        levels = [picture]
+        while min(levels[-1].shape) > _SMALL_PX and all(side % 2 == 0 for side in levels[-1].shape):
+            levels.append(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        # A rim keeps what lies beyond the edge out of the interpolation: OpenCV is ten times slower with any other border.
+        border = cv2.BORDER_WRAP if is_repeated else cv2.BORDER_REPLICATE
+        self.bare_levels = levels
+        self.levels = [cv2.copyMakeBorder(level, _RIM_PX, _RIM_PX, _RIM_PX, _RIM_PX, border) for level in levels]
 
 
 class Renderer:
@@ -109,15 +114,17 @@ class Renderer:
         scale = sheet.pixels_per_m / 2**level
         corners = np.array([[x, y, 1.0] for x in (left, right) for y in (top, bottom)]) @ m_from_image.T
         span_px = (corners[:, :2] / corners[:, 2:]) * scale
-        shift_x = shift_y = 0.0
+        shift_x = shift_y = -float(_RIM_PX)
         border = cv2.BORDER_CONSTANT
         if sheet.period_px is not None:
+            least, most = span_px.min(axis=0), span_px.max(axis=0)
             period_x, period_y = (side / 2**level for side in sheet.period_px)
-            shift_x = floor(float(span_px[:, 0].min()) / period_x) * period_x
-            shift_y = floor(float(span_px[:, 1].min()) / period_y) * period_y
+            shift_x += floor(float(least[0]) / period_x) * period_x
+            shift_y += floor(float(least[1]) / period_y) * period_y
             rows, columns = texture.shape
-            if span_px[:, 0].max() - shift_x > columns - 1 or span_px[:, 1].max() - shift_y > rows - 1:
-                border = cv2.BORDER_WRAP
+            if most[0] - shift_x > columns or most[1] - shift_y > rows:
+                texture, border = sheet.bare_levels[level], cv2.BORDER_WRAP
+                shift_x, shift_y = shift_x + _RIM_PX, shift_y + _RIM_PX
         to_texture = np.array([[scale, 0.0, -0.5 - shift_x], [0.0, scale, -0.5 - shift_y], [0.0, 0.0, 1.0]])
         from_roi = np.array([[1.0, 0.0, left], [0.0, 1.0, top], [0.0, 0.0, 1.0]])
         cut = image[top:bottom, left:right]

@@ -1,5 +1,6 @@
 """Procedural textures and tags: the same file always gives the same picture."""
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ MARKER_CELLS = 8
 """Cells across a tag with its white border: four of code, two of black frame, two of white."""
 
 
+@lru_cache(maxsize=16)
 def paint(texture: Texture) -> Image:
-    """Make a texture; it repeats without a seam at its edges."""
+    """Make a texture, once for all cameras; it repeats without a seam at its edges."""
     import cv2
 
     random = np.random.Generator(np.random.PCG64(texture.seed))
@@ -33,6 +35,7 @@ def paint(texture: Texture) -> Image:
         _seams(picture, texture)
     image: Image = np.clip(picture, 0.0, 255.0).astype(np.uint8)
     _speckles(cv2, random, image, texture)
+    image.flags.writeable = False
     return image
 
 

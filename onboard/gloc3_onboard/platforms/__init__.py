@@ -1,0 +1,1 @@
+"""The platform files that ship with GLOC3."""

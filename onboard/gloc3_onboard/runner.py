@@ -1,0 +1,94 @@
+"""The onboard companion process: hosts the components of a platform and brings them up and down."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from random import Random
+from typing import Any, Final
+
+from gloc3.clock import Clock
+from gloc3.component import Component
+from gloc3.context import HostContext
+from gloc3.deployment import ComponentRow
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import Publisher, request
+from gloc3.exchange.base import Exchange
+from gloc3.host import ComponentHost
+from gloc3.lci import Command, State
+from gloc3.messages import CommandRequest
+from gloc3.platform import Platform
+from gloc3.topics import TopicTable
+
+STOP_TIMEOUT_S: Final = 6.0
+
+
+class Onboard:
+    """The components of one host of a platform.
+
+    Args:
+        platform: the platform file.
+        context: what the hosts share.
+        devices: by name, as the rows refer to them.
+    """
+
+    def __init__(self, platform: Platform, context: HostContext, devices: Mapping[str, Any]) -> None:
+        self.platform = platform
+        self.context = context
+        self.hosts: Final = {
+            row.name: ComponentHost(row, _creator(row, devices), context) for row in platform.components
+        }
+
+    @classmethod
+    def of(
+        cls,
+        platform: Platform,
+        loop: asyncio.AbstractEventLoop,
+        exchange: Exchange,
+        topics: TopicTable,
+        random: Random,
+        devices: Mapping[str, Any],
+    ) -> "Onboard":
+        """An onboard process without modelled costs."""
+        return cls(platform, HostContext(platform.platform, exchange, Clock(loop), loop, topics, random), devices)
+
+    def begin(self) -> None:
+        """Brings every component to the state that its row asks for, in the order of the file."""
+        for host in self.hosts.values():
+            host.begin()
+
+    @property
+    def is_beginning(self) -> bool:
+        """Whether some component has not reached that state yet."""
+        return any(host.is_beginning for host in self.hosts.values())
+
+    async def stop(self) -> None:
+        """Shuts every component down by command, the chain from its begin to its end, drivers last but the CI."""
+        context = self.context
+        publisher = Publisher(context.exchange, context.platform, "runner", context.random.getrandbits(32))
+        for number, (name, host) in enumerate(self.hosts.items()):
+            if host.state is None:
+                continue
+            message = CommandRequest(request_id=f"stop-{number}", command=Command.SHUTDOWN)
+            topic = f"{context.platform}/components/{name}/command"
+            try:
+                await request(context.exchange, publisher, topic, message, STOP_TIMEOUT_S)
+            except TimeoutError:
+                continue  # a component that hangs does not keep the others
+
+    def close(self) -> None:
+        """Ends without ceremony."""
+        for host in self.hosts.values():
+            host.close()
+
+    def state(self, name: str) -> State | None:
+        """The state of a component.
+
+        Raises:
+            Gloc3Error: there is none of that name.
+        """
+        if name not in self.hosts:
+            raise Gloc3Error(f"platform {self.platform.platform} has no component {name!r}")
+        return self.hosts[name].state
+
+
+def _creator(row: ComponentRow, devices: Mapping[str, Any]) -> Callable[[], Component[Any]]:
+    return lambda: row.create(devices)

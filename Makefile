@@ -1,0 +1,41 @@
+# Everything that is done with this project. Each target sets up .venv by itself; a second call installs nothing.
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+SOURCES := common onboard groundstation sitl tests
+MISSION ?= inspection
+NAME ?=
+
+.PHONY: demo test check bench evidence lock clean
+
+demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
+	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
+
+test: $(READY)  ## all tests, every bar in a reduced form
+	$(BIN)/pytest -q -n 2 --dist worksteal
+
+check: $(READY)  ## format, lint, types, import contracts
+	$(BIN)/ruff format --check $(SOURCES)
+	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/mypy $(SOURCES)
+	$(BIN)/lint-imports
+
+bench: $(READY)  ## what the parts cost
+	$(BIN)/python -m tests.benchmarks
+
+evidence: $(READY)  ## every bar in full, one page each under docs/evidence; NAME=… for one of them
+	$(BIN)/python -m tests.evidence $(NAME)
+
+lock:  ## after a change of the dependencies: new hashes
+	$(BIN)/uv pip compile -q pyproject.toml --all-extras --group dev --generate-hashes --universal \
+	    --python-version 3.11 --no-header --no-annotate -o requirements.txt
+
+clean:
+	rm -rf .venv runs
+
+$(READY): requirements.txt pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from gloc3.frames import GeoPoint
+from gloc3.frames import GeoPoint, Quaternion
 from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.attitude import GRAVITY_M_S2, AttitudeController, attitude_for
@@ -18,6 +18,7 @@ from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.parameters import ParameterStore
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.plans import Plans
+from gloc3_sitl.autopilot.sources import ardupilot_sources, px4_sources
 from gloc3_sitl.autopilot.tuning import Tuning
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
@@ -61,6 +62,10 @@ class Autopilot:
         self.craft.first_item = 1 if style.mission_keeps_home else 0
         self.commander: Final = Commander(self.craft, style)
         self.failsafes: Final = Failsafes(self.commander)
+        self.source_set = 1
+        """ArduPilot's set of sources in use."""
+        self.parameters.on_change.append(self._parameter_changed)
+        self.choose_sources()
         self.battery: BatteryReading | None = None
         self.range: RangeReading | None = None
         self.barometer: BarometerReading | None = None
@@ -84,6 +89,8 @@ class Autopilot:
         self._hold_yaw_rad = 0.0
         self._imu_s = -1.0
         self._count = 0
+        self.unix_us = 0
+        """Microseconds since 1970, where somebody has told; 0 otherwise."""
         self._take: dict[type, Callable[[Any], None]] = {
             FixReading: self._take_fix,
             BarometerReading: self._take_barometer,
@@ -91,6 +98,22 @@ class Autopilot:
             RangeReading: self._take_range,
             BatteryReading: self._take_battery,
         }
+
+    def choose_sources(self) -> None:
+        """Has the estimator use what the parameters say."""
+        ask = self.parameters.__getitem__
+        is_px4 = "EKF2_EN" in self.parameters
+        self.estimator.sources = px4_sources(ask) if is_px4 else ardupilot_sources(ask, self.source_set)
+
+    def _parameter_changed(self, name: str, value: float) -> None:
+        del value
+        if name.startswith(("EKF2_", "EK3_SRC")):
+            self.choose_sources()
+
+    @property
+    def wanted_attitude(self) -> Quaternion:
+        """What the attitude loop is asked for, `ned_from_frd`."""
+        return self._wanted_attitude
 
     # -- the inner loops --------------------------------------------------------------------------------------------
 

@@ -204,7 +204,7 @@ def _position_lost(safes: Failsafes) -> str:
 def _fence_broken(safes: Failsafes) -> str:
     if safes.craft.is_landed:
         return ""
-    return safes.commander.fence.breach(safes.craft)
+    return safes.commander.fence.watch(safes.craft)
 
 
 def _position_action(tuning: Tuning) -> Action:

@@ -25,13 +25,27 @@ def is_inside(point: Point, corners: Sequence[Point]) -> bool:
 class Fence:
     """Judges the position; polygons are brought into NED once."""
 
-    __slots__ = ("_circles", "_items", "_origin", "_polygons")
+    __slots__ = ("_circles", "_items", "_origin", "_polygons", "breach_s", "breaches", "is_broken")
 
     def __init__(self) -> None:
+        self.is_broken = False
+        self.breaches = 0
+        """Times that it was broken in flight."""
+        self.breach_s = 0.0
+        """When it was broken last."""
         self._items: tuple[PlanItem, ...] = ()
         self._origin: TangentPlane | None = None
         self._polygons: list[tuple[list[Point], bool]] = []
         self._circles: list[tuple[Point, float, bool]] = []
+
+    def watch(self, craft: Craft) -> str:
+        """The same as `breach`, and counts: for the failsafe, in flight."""
+        broken = self.breach(craft)
+        if broken and not self.is_broken:
+            self.breaches += 1
+            self.breach_s = craft.now_s
+        self.is_broken = bool(broken)
+        return broken
 
     def breach(self, craft: Craft) -> str:
         """What is broken, in words; empty inside."""

@@ -127,6 +127,12 @@ class ParameterStore:
         for listener in self.on_change:
             listener(name, value)
 
+    def reset(self) -> None:
+        """Brings every value back to its default."""
+        for row in self.rows.values():
+            if self._values[row.name] != row.default:
+                self.set(row.name, row.default)
+
     def _apply(self, row: ParameterRow, value: float) -> None:
         if not row.sets:
             return

@@ -123,7 +123,8 @@ class Estimator:
     _horizontal_s: float = 0.0
     _vertical_s: float = 0.0
     _barometer_offset_m: float = nan
-    _external_resets: int = -1
+    external_resets: int = -1
+    """Reset counter of the newest external odometry; -1 before the first."""
     _rest_s: float = 0.0
 
     # -- inputs -------------------------------------------------------------------------------------------------
@@ -202,8 +203,8 @@ class Estimator:
             return
         believed = self.inertial.at(pose.t_s)
         position, velocity = pose.position_ned_m, pose.velocity_ned_m_s
-        has_jumped = pose.reset_counter != self._external_resets
-        self._external_resets = pose.reset_counter
+        has_jumped = pose.reset_counter != self.external_resets
+        self.external_resets = pose.reset_counter
         if position is not None and self.sources & Source.EXTERNAL_POSITION:
             if has_jumped or now_s - self.external_state.accepted_s > 1.0:
                 self._place_horizontal(position, now_s, pose.position_deviation_m**2)

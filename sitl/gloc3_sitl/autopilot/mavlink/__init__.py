@@ -1,0 +1,1 @@
+"""The autopilot's MAVLink front end: links, streams, commands and setpoints."""

@@ -1,0 +1,292 @@
+"""Commands: one row for each MAV_CMD, with what it does and how it is answered."""
+
+from collections.abc import Callable, Mapping
+from math import isfinite, nan, radians
+from typing import TYPE_CHECKING, Final
+
+from gloc3.frames import GeoPoint, Vector3
+from gloc3.link.command import CommandRequest
+from gloc3_sitl.autopilot.commander import ACCEPTED, Author, Verdict
+from gloc3_sitl.autopilot.modes import Behaviour, Result, Severity
+
+if TYPE_CHECKING:
+    from gloc3_sitl.autopilot.mavlink.front import Front
+
+Handler = Callable[["Front", CommandRequest], Verdict]
+
+_FORCE: Final = 21196.0
+_MAGIC_FORCE: Final = 2989.0
+"""ArduPilot's force-arming number."""
+_DENIED: Final = Verdict(Result.DENIED, "parameters out of range")
+_UNSUPPORTED: Final = Verdict(Result.UNSUPPORTED)
+_RELATIVE: Final = (3, 6)
+_CUSTOM_FLAG: Final = 1
+
+
+def handle(front: "Front", request: CommandRequest) -> Verdict:
+    """Runs a command; unknown ones are unsupported."""
+    handler = HANDLERS.get(request.command)
+    return _UNSUPPORTED if handler is None else handler(front, request)
+
+
+# -- arming and modes -------------------------------------------------------------------------------------------------
+
+
+def _arm(front: "Front", request: CommandRequest) -> Verdict:
+    wanted, force = request.params[0], request.params[1]
+    is_forced = force in (_FORCE, _MAGIC_FORCE)
+    if wanted == 1.0:
+        return front.commander.arm(Author.COMMAND, is_forced=is_forced)
+    if wanted == 0.0:
+        return front.commander.disarm(Author.COMMAND, is_forced=is_forced)
+    return Verdict(Result.UNSUPPORTED if front.is_px4 else Result.FAILED, "param1 must be 0 or 1")
+
+
+def _set_mode(front: "Front", request: CommandRequest) -> Verdict:
+    base, main, sub = request.params[:3]
+    if not (isfinite(base) and isfinite(main) and isfinite(sub)) or not int(base) & _CUSTOM_FLAG:
+        return _DENIED
+    if not 0 <= main < 2**16 or not 0 <= sub < 256:
+        return _DENIED
+    custom = int(main) << 16 | int(sub) << 24 if front.is_px4 else int(main)
+    return front.commander.set_mode(custom, Author.COMMAND)
+
+
+def _take_off(front: "Front", request: CommandRequest) -> Verdict:
+    height = request.params[6]
+    craft = front.craft
+    if not isfinite(height):
+        return front.commander.take_off(nan)
+    if front.is_px4 and (not request.is_int or request.frame not in _RELATIVE):
+        origin = craft.estimator.origin
+        return front.commander.take_off(nan if origin is None else origin.origin.altitude_m - height)
+    base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
+    if height < 0.1:
+        return Verdict(front.commander.style.refused, "take-off height must be above the ground")
+    return front.commander.take_off(base - height)
+
+
+def _land(front: "Front", request: CommandRequest) -> Verdict:
+    del request
+    return front.commander.set_mode(front.commander.style.land_mode, Author.COMMAND)
+
+
+def _return(front: "Front", request: CommandRequest) -> Verdict:
+    del request
+    return front.commander.set_mode(front.commander.style.return_mode, Author.COMMAND)
+
+
+def _loiter(front: "Front", request: CommandRequest) -> Verdict:
+    del request
+    style = front.commander.style
+    return front.commander.set_mode(
+        style.position_mode if style.takeoff_in_streamed else style.hold_mode, Author.COMMAND
+    )
+
+
+def _terminate(front: "Front", request: CommandRequest) -> Verdict:
+    if not request.params[0] > 0.5:
+        return ACCEPTED
+    front.commander.terminate()
+    return ACCEPTED
+
+
+# -- places -----------------------------------------------------------------------------------------------------------
+
+
+def _place(front: "Front", request: CommandRequest) -> Vector3 | Verdict:
+    """The NED position of parameters 5 to 7; NaN means here."""
+    craft = front.craft
+    origin = craft.estimator.origin
+    latitude, longitude, height = request.params[4:]
+    n, e, d = craft.estimator.inertial.position_ned_m
+    if origin is None:
+        return Verdict(front.commander.style.refused, "no global origin")
+    if isfinite(latitude) and isfinite(longitude):
+        if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+            return _DENIED
+        n, e, _ = origin.ned_from_geo(latitude, longitude, origin.origin.altitude_m)
+    if isfinite(height):
+        base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
+        d = base - height if request.is_int and request.frame in _RELATIVE else origin.origin.altitude_m - height
+    return (n, e, d)
+
+
+def _reposition(front: "Front", request: CommandRequest) -> Verdict:
+    place = _place(front, request)
+    if isinstance(place, Verdict):
+        return place
+    style, commander = front.commander.style, front.commander
+    if (
+        style.takeoff_in_streamed
+        and commander.mode.behaviour is not Behaviour.STREAMED
+        and not int(request.params[1]) & 1
+    ):
+        return Verdict(Result.DENIED, "not in GUIDED")
+    yaw = request.params[3]
+    if not front.is_px4:
+        yaw = radians(yaw) if isfinite(yaw) and yaw != 0.0 else nan
+    return commander.go_to(place, yaw, request.params[0])
+
+
+def _set_home(front: "Front", request: CommandRequest) -> Verdict:
+    if request.params[0] == 1.0:
+        return front.commander.set_home()
+    place = _place(front, request)
+    return place if isinstance(place, Verdict) else front.commander.set_home(place)
+
+
+def _set_origin(front: "Front", request: CommandRequest) -> Verdict:
+    latitude, longitude, altitude = request.params[4:]
+    if not (isfinite(latitude) and isfinite(longitude) and isfinite(altitude)):
+        return _DENIED
+    return front.set_origin(GeoPoint(latitude, longitude, altitude))
+
+
+# -- mission ----------------------------------------------------------------------------------------------------------
+
+
+def _mission_start(front: "Front", request: CommandRequest) -> Verdict:
+    commander, craft = front.commander, front.craft
+    first = int(request.params[0]) if isfinite(request.params[0]) else 0
+    if commander.style.takeoff_in_streamed:
+        # ArduPilot: the mode must be AUTO already, or the vehicle stand.
+        if not craft.is_armed:
+            return Verdict(Result.FAILED, "not armed")
+    elif first > 0 and first < len(craft.plans.mission):
+        front.set_current(first)
+    return commander.set_mode(commander.style.mission_mode, Author.COMMAND)
+
+
+def _pause_continue(front: "Front", request: CommandRequest) -> Verdict:
+    commander = front.commander
+    is_continue = request.params[0] == 1.0
+    if front.is_px4:
+        style = commander.style
+        return commander.set_mode(style.mission_mode if is_continue else style.hold_mode, Author.COMMAND)
+    flight = front.mission_flight
+    if flight is None:
+        return Verdict(Result.FAILED, "not in AUTO")
+    if is_continue:
+        flight.go_on()
+    else:
+        flight.pause()
+    return ACCEPTED
+
+
+def _set_current(front: "Front", request: CommandRequest) -> Verdict:
+    index = request.params[0]
+    if not isfinite(index) or not front.set_current(int(index)):
+        return Verdict(Result.FAILED if not front.is_px4 else Result.DENIED, "no such item")
+    return ACCEPTED
+
+
+def _change_speed(front: "Front", request: CommandRequest) -> Verdict:
+    speed = request.params[1]
+    if not speed > 0.0:
+        return ACCEPTED if speed == -1.0 else _DENIED
+    front.craft.tuning.limits.speed_xy_m_s = min(speed, front.craft.tuning.gains.speed_xy_m_s)
+    return ACCEPTED
+
+
+# -- messages and services --------------------------------------------------------------------------------------------
+
+
+def _request_message(front: "Front", request: CommandRequest) -> Verdict:
+    if not isfinite(request.params[0]):
+        return _DENIED
+    return front.request_message(int(request.params[0]), request)
+
+
+def _stream(front: "Front", request: CommandRequest) -> Verdict:
+    return front.stream_command(request)
+
+
+def _capabilities(front: "Front", request: CommandRequest) -> Verdict:
+    return front.request_message(148, request)
+
+
+def _calibrate(front: "Front", request: CommandRequest) -> Verdict:
+    del request
+    if front.craft.is_armed:
+        return Verdict(front.commander.style.refused, "armed")
+    front.begin_calibration()
+    return Verdict(Result.IN_PROGRESS)
+
+
+def _run_checks(front: "Front", request: CommandRequest) -> Verdict:
+    del request
+    commander = front.commander
+    if front.craft.is_armed:
+        return Verdict(Result.TEMPORARILY_REJECTED, "armed")
+    for problem in commander.problems():
+        front.craft.say(Severity.CRITICAL, f"{commander.style.arming_prefix}{problem}")
+    return ACCEPTED
+
+
+def _storage(front: "Front", request: CommandRequest) -> Verdict:
+    if request.params[0] == 2.0:
+        front.autopilot.parameters.reset()
+    return ACCEPTED
+
+
+def _source_set(front: "Front", request: CommandRequest) -> Verdict:
+    if front.is_px4:
+        return _UNSUPPORTED
+    index = request.params[0]
+    if index not in (1.0, 2.0, 3.0):
+        return _DENIED
+    return front.use_source_set(int(index))
+
+
+def _fence_enable(front: "Front", request: CommandRequest) -> Verdict:
+    wanted = request.params[0]
+    if wanted not in (0.0, 1.0):
+        return _DENIED
+    front.craft.tuning.fence_is_on = wanted == 1.0
+    return ACCEPTED
+
+
+def _nothing(front: "Front", request: CommandRequest) -> Verdict:
+    """Cameras, gimbals and servos that the vehicle does not have: taken, and nothing moves."""
+    del front, request
+    return ACCEPTED
+
+
+HANDLERS: Final[Mapping[int, Handler]] = {
+    17: _loiter,
+    20: _return,
+    21: _land,
+    22: _take_off,
+    176: _set_mode,
+    178: _change_speed,
+    179: _set_home,
+    183: _nothing,
+    185: _terminate,
+    192: _reposition,
+    193: _pause_continue,
+    195: _nothing,
+    197: _nothing,
+    201: _nothing,
+    202: _nothing,
+    203: _nothing,
+    205: _nothing,
+    206: _nothing,
+    207: _fence_enable,
+    224: _set_current,
+    241: _calibrate,
+    245: _storage,
+    300: _mission_start,
+    400: _arm,
+    401: _run_checks,
+    510: _stream,
+    511: _stream,
+    512: _request_message,
+    519: _capabilities,
+    520: _capabilities,
+    611: _set_origin,
+    2000: _nothing,
+    2001: _nothing,
+    42007: _source_set,
+}
+"""By MAV_CMD."""

@@ -1,0 +1,102 @@
+"""The links of the autopilot: who is where, what is for us, and what goes on to others."""
+
+from collections.abc import Callable
+from enum import StrEnum
+from typing import Final
+
+from gloc3.link import codec
+from gloc3.link.codec import Encoder, Parser
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.parser import Frame
+
+Send = Callable[[bytes], None]
+Receive = Callable[[bytes], None]
+
+_MOST_PEERS: Final = 64
+
+
+class LinkKind(StrEnum):
+    """What a link is for; it decides the rates at which telemetry begins."""
+
+    GROUND = "ground"
+    COMPANION = "companion"
+    BARE = "bare"
+    """Heartbeats and answers only."""
+
+
+class Link:
+    """One way to the outside: a parser, an encoder with its own sequence, and who has been heard there."""
+
+    __slots__ = ("encoder", "kind", "parser", "peers", "send")
+
+    def __init__(self, send: Send, own: Address, kind: LinkKind, *, is_datagram: bool) -> None:
+        self.send: Final = send
+        self.kind: Final = kind
+        self.parser: Final = Parser(is_datagram=is_datagram)
+        self.encoder: Final = Encoder(own.system, own.component)
+        self.peers: dict[Address, None] = {}
+        """Everybody heard on this link, in the order in which they came."""
+
+    def reaches(self, system: int, component: int) -> bool:
+        """Whether somebody with this address has been heard here; 0 means anybody."""
+        return any(system in (0, peer.system) and component in (0, peer.component) for peer in self.peers)
+
+    def learn(self, sender: Address) -> None:
+        """Somebody was heard here."""
+        if sender not in self.peers:
+            if len(self.peers) >= _MOST_PEERS:
+                del self.peers[next(iter(self.peers))]
+            self.peers[sender] = None
+
+
+class Router:
+    """Passes frames in to the autopilot and on between links, by the rules of the MAVLink guide."""
+
+    def __init__(self, own: Address, take: Callable[[Frame], None]) -> None:
+        self.own: Final = own
+        self.links: list[Link] = []
+        self._take = take
+
+    def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool) -> tuple[Link, Receive]:
+        """Adds a link; gives what is to be called with each piece of data that comes in there."""
+        link = Link(send, self.own, kind, is_datagram=is_datagram)
+        self.links.append(link)
+
+        def receive(data: bytes) -> None:
+            for frame in link.parser.receive(data):
+                self._route(frame, link)
+
+        return link, receive
+
+    def detach(self, link: Link) -> None:
+        """Takes a link away."""
+        self.links.remove(link)
+
+    def _route(self, frame: Frame, source: Link) -> None:
+        if frame.sender == self.own:
+            return
+        source.learn(frame.sender)
+        system, component = frame.target_system, frame.target_component
+        is_ours = system in (0, self.own.system) and component in (0, self.own.component)
+        if is_ours:
+            self._take(frame)
+        if is_ours and system and component:
+            return
+        for link in self.links:
+            # Addressed frames go only where their target was heard; broadcasts go everywhere but back.
+            if link is not source and (not system or link.reaches(system, component)):
+                link.send(frame.raw)
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends one of our own: addressed ones where their target was heard, the rest everywhere."""
+        shape = message.shape
+        system = message.target_system if shape.target_system_at >= 0 and hasattr(message, "target_system") else 0
+        component = message.target_component if system and shape.target_component_at >= 0 else 0
+        targets = [link for link in self.links if link.reaches(system, component)] if system else []
+        for link in targets or self.links:
+            link.send(link.encoder.encode(message))
+
+
+def message_id(name: str) -> int:
+    """The number of a message."""
+    return codec.shape(name).id

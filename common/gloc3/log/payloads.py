@@ -1,0 +1,151 @@
+"""A message as a log record, a JSON object, and back without loss.
+
+The object holds the payload's own fields, Foxglove's beside them (`gloc3.log.foxglove`), and what JSON or the MCAP
+record cannot carry: `_t_s`, the exact time of validity, and `_not_finite`, the numbers that are no numbers.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from operator import attrgetter
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from gloc3.log.foxglove import View, timestamp, view_of
+from gloc3.log.json_schema import describe_type
+from gloc3.messages import Envelope, Message
+
+NOT_FINITE: Final = "_not_finite"
+PROBLEM: Final = "_problem"
+"""Stands in the place of a payload that could not be written, with the reason."""
+
+
+class _Extras(msgspec.Struct):
+    """What a record has beside the payload's own fields."""
+
+    t_s: float = msgspec.field(name="_t_s")
+    not_finite: dict[str, str] = msgspec.field(name=NOT_FINITE, default_factory=dict)
+
+
+def _plain(value: Any) -> Any:
+    """What msgspec does not know: arrays become lists, anything else the name of its type."""
+    to_list = getattr(value, "tolist", None)
+    return to_list() if to_list is not None else f"<{type(value).__name__}>"
+
+
+_encode: Final = msgspec.json.Encoder(enc_hook=_plain).encode
+_encode_sorted: Final = msgspec.json.Encoder(enc_hook=_plain, order="deterministic").encode
+_decode_extras: Final = msgspec.json.Decoder(_Extras).decode
+
+
+class PayloadEncoder:
+    """Turns the payloads of one type into records."""
+
+    __slots__ = ("_encode", "_nones", "_separator", "_type", "view")
+
+    def __init__(self, message_type: type[Message]) -> None:
+        fields = msgspec.structs.fields(message_type)
+        # The order of a set differs from process to process; `Any` may hold one.
+        has_sets = any(word in str(field.type) for field in fields for word in ("Any", "set["))
+        self._type = message_type
+        self._encode = _encode_sorted if has_sets else _encode
+        self._separator = b"," if fields else b""
+        self._nones = _counter_of_nones(tuple(field.name for field in fields if "None" in str(field.type)))
+        self.view: Final[View | None] = view_of(message_type)
+
+    @property
+    def schema(self) -> tuple[str, bytes]:
+        """Name and text of the records' JSON schema."""
+        name = self.view.schema if self.view else f"gloc3.{self._type.__name__}"
+        beside = {"_t_s": {"type": "number"}, **(self.view.properties if self.view else {})}
+        return name, _encode(describe_type(self._type, name, beside))
+
+    def encode(self, envelope: Envelope[Any], publish_ns: int) -> bytes:
+        """The record of a message; a payload that cannot be written leaves the reason in its place."""
+        payload = envelope.payload
+        try:
+            data = self._encode(payload)
+        except (TypeError, ValueError, OverflowError, RecursionError, msgspec.MsgspecError) as error:
+            return _encode({"_t_s": envelope.t_s, PROBLEM: f"{type(payload).__name__}: {error}"})
+        # JSON says null for NaN and infinity, too: are there more of them than fields that are None?
+        is_finite = b"null" not in data or data.count(b"null") == self._nones(payload)
+        view = self.view
+        if view is None and is_finite:
+            return b'{"_t_s":%b%b%b' % (_encode(envelope.t_s), self._separator, data[1:])
+        beside: dict[str, Any] = {"_t_s": envelope.t_s}
+        if view is not None:
+            beside["timestamp"] = timestamp(publish_ns)
+            beside.update(view.fields(envelope))
+        if not is_finite and (found := dict(_not_finite(msgspec.to_builtins(payload, enc_hook=_plain)))):
+            beside[NOT_FINITE] = found
+        return _encode(beside)[:-1] + self._separator + data[1:]
+
+
+def _counter_of_nones(names: tuple[str, ...]) -> Callable[[Message], int]:
+    """How many of these fields of a message are None."""
+    if len(names) > 1:
+        get = attrgetter(*names)
+        return lambda payload: get(payload).count(None)
+    return lambda payload: sum(getattr(payload, name) is None for name in names)
+
+
+class Restored(NamedTuple):
+    """A record read back."""
+
+    t_s: float
+    payload: Any
+    """The message, or a dictionary where its type is not known here or does not fit."""
+
+
+class PayloadDecoder:
+    """Turns the records of one channel back into messages of `message_type`, or into dictionaries."""
+
+    def __init__(self, message_type: type[Message] | None, view_properties: tuple[str, ...] = ()) -> None:
+        self._type = message_type
+        self._decode = msgspec.json.Decoder(message_type).decode if message_type else None
+        self._beside = (NOT_FINITE, "_t_s", *view_properties)
+
+    def decode(self, data: bytes) -> Restored:
+        """The message in a record.
+
+        Raises:
+            ValueError: it is no JSON object of this log.
+        """
+        extras = _decode_extras(data)
+        if self._decode is not None and not extras.not_finite:
+            try:
+                return Restored(extras.t_s, self._decode(data))
+            except msgspec.ValidationError:
+                pass
+        values: dict[str, Any] = msgspec.json.decode(data)
+        for path, text in extras.not_finite.items():
+            _put(values, path, float(text))
+        if self._type is not None:
+            try:
+                # Not strict, because JSON writes bytes as text and the keys of dictionaries, too.
+                return Restored(extras.t_s, msgspec.convert(values, self._type, strict=False))
+            except msgspec.ValidationError:
+                pass
+        return Restored(extras.t_s, {name: value for name, value in values.items() if name not in self._beside})
+
+
+def _not_finite(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Path and text of the numbers in nested values that JSON cannot say."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            yield path, str(value)
+    elif isinstance(value, dict | list | tuple):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, inner in items:
+            yield from _not_finite(inner, f"{path}\t{key}" if path else str(key))
+
+
+def _put(values: Any, path: str, number: float) -> None:
+    """Sets the value at a path; one that leads nowhere changes nothing."""
+    *way, last = path.split("\t")
+    try:
+        for step in way:
+            values = values[int(step) if isinstance(values, list) else step]
+        values[int(last) if isinstance(values, list) else last] = number
+    except (KeyError, IndexError, TypeError, ValueError):
+        return

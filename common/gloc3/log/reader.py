@@ -1,0 +1,244 @@
+"""Reads a log back: envelopes as they were, and a clear statement of what is missing."""
+
+from collections.abc import Iterator
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, NamedTuple, Self
+
+from mcap.records import Channel
+
+from gloc3.errors import Finding, InputError
+from gloc3.log.foxglove import VIEWS
+from gloc3.log.payloads import PayloadDecoder
+from gloc3.log.scan import Chunk, Data, RawMessage, Scan
+from gloc3.messages import Envelope, Message, Source
+from gloc3.record import FLUSH_S, RUN
+from gloc3.topics import TopicTable, matches
+from gloc3.wire import TypeRegistry, WireError
+
+_VIEW_FIELDS: Final = {view.schema: tuple(view.properties) for _, view in VIEWS}
+
+
+class Entry(NamedTuple):
+    """A message of the log."""
+
+    now_s: float
+    """When it was recorded, in seconds since boot of the clock host, to the nanosecond."""
+    envelope: Envelope[Any]
+    """Its payload is a dictionary where the type is not known here or its version differs."""
+
+
+class MavlinkFrame(NamedTuple):
+    """A raw frame of a MAVLink link."""
+
+    now_s: float
+    link: str
+    direction: str
+    data: bytes
+
+
+class ChannelInfo(NamedTuple):
+    """One topic of one component in one of its lives."""
+
+    topic: str
+    encoding: str
+    source: Source
+    type: str
+    frame: str
+
+
+class LogReader:
+    """A log file, open for reading; finished, unfinished or damaged."""
+
+    def __init__(self, path: Path, types: TypeRegistry | None = None) -> None:
+        """Opens a log.
+
+        Args:
+            path: the file.
+            types: the message types to restore; by default those of every installed package.
+
+        Raises:
+            InputError: it cannot be read, or is no log.
+        """
+        self.path = path
+        self._types = types if types is not None else TopicTable.installed().types
+        self._decoders: dict[int, PayloadDecoder] = {}
+        self._unreadable = 0
+        self._orphans = 0
+        try:
+            with path.open("rb") as file:
+                self.size = path.stat().st_size
+                self._data: Data = mmap(file.fileno(), 0, access=ACCESS_READ) if self.size else b""
+        except OSError as error:
+            raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror}")]) from error
+        self._scan = Scan(self._data)
+        if not self._scan.is_log:
+            self.close()
+            raise InputError([Finding(file=str(path), message="is no log", hint="logs are MCAP files")])
+        self.is_finished: Final = self._scan.is_finished
+        self.run: Final = self.metadata(RUN) or {}
+        """What the log says of itself."""
+        offset = self.run.get("utc_offset_ns", "0")
+        self.utc_offset_ns: Final = int(offset) if offset.isdecimal() else 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the file."""
+        if isinstance(self._data, mmap):
+            self._data.close()
+
+    # --- what there is ---
+
+    def metadata(self, name: str) -> dict[str, str] | None:
+        """The last metadata record of that name."""
+        found = [record.metadata for record in self._scan.metadata if record.name == name]
+        return found[-1] if found else None
+
+    @property
+    def all_metadata(self) -> list[tuple[str, dict[str, str]]]:
+        """All metadata records, in the order of writing."""
+        return [(record.name, record.metadata) for record in self._scan.metadata]
+
+    @property
+    def attachments(self) -> dict[str, bytes]:
+        """The attached files by name."""
+        return {record.name: record.data for record in self._scan.attachments}
+
+    @property
+    def platform(self) -> str:
+        """The platform's name: what the log says, or that of the first message."""
+        first = next(
+            (info.source.platform for info in map(self.channel, self._scan.channels) if info.source.platform), ""
+        )
+        return self.run.get("platform") or first
+
+    @property
+    def topics(self) -> list[str]:
+        """The topics that have channels, sorted."""
+        return sorted({channel.topic for channel in self._scan.channels.values()})
+
+    def channel(self, identifier: int) -> ChannelInfo:
+        """What is known of a channel."""
+        record = self._scan.channels[identifier]
+        meta = record.metadata
+        boot = meta.get("boot", "")
+        source = Source(meta.get("platform", ""), meta.get("component", ""), int(boot) if boot.isdecimal() else 0)
+        return ChannelInfo(record.topic, record.message_encoding, source, meta.get("type", ""), meta.get("frame", ""))
+
+    @property
+    def scan(self) -> Scan:
+        """The table of the file's records."""
+        return self._scan
+
+    # --- messages ---
+
+    def chunks(self) -> Iterator[tuple[Chunk, list[RawMessage]]]:
+        """The messages chunk by chunk, without those that no channel describes (which are counted)."""
+        self._orphans = 0
+        for chunk in self._scan.chunks:
+            messages = self._scan.messages(chunk)
+            known = [message for message in messages if message.channel in self._scan.channels]
+            self._orphans += len(messages) - len(known)
+            yield chunk, known
+
+    def entries(self, *patterns: str) -> Iterator[Entry]:
+        """The messages in the order of recording.
+
+        Args:
+            patterns: topics without the platform's name, where `*` is one level; none for all.
+        """
+        self._unreadable = 0
+        wanted = {identifier for identifier in self._scan.channels if self._is_wanted(identifier, patterns)}
+        infos = {identifier: self.channel(identifier) for identifier in wanted}
+        for _, messages in self.chunks():
+            for message in messages:
+                if message.channel in wanted:
+                    entry = self._restore(message, infos[message.channel])
+                    if entry is not None:
+                        yield entry
+
+    def frames(self) -> Iterator[MavlinkFrame]:
+        """The raw MAVLink frames in the order of recording."""
+        links = {
+            identifier: record.metadata
+            for identifier, record in self._scan.channels.items()
+            if record.message_encoding == "mavlink"
+        }
+        for _, messages in self.chunks():
+            for message in messages:
+                if message.channel in links:
+                    meta = links[message.channel]
+                    yield MavlinkFrame(
+                        self.seconds(message.log_ns), meta.get("link", ""), meta.get("direction", ""), message.data
+                    )
+
+    def seconds(self, time_ns: int) -> float:
+        """The platform's time of a time in UTC."""
+        return (time_ns - self.utc_offset_ns) / 1e9
+
+    def _is_wanted(self, identifier: int, patterns: tuple[str, ...]) -> bool:
+        record: Channel = self._scan.channels[identifier]
+        if record.message_encoding != "json" or "type" not in record.metadata:
+            return False
+        name = record.topic.partition("/")[2]
+        return not patterns or any(matches(pattern, name) for pattern in patterns)
+
+    def _restore(self, message: RawMessage, info: ChannelInfo) -> Entry | None:
+        decoder = self._decoders.get(message.channel)
+        if decoder is None:
+            decoder = self._decoders[message.channel] = self._decoder(message.channel, info)
+        try:
+            t_s, payload = decoder.decode(message.data)
+        except (ValueError, RecursionError):
+            self._unreadable += 1
+            return None
+        envelope = Envelope(info.topic, info.source, message.sequence, t_s, info.frame, info.type, payload)
+        return Entry(self.seconds(message.log_ns), envelope)
+
+    def _decoder(self, identifier: int, info: ChannelInfo) -> PayloadDecoder:
+        message_type: type[Message] | None
+        try:
+            message_type = self._types.find(info.type)
+        except WireError:
+            message_type = None
+        schema = self._scan.schemas.get(self._scan.channels[identifier].schema_id)
+        return PayloadDecoder(message_type, _VIEW_FIELDS.get(schema.name, ()) if schema else ())
+
+    # --- what there is not ---
+
+    def losses(self) -> list[str]:
+        """What cannot be read, in sentences; complete only after the messages have been read once."""
+        found = [self._describe(gap.offset, gap.end, gap.reason) for gap in self._scan.gaps]
+        if not self.is_finished:
+            found.append(self._describe_end())
+        if not self.run:
+            found.append("the log's own description is lost: times count from 1970")
+        if self._orphans:
+            found.append(f"{self._orphans} messages are lost, because the description of their channel is")
+        if self._unreadable:
+            found.append(f"{self._unreadable} messages are not as a recorder writes them")
+        return found
+
+    def _describe_end(self) -> str:
+        if self._scan.is_complete:
+            return "the index at the end is not whole: no message is lost"
+        last = max((chunk.end_ns for chunk in self._scan.chunks), default=0)
+        since = f"after {self.seconds(last):.3f} s" if last else "from the beginning"
+        return (
+            f"the file is not finished, its process was killed or still writes: the last {FLUSH_S:g} s {since} is lost"
+        )
+
+    def _describe(self, offset: int, end: int, reason: str) -> str:
+        before = [chunk.end_ns for chunk in self._scan.chunks if chunk.end <= offset]
+        after = [chunk.start_ns for chunk in self._scan.chunks if chunk.offset >= end]
+        since = f"after {self.seconds(max(before)):.3f} s" if before else "from the beginning"
+        until = f"before {self.seconds(min(after)):.3f} s" if after else "to the end"
+        return f"{reason} at byte {offset}: {end - offset} bytes are lost, of the time {since} and {until}"

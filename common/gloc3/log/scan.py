@@ -1,0 +1,262 @@
+"""Finds what can be read in an MCAP file that may be unfinished, cut off or damaged, and says what cannot.
+
+The file is walked from record to record. Where that leads nowhere (a length that does not fit), the next chunk is
+looked for and the walk goes on from there. A chunk whose checksum is wrong is left out as a whole.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from mmap import mmap
+from typing import Any, Final, NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+from gloc3.log.writer import MAGIC, MESSAGE_HEAD
+
+RECORD_HEAD: Final = struct.Struct("<BQ")
+CHUNK_HEAD: Final = struct.Struct("<QQQII")
+"""Start, end, size and checksum before compression, length of the compression's name."""
+COMPRESSIONS: Final = ("", "lz4", "zstd")
+CHUNK_BYTES_MAX: Final = 1 << 30
+FOOTER_BYTES: Final = 9 + 20 + len(MAGIC)
+
+_READERS: Final[dict[int, Any]] = {
+    Opcode.HEADER: Header.read,
+    Opcode.SCHEMA: Schema.read,
+    Opcode.CHANNEL: Channel.read,
+    Opcode.ATTACHMENT: Attachment.read,
+    Opcode.METADATA: Metadata.read,
+}
+MESSAGE_BYTES_MIN: Final = 22
+
+
+Data = bytes | mmap
+"""A file's bytes, or a memory map of it."""
+
+
+class Chunk(NamedTuple):
+    """Where a chunk lies."""
+
+    offset: int
+    end: int
+    start_ns: int
+    end_ns: int
+    size: int
+    """Before compression."""
+    crc: int
+    compression: str
+    data_offset: int
+
+
+class RawMessage(NamedTuple):
+    """A message as it lies in a chunk."""
+
+    channel: int
+    sequence: int
+    log_ns: int
+    publish_ns: int
+    data: bytes
+
+
+class Gap(NamedTuple):
+    """A part of the file that cannot be read."""
+
+    offset: int
+    end: int
+    reason: str
+
+
+class Scan:
+    """The table of what a file holds; messages are read later, chunk by chunk."""
+
+    def __init__(self, data: Data) -> None:
+        """Walks the file.
+
+        Args:
+            data: its content.
+        """
+        self._data = data
+        self.is_log = data[: len(MAGIC)] == MAGIC[: len(data)]
+        """Whether the file begins as MCAP files do."""
+        self.is_finished = len(data) >= FOOTER_BYTES and data[-len(MAGIC) :] == MAGIC and self._has_footer()
+        self.is_complete = False
+        """Whether the end of the messages was reached; an index may still be missing."""
+        self.library = ""
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.chunks: list[Chunk] = []
+        self.metadata: list[Metadata] = []
+        self.attachments: list[Attachment] = []
+        self.gaps: list[Gap] = []
+        if self.is_log:
+            self._walk()
+
+    def _has_footer(self) -> bool:
+        at = len(self._data) - FOOTER_BYTES
+        return bool(RECORD_HEAD.unpack_from(self._data, at) == (Opcode.FOOTER, 20))
+
+    def _walk(self) -> None:
+        at, size = len(MAGIC), len(self._data)
+        while at < size:
+            end = self._record(at)
+            if end == 0:
+                return
+            if end < 0:
+                found = self._next_chunk(at + 1)
+                reason = "a damaged record" if found else "the file ends within a record"
+                self.gaps.append(Gap(at, found or size, reason))
+                if not found:
+                    self._summary()
+                    return
+                end = found
+            at = end
+
+    def _record(self, at: int) -> int:
+        """Takes in the record at an offset; returns where it ends, 0 after the last one, -1 where there is none."""
+        data = self._data
+        if at + RECORD_HEAD.size > len(data):
+            return -1
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        begin = at + RECORD_HEAD.size
+        end = begin + length
+        if end > len(data) or not (Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80):
+            return -1
+        if opcode == Opcode.CHUNK:
+            chunk = self._chunk_at(at)
+            if chunk is None:
+                return -1
+            self.chunks.append(chunk)
+        elif opcode == Opcode.MESSAGE:  # another program's log without chunks
+            log_ns = MESSAGE_HEAD.unpack_from(data, at)[4] if length >= MESSAGE_BYTES_MIN else 0
+            self.chunks.append(Chunk(at, end, log_ns, log_ns, end - at, 0, "", at))
+        elif opcode in _READERS:
+            record = _parse(opcode, data[begin:end])
+            if record is None:
+                return -1
+            self._take(record)
+        elif opcode == Opcode.DATA_END:
+            self.is_complete = True
+            self._check(at, data[begin:end])
+            return 0
+        return int(end)
+
+    def _check(self, at: int, crc: bytes) -> None:
+        """Compares the checksum of everything with what the end of the data says, where that says one."""
+        is_wrong = len(crc) == 4 and any(crc) and zlib.crc32(self._data[:at]) != int.from_bytes(crc, "little")
+        if is_wrong and not self.gaps:
+            self.gaps.append(Gap(0, at, "a wrong checksum"))
+
+    def _take(self, record: Any) -> None:
+        match record:
+            case Header():
+                self.library = record.library
+            case Schema():
+                self.schemas.setdefault(record.id, record)
+            case Channel():
+                self.channels.setdefault(record.id, record)
+            case Metadata():
+                self.metadata.append(record)
+            case Attachment():
+                self.attachments.append(record)
+
+    def _summary(self) -> None:
+        """Takes channels and schemas from the end of a finished file whose middle could not be walked."""
+        if not self.is_finished:
+            return
+        at = int(struct.unpack_from("<Q", self._data, len(self._data) - FOOTER_BYTES + RECORD_HEAD.size)[0])
+        while 0 < at < len(self._data) and self._data[at] in (Opcode.SCHEMA, Opcode.CHANNEL):
+            at = self._record(at)
+
+    def _chunk_at(self, at: int) -> Chunk | None:
+        """The chunk at an offset, if its parts fit together."""
+        data = self._data
+        begin = at + RECORD_HEAD.size
+        try:
+            opcode, length = RECORD_HEAD.unpack_from(data, at)
+            start_ns, end_ns, size, crc, name_length = CHUNK_HEAD.unpack_from(data, begin)
+            name_at = begin + CHUNK_HEAD.size
+            compression = bytes(data[name_at : name_at + name_length]).decode("ascii", "replace")
+            (packed,) = struct.unpack_from("<Q", data, name_at + name_length)
+        except struct.error:
+            return None
+        data_offset, end = name_at + name_length + 8, begin + length
+        fits = opcode == Opcode.CHUNK and data_offset + packed == end <= len(data) and start_ns <= end_ns
+        if not fits or compression not in COMPRESSIONS or size > CHUNK_BYTES_MAX:
+            return None
+        return Chunk(at, end, start_ns, end_ns, size, crc, compression, data_offset)
+
+    def _next_chunk(self, at: int) -> int:
+        """Where the next chunk begins; 0 if there is none."""
+        opcode = bytes([Opcode.CHUNK])
+        at = self._data.find(opcode, at)
+        while at >= 0:
+            if self._chunk_at(at) is not None:
+                return int(at)
+            at = self._data.find(opcode, at + 1)
+        return 0
+
+    def messages(self, chunk: Chunk) -> list[RawMessage]:
+        """The messages of a chunk, in the order of recording; none, and a gap, where it is damaged."""
+        packed = bytes(self._data[chunk.data_offset : chunk.end])
+        data = _unpack(packed, chunk)
+        if data is None:
+            self._add_gap(Gap(chunk.offset, chunk.end, "a damaged chunk"))
+            return []
+        found = []
+        at, size = 0, len(data)
+        while at + MESSAGE_HEAD.size <= size:
+            opcode, length, channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(data, at)
+            end = at + RECORD_HEAD.size + length
+            if opcode == Opcode.MESSAGE:
+                found.append(RawMessage(channel, sequence, log_ns, publish_ns, data[at + MESSAGE_HEAD.size : end]))
+            elif opcode in _READERS:
+                self._take(_parse(opcode, data[at + RECORD_HEAD.size : end]))
+            at = end
+        return found
+
+    def _add_gap(self, gap: Gap) -> None:
+        if gap not in self.gaps:
+            self.gaps.append(gap)
+            self.gaps.sort()
+
+    def raw_messages(self) -> Iterator[RawMessage]:
+        """All messages, in the order of recording."""
+        for chunk in self.chunks:
+            yield from self.messages(chunk)
+
+
+def _parse(opcode: int, body: bytes) -> Any:
+    """The record in some bytes; None where it is damaged."""
+    if opcode == Opcode.ATTACHMENT and zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
+        return None
+    try:
+        return _READERS[opcode](ReadDataStream(BytesIO(body)))
+    except (EndOfFile, struct.error, UnicodeDecodeError, OverflowError):
+        return None
+
+
+def _unpack(packed: bytes, chunk: Chunk) -> bytes | None:
+    """The content of a chunk; None where it is damaged."""
+    try:
+        if chunk.compression == "zstd":
+            from zstandard import ZstdDecompressor, ZstdError
+
+            try:
+                data = ZstdDecompressor().decompress(packed, max_output_size=chunk.size)
+            except ZstdError:
+                return None
+        elif chunk.compression == "lz4":
+            from lz4.frame import decompress  # type: ignore[import-untyped]
+
+            data = bytes(decompress(packed))
+        else:
+            data = packed
+    except (RuntimeError, MemoryError):
+        return None
+    is_whole = len(data) == chunk.size and (chunk.crc == 0 or zlib.crc32(data) == chunk.crc)
+    return data if is_whole else None

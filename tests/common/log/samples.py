@@ -1,0 +1,118 @@
+"""Messages for the tests of the log: a sample of any type, and a small log."""
+
+import io
+import types
+import typing
+from collections.abc import Sequence
+from enum import Enum
+from random import Random
+from typing import Any
+
+import msgspec
+
+from gloc3.clock import Clock, VirtualLoop
+from gloc3.messages import Envelope, Event, Message, Severity, Source
+from gloc3.record import Recorder
+from gloc3.standard_topics import TOPICS
+from gloc3.topics import TopicTable
+from gloc3.vehicle import HeightAboveGround, Pose
+from gloc3.wire import type_name
+
+NUMBERS = (0.0, -0.0, 0.1 + 0.2, -1e-9, 1.0, 123456.789, 1e300, 5e-324, 2.0 / 3.0)
+WORDS = ("", "sweep.wall", "null", 'a "quoted" word', "Überlauf ×", "line\nbreak", "\x00", "\\")
+
+
+def sample(kind: Any, random: Random) -> Any:
+    """A value of any type that a message may hold."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if kind is Any:
+        return random.choice([1, "text", 0.5, None, True, [1, 2], {"a": [0.25, None]}])
+    if origin is typing.Annotated:
+        return sample(arguments[0], random)
+    if origin in (typing.Union, types.UnionType):
+        return sample(random.choice(arguments), random)
+    if origin is typing.Literal:
+        return random.choice(arguments)
+    if origin is list:
+        return [sample(arguments[0], random) for _ in range(random.randrange(4))]
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return tuple(sample(arguments[0], random) for _ in range(random.randrange(4)))
+    if origin is tuple:
+        return tuple(sample(argument, random) for argument in arguments)
+    if origin is dict:
+        return {str(sample(str, random)): sample(arguments[1], random) for _ in range(random.randrange(4))}
+    return _scalar(kind, random)
+
+
+def _scalar(kind: Any, random: Random) -> Any:
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        return kind(**{field.name: sample(field.type, random) for field in msgspec.structs.fields(kind)})
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return random.choice(list(kind))
+    choices: dict[Any, Sequence[Any]] = {
+        float: NUMBERS,
+        int: (0, 1, -7, 2**32 - 1, 2**53 + 1),
+        str: WORDS,
+        bool: (True, False),
+        bytes: (b"", b"\x00\xff\xfd", bytes(range(256))),
+        type(None): (None,),
+    }
+    return random.choice(choices[kind])
+
+
+class LogInMemory:
+    """A recorder in virtual time that writes to memory."""
+
+    def __init__(self, topics: TopicTable | None = None) -> None:
+        self.loop = VirtualLoop()
+        self.stream = io.BytesIO()
+        self.recorder = Recorder(self.stream, Clock(self.loop), topics or TopicTable(TOPICS), {"platform": "pelican"})
+        self.sent: list[Envelope[Any]] = []
+        self.sequences: dict[tuple[str, Source], int] = {}
+
+    def send(self, topic: str, message: Message, t_s: float, source: Source, frame: str = "") -> Envelope[Any]:
+        """Records a message at its time of validity."""
+        self.loop._now_s = max(t_s, self.loop.time())
+        envelope = self.envelope(topic, message, t_s, source, frame)
+        self.recorder.record(envelope)
+        self.recorder.flush(self.loop.time())
+        self.sent.append(envelope)
+        return envelope
+
+    def envelope(self, topic: str, message: Message, t_s: float, source: Source, frame: str = "") -> Envelope[Any]:
+        """A message that has not been recorded yet."""
+        sequence = self.sequences.get((topic, source), 0)
+        self.sequences[topic, source] = sequence + 1
+        kind = type_name(type(message))
+        return Envelope(f"pelican/{topic}", source, sequence, t_s, frame, kind, message)
+
+    def close(self) -> bytes:
+        """Finishes the log; returns its bytes."""
+        self.recorder.close()
+        self.loop.close()
+        return self.stream.getvalue()
+
+
+POSE = Source("pelican", "pose", 1)
+HEIGHT = Source("pelican", "height", 2)
+
+
+def small_log(messages: int = 12, *, is_closed: bool = True) -> tuple[bytes, list[Envelope[Any]]]:
+    """A log of three topics and several chunks, and what was recorded in it."""
+    log = LogInMemory()
+    for index in range(messages):
+        t_s = 0.1 * index
+        pose = Pose(
+            position_ned_m=(t_s, 2.0 * t_s, -1.5), velocity_ned_m_s=(1.0, 2.0, 0.0), ned_from_frd=(1.0, 0.0, 0.0, 0.0)
+        )
+        log.send("pose", pose, t_s, POSE, "ned")
+        if index % 3 == 0:
+            log.send("height", HeightAboveGround(height_m=1.5, is_valid=True), t_s, HEIGHT)
+    event = Event(severity=Severity.ERROR, text="working -> faulty: ValueError")
+    log.send("components/pose/event", event, 0.1 * messages, POSE)
+    if is_closed:
+        return log.close(), log.sent
+    log.recorder.flush(1e9)
+    data = log.stream.getvalue()
+    log.close()
+    return data, log.sent

@@ -5,7 +5,7 @@ from math import hypot
 
 from gloc3.frames import TangentPlane
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.plans import PlanItem
+from gloc3_sitl.autopilot.plans import StoredItem
 
 Point = tuple[float, float]
 
@@ -33,7 +33,7 @@ class Fence:
         """Times that it was broken in flight."""
         self.breach_s = 0.0
         """When it was broken last."""
-        self._items: tuple[PlanItem, ...] = ()
+        self._items: tuple[StoredItem, ...] = ()
         self._origin: TangentPlane | None = None
         self._polygons: list[tuple[list[Point], bool]] = []
         self._circles: list[tuple[Point, float, bool]] = []

@@ -6,6 +6,7 @@ from math import isfinite, nan
 from typing import Final
 
 from gloc3.frames import GeoPoint
+from gloc3.link.plan import PlanResult
 
 
 class Command(IntEnum):
@@ -104,25 +105,8 @@ _RELATIVE: Final = frozenset({3, 6, 10, 11})
 _ABSOLUTE: Final = frozenset({0, 5})
 
 
-class Refusal(IntEnum):
-    """Why an uploaded item is refused, numbered as MAV_MISSION_RESULT."""
-
-    ACCEPTED = 0
-    ERROR = 1
-    UNSUPPORTED_FRAME = 2
-    UNSUPPORTED = 3
-    NO_SPACE = 4
-    INVALID = 5
-    INVALID_PARAM1 = 6
-    INVALID_PARAM2 = 7
-    INVALID_PARAM5 = 10
-    INVALID_PARAM6 = 11
-    INVALID_PARAM7 = 12
-    DENIED = 14
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanItem:
+class StoredItem:
     """One uploaded item, in plain units."""
 
     command: int
@@ -132,11 +116,6 @@ class PlanItem:
     longitude_deg: float = 0.0
     height_m: float = 0.0
     """Above the frame's zero."""
-    autocontinue: bool = True
-    x: int = 0
-    """As it came, for reading back."""
-    y: int = 0
-    """As it came."""
 
     @property
     def has_place(self) -> bool:
@@ -149,24 +128,50 @@ class PlanItem:
         return self.frame in _RELATIVE
 
 
-def check_mission_item(item: PlanItem, count: int) -> tuple[Refusal, str]:
+def check_fence_item(item: StoredItem) -> tuple[PlanResult, str]:
+    """Judges an item of a fence."""
+    if item.command not in FENCE_COMMANDS:
+        return PlanResult.UNSUPPORTED, f"command {item.command} is no part of a fence"
+    if item.frame not in _RELATIVE | _ABSOLUTE:
+        return PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
+    is_round = item.command in (Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION)
+    if is_round and not 0.0 < item.parameters[0] < 1e6:
+        return PlanResult.INVALID_PARAM1, "a circle needs a radius"
+    return _check_place(item)
+
+
+def check_rally_item(item: StoredItem) -> tuple[PlanResult, str]:
+    """Judges a rally point."""
+    if item.command != Command.RALLY_POINT:
+        return PlanResult.UNSUPPORTED, f"command {item.command} is no rally point"
+    return _check_place(item)
+
+
+def _check_place(item: StoredItem) -> tuple[PlanResult, str]:
+    if not abs(item.latitude_deg) <= 90.0:
+        return PlanResult.INVALID_PARAM5_X, "latitude out of range"
+    if not abs(item.longitude_deg) <= 180.0:
+        return PlanResult.INVALID_PARAM6_Y, "longitude out of range"
+    return PlanResult.ACCEPTED, ""
+
+
+def check_mission_item(item: StoredItem, count: int) -> tuple[PlanResult, str]:
     """Judges an item of a mission; `count` is the length of the list."""
     if item.command not in MISSION_COMMANDS:
-        return Refusal.UNSUPPORTED, f"command {item.command} is not supported"
+        return PlanResult.UNSUPPORTED, f"command {item.command} is not supported"
     if item.command in POSITIONED:
         if item.frame not in _RELATIVE | _ABSOLUTE:
-            return Refusal.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
-        if not abs(item.latitude_deg) <= 90.0:
-            return Refusal.INVALID_PARAM5, "latitude out of range"
-        if not abs(item.longitude_deg) <= 180.0:
-            return Refusal.INVALID_PARAM6, "longitude out of range"
+            return PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
+        result, reason = _check_place(item)
+        if result is not PlanResult.ACCEPTED:
+            return result, reason
         if not abs(item.height_m) < 100_000.0:
-            return Refusal.INVALID_PARAM7, "height is not a number"
-    if item.command == Command.JUMP and not 0 <= item.parameters[0] < count:
-        return Refusal.INVALID_PARAM1, f"jump to item {item.parameters[0]:g}, which does not exist"
+            return PlanResult.INVALID_PARAM7_Z, "height is not a number"
+    if item.command == Command.JUMP and not (isfinite(item.parameters[0]) and 0 <= item.parameters[0] < count):
+        return PlanResult.INVALID_PARAM1, f"jump to item {item.parameters[0]:g}, which does not exist"
     if item.command == Command.CHANGE_SPEED and not item.parameters[1] > 0.0 and item.parameters[1] != -1.0:
-        return Refusal.INVALID_PARAM2, "speed must be positive"
-    return Refusal.ACCEPTED, ""
+        return PlanResult.INVALID_PARAM2, "speed must be positive"
+    return PlanResult.ACCEPTED, ""
 
 
 @dataclass(slots=True)
@@ -190,20 +195,20 @@ class Polygon:
 class Plans:
     """Everything that was uploaded."""
 
-    mission: tuple[PlanItem, ...] = ()
-    fence: tuple[PlanItem, ...] = ()
-    rally: tuple[PlanItem, ...] = ()
+    mission: tuple[StoredItem, ...] = ()
+    fence: tuple[StoredItem, ...] = ()
+    rally: tuple[StoredItem, ...] = ()
     polygons: list[Polygon] = field(default_factory=list)
     circles: list[Circle] = field(default_factory=list)
     mission_count: int = 0
     """How often a mission was uploaded."""
 
-    def set_mission(self, items: tuple[PlanItem, ...]) -> None:
+    def set_mission(self, items: tuple[StoredItem, ...]) -> None:
         """Puts a new mission in place of the old one."""
         self.mission = items
         self.mission_count += 1
 
-    def set_fence(self, items: tuple[PlanItem, ...]) -> None:
+    def set_fence(self, items: tuple[StoredItem, ...]) -> None:
         """Puts a new fence in place of the old one.
 
         Raises:
@@ -233,6 +238,6 @@ class Plans:
             raise ValueError("a polygon ends before its last corner")
         self.fence, self.polygons, self.circles = items, polygons, circles
 
-    def set_rally(self, items: tuple[PlanItem, ...]) -> None:
+    def set_rally(self, items: tuple[StoredItem, ...]) -> None:
         """Puts new rally points in place of the old ones."""
         self.rally = items

@@ -12,7 +12,7 @@ from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.mission import MissionState
 from gloc3_sitl.autopilot.modes import Severity
-from gloc3_sitl.autopilot.plans import INSTANT, Command, PlanItem
+from gloc3_sitl.autopilot.plans import INSTANT, Command, StoredItem
 
 _MOST_INSTANT = 64
 """Items that are done at once in one period; a mission of nothing but jumps must not hang the vehicle."""
@@ -27,7 +27,7 @@ class MissionFlight(Mover):
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft, replace(craft.tuning.limits))
         self.is_done = False
-        self._item: PlanItem | None = None
+        self._item: StoredItem | None = None
         self._sub: Activity | None = None
         self._wait_until_s: float | None = None
         self._leg_start: Vector3 | None = None
@@ -96,7 +96,7 @@ class MissionFlight(Mover):
             self._start(item)
             return
 
-    def _is_instant(self, item: PlanItem) -> bool:
+    def _is_instant(self, item: StoredItem) -> bool:
         """Does an item that takes no time; true where it was one."""
         progress = self.craft.mission
         index = progress.current
@@ -129,7 +129,7 @@ class MissionFlight(Mover):
         progress.current += 1
         return True
 
-    def _start(self, item: PlanItem) -> None:
+    def _start(self, item: StoredItem) -> None:
         """Sets out for an item."""
         craft = self.craft
         here = self.trajectory.position
@@ -149,7 +149,7 @@ class MissionFlight(Mover):
             case _:
                 self._head_for(self._place(item), item)
 
-    def _head_for(self, target: Vector3, item: PlanItem) -> None:
+    def _head_for(self, target: Vector3, item: StoredItem) -> None:
         n, e, _ = self.trajectory.position
         start = self._leg_start if self._leg_start is not None else self.trajectory.position
         self.trajectory.go_to(target, start)
@@ -160,7 +160,7 @@ class MissionFlight(Mover):
         elif self.craft.tuning.mission_faces_course and hypot(target[0] - n, target[1] - e) > 1.0:
             self.yaw_wanted_rad = atan2(target[1] - e, target[0] - n)
 
-    def _place(self, item: PlanItem) -> Vector3:
+    def _place(self, item: StoredItem) -> Vector3:
         """Where an item is, in NED; "here" where it does not say."""
         craft = self.craft
         n, e, _ = self.trajectory.position
@@ -172,7 +172,7 @@ class MissionFlight(Mover):
             return (n, e, base - item.height_m)
         return (n, e, origin.origin.altitude_m - item.height_m)
 
-    def _carry_on(self, item: PlanItem) -> Setpoint:
+    def _carry_on(self, item: StoredItem) -> Setpoint:
         """Flies the current item and goes on when it is done."""
         craft = self.craft
         if self._sub is not None:
@@ -206,7 +206,7 @@ class MissionFlight(Mover):
         self._sub = None
         self._next()
 
-    def _is_reached(self, item: PlanItem) -> bool:
+    def _is_reached(self, item: StoredItem) -> bool:
         radius = item.parameters[1] if item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT) else 0.0
         if not radius > 0.0:
             radius = self.craft.tuning.acceptance_radius_m
@@ -232,6 +232,6 @@ class MissionFlight(Mover):
         self.craft.say(Severity.INFO, "Mission finished")
 
 
-def _holds(item: PlanItem) -> bool:
+def _holds(item: StoredItem) -> bool:
     """Whether the first parameter is a time to wait there."""
     return item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT, Command.LOITER_TIME)

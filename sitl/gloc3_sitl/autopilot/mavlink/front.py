@@ -20,6 +20,7 @@ from gloc3_sitl.autopilot.commander import ACCEPTED, Verdict
 from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
+from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanKeeper
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
 from gloc3_sitl.autopilot.mavlink.telemetry import PRODUCERS
 from gloc3_sitl.autopilot.mavlink.version import version_of
@@ -50,7 +51,9 @@ class Front:
         self._commands = CommandServer(self.own, is_autopilot=True)
         self._texts = StatusTextSender(self.own)
         self._heartbeat = Heartbeat(self.own, vehicle_type=_QUADROTOR, autopilot=autopilot.style.autopilot)
-        self._node = Node(self.own, (self._commands, self._texts, self._heartbeat, TimeSync(self.own)))
+        self.plans: Final = PlanKeeper(self, self.own)
+        services = (self._commands, self._texts, self._heartbeat, self.plans.server, TimeSync(self.own))
+        self._node = Node(self.own, services)
         self._streams: dict[Link, StreamScheduler] = {}
         self._producers = {codec.shape(name).id: produce for name, produce in PRODUCERS.items()}
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
@@ -101,6 +104,7 @@ class Front:
 
     def _serve(self) -> None:
         """Runs the commands that have come, and sends what the services have to say."""
+        self.plans.tick()
         for request in self._commands.events():
             verdict = commands.handle(self, request)
             if verdict.result is Result.IN_PROGRESS:

@@ -59,11 +59,6 @@ def _data_stream(front: "Front", message: MavlinkMessage, sender: Address) -> No
         front.set_group(message.req_stream_id, rate, sender)
 
 
-def _mission_set_current(front: "Front", message: MavlinkMessage, sender: Address) -> None:
-    del sender
-    front.set_current(message.seq)
-
-
 def _manual_control(front: "Front", message: MavlinkMessage, sender: Address) -> None:
     """A joystick at the ground station: the same as the pilot's sticks."""
     del sender
@@ -172,7 +167,6 @@ def _deviation(covariance: tuple[float, ...], diagonal: tuple[int, int], default
 LISTENERS: Final[Mapping[str, Listener]] = {
     "HEARTBEAT": _heartbeat,
     "MANUAL_CONTROL": _manual_control,
-    "MISSION_SET_CURRENT": _mission_set_current,
     "ODOMETRY": _odometry,
     "REQUEST_DATA_STREAM": _data_stream,
     "SET_ATTITUDE_TARGET": _attitude,

@@ -80,7 +80,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "highest over home, m", "fence_height_m"),
     real("FENCE_RADIUS", 300.0, 30.0, 10000.0, "farthest from home, m", "fence_radius_m"),
     real("FENCE_MARGIN", 2.0, 1.0, 10.0, "distance kept from the fence, m", "fence_margin_m"),
-    whole("FENCE_TOTAL", 0, 0, 255, "items of the fence", kind=Kind.INT8),
+    whole("FENCE_TOTAL", 0, 0, 255, "items of the fence", kind=Kind.INT16),
     # Take-off, mission, return, land
     real("PILOT_TKO_ALT_M", 0.0, 0.0, 10.0, "pilot's take-off height, m"),
     real("PILOT_SPD_UP", 2.5, 0.5, 5.0, "pilot's climb speed, m/s"),

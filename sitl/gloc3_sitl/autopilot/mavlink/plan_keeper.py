@@ -1,0 +1,116 @@
+"""Missions, fences and rally points from the ground: checked, put in force, and given back."""
+
+from typing import TYPE_CHECKING, Final
+
+from gloc3.link.message import Address
+from gloc3.link.mission_server import MissionServer, PlanReceived, SetCurrentRequested
+from gloc3.link.plan import Plan, PlanItem, PlanResult, PlanType
+from gloc3_sitl.autopilot.modes import Severity
+from gloc3_sitl.autopilot.plans import (
+    Plans,
+    StoredItem,
+    check_fence_item,
+    check_mission_item,
+    check_rally_item,
+)
+
+if TYPE_CHECKING:
+    from gloc3_sitl.autopilot.mavlink.front import Front
+
+_LOCAL_FRAMES: Final = frozenset({1, 4, 7, 8, 9, 20, 21})
+_WAYPOINT: Final = 16
+_TOTALS: Final = {PlanType.MISSION: "MIS_TOTAL", PlanType.FENCE: "FENCE_TOTAL"}
+"""ArduPilot's parameters that count the items."""
+
+
+def stored(item: PlanItem) -> StoredItem:
+    """An item of the wire in plain units."""
+    per_unit = 1e4 if item.frame in _LOCAL_FRAMES else 1e7
+    return StoredItem(
+        command=item.command,
+        frame=item.frame,
+        parameters=(item.param1, item.param2, item.param3, item.param4),
+        latitude_deg=item.x / per_unit,
+        longitude_deg=item.y / per_unit,
+        height_m=item.z,
+    )
+
+
+class PlanKeeper:
+    """Keeps the mission server and the autopilot's plans in step."""
+
+    def __init__(self, front: "Front", own: Address) -> None:
+        self._front = front
+        self._first = front.craft.first_item
+        self.server: Final = MissionServer(own, check=self._check, tells_current=False)
+        self._home_told: object = None
+
+    def tick(self) -> None:
+        """Puts new plans in force, and keeps ArduPilot's item 0 at home."""
+        for event in self.server.events():
+            match event:
+                case PlanReceived():
+                    self._take(event)
+                case SetCurrentRequested(number):
+                    self._front.set_current(number)
+        home = self._front.craft.home
+        if self._first and home is not self._home_told and self.server.plans[PlanType.MISSION]:
+            self._put_home()
+
+    def _check(self, kind: PlanType, items: Plan) -> PlanResult:
+        checks = {
+            PlanType.MISSION: lambda item: check_mission_item(item, len(items)),
+            PlanType.FENCE: check_fence_item,
+            PlanType.RALLY: check_rally_item,
+        }
+        for index, item in enumerate(items):
+            if kind is PlanType.MISSION and index < self._first:
+                continue  # home, whatever it says
+            result, reason = checks[kind](stored(item))
+            if result is not PlanResult.ACCEPTED:
+                self._front.say(Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}")
+                return result
+        if kind is PlanType.FENCE:
+            try:
+                Plans().set_fence(tuple(stored(item) for item in items))
+            except ValueError as error:
+                self._front.say(Severity.CRITICAL, f"Fence rejected: {error}")
+                return PlanResult.INVALID
+        return PlanResult.ACCEPTED
+
+    def _take(self, event: PlanReceived) -> None:
+        plans, craft = self._front.autopilot.plans, self._front.craft
+        items = tuple(stored(item) for item in event.items)
+        match event.kind:
+            case PlanType.MISSION:
+                plans.set_mission(items)
+                craft.mission.on_upload(plans.mission_count, len(items) > self._first, self._first)
+                flight = self._front.mission_flight
+                if flight is not None:
+                    flight.skip_to(self._first)
+                self._home_told = None
+            case PlanType.FENCE:
+                plans.set_fence(items)
+            case PlanType.RALLY:
+                plans.set_rally(items)
+        total = _TOTALS.get(event.kind, "")
+        if total in self._front.autopilot.parameters:
+            self._front.autopilot.parameters.set(total, min(len(items), 255))
+
+    def _put_home(self) -> None:
+        """ArduPilot's missions carry home as item 0."""
+        home = self._front.craft.home
+        self._home_told = home
+        if home is None:
+            return
+        latitude, longitude, altitude = home.place
+        first = PlanItem(
+            command=_WAYPOINT,
+            frame=0,
+            is_current=False,
+            x=round(latitude * 1e7),
+            y=round(longitude * 1e7),
+            z=altitude,
+        )
+        rest = self.server.plans[PlanType.MISSION][1:]
+        self.server.set_plan(PlanType.MISSION, (first, *rest))

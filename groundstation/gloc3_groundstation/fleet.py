@@ -1,0 +1,147 @@
+"""How a fleet's snapshot follows from the one before and a message: pure functions, told the time."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from msgspec.structs import replace
+
+from gloc3.ci import (
+    CiEvent,
+    CiReply,
+    ComponentTable,
+    ComponentTrouble,
+    ControlState,
+    MissionSummary,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.messages import Envelope, Severity
+from gloc3.standard_topics import TOPICS
+from gloc3_groundstation.snapshots import Fleet, FleetEvent, LinkStatistics, PlatformSnapshot, Timed
+
+EVENTS_KEPT: Final = 500
+SMOOTHING: Final = 0.05
+
+HEARD_TOPICS: Final = tuple(name for name in TOPICS if name.startswith("ci/") and name != "ci/request")
+"""What a station listens to, below a platform's name."""
+
+_COUNTED: Final = frozenset(name for name in HEARD_TOPICS if TOPICS[name].rate_hz)
+"""The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped."""
+
+
+def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
+    """The fleet after a message; one that is not for stations changes nothing.
+
+    Args:
+        fleet: what was known.
+        envelope: what came, on a topic `PLATFORM/ci/...`.
+        now_s: the station's time.
+    """
+    reduce = _REDUCERS.get(type(envelope.payload))
+    if reduce is None:
+        return fleet
+    name, _, topic = envelope.topic.partition("/")
+    known, boot = fleet.get(name), envelope.source.boot
+    if known is None:
+        platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s)
+        fleet = note(fleet, name, Severity.INFO, "is heard", now_s)
+    elif known.boot != boot:
+        platform = _restarted(known, boot, now_s)
+        fleet = note(fleet, name, Severity.WARNING, "its command interface has restarted", now_s)
+    else:
+        platform = known
+        if known.is_quiet_link(now_s):
+            silence_s = known.age_s(now_s)
+            fleet = note(fleet, name, Severity.NOTICE, f"is heard again after {silence_s:.0f} s of silence", now_s)
+    if topic in _COUNTED:
+        link = _counted(platform.link, topic, envelope.sequence)
+        if link is None:
+            return _with(fleet, replace(platform, heard_s=now_s))
+        platform = replace(platform, link=link)
+    platform = reduce(replace(platform, heard_s=now_s), envelope.payload, now_s)
+    if isinstance(envelope.payload, CiEvent):
+        event = envelope.payload
+        fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source)
+    return _with(fleet, platform)
+
+
+def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "") -> Fleet:
+    """The fleet with one more event; without a source it is the station's own."""
+    number = fleet.event_count + 1
+    event = FleetEvent(number=number, platform=platform, heard_s=now_s, severity=severity, source=source, text=text)
+    return replace(fleet, events=(*fleet.events[1 - EVENTS_KEPT :], event), event_count=number)
+
+
+def _with(fleet: Fleet, platform: PlatformSnapshot) -> Fleet:
+    return replace(fleet, platforms={**fleet.platforms, platform.name: platform})
+
+
+def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:
+    """What remains true of a platform whose command interface has begun a new life."""
+    return PlatformSnapshot(
+        name=platform.name,
+        boot=boot,
+        first_heard_s=platform.first_heard_s,
+        heard_s=now_s,
+        vehicle=platform.vehicle,
+        link=replace(platform.link, sequences={}),
+    )
+
+
+def _counted(link: LinkStatistics, topic: str, sequence: int) -> LinkStatistics | None:
+    """The statistics after a message; None where it is not newer than the last."""
+    last = link.sequences.get(topic)
+    if last is not None and sequence <= last:
+        return None
+    gap = 0 if last is None else sequence - last - 1
+    kept = (1.0 - SMOOTHING) ** gap
+    loss = (1.0 - (1.0 - link.loss) * kept) * (1.0 - SMOOTHING)
+    return LinkStatistics(
+        received=link.received + 1, lost=link.lost + gap, loss=loss, sequences={**link.sequences, topic: sequence}
+    )
+
+
+def _vehicle(platform: PlatformSnapshot, message: VehicleSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, vehicle=Timed(message, now_s))
+
+
+def _mission(platform: PlatformSnapshot, message: MissionSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, mission=Timed(message, now_s))
+
+
+def _control(platform: PlatformSnapshot, message: ControlState, now_s: float) -> PlatformSnapshot:
+    return replace(platform, control=Timed(message, now_s))
+
+
+def _summary(platform: PlatformSnapshot, message: Summary, now_s: float) -> PlatformSnapshot:
+    """Takes the lines over; those of a table that is not here are kept until the table comes."""
+    platform = replace(platform, summary=Timed(message, now_s))
+    lines = {**platform.lines, **{line.index: (line, now_s) for line in message.lines}}
+    if platform.table is not None and platform.table.table != message.table:
+        lines = {line.index: (line, now_s) for line in message.lines}
+        return replace(platform, table=None, lines=lines)
+    return replace(platform, lines=lines)
+
+
+def _table(platform: PlatformSnapshot, message: ComponentTable, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return replace(platform, table=message)
+
+
+def _trouble(platform: PlatformSnapshot, message: ComponentTrouble, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return replace(platform, troubles={**platform.troubles, message.name: message})
+
+
+def _heard(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return platform
+
+
+_REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], PlatformSnapshot]]] = {
+    VehicleSummary: _vehicle,
+    MissionSummary: _mission,
+    ControlState: _control,
+    Summary: _summary,
+    ComponentTable: _table,
+    ComponentTrouble: _trouble,
+    CiEvent: _heard,
+    CiReply: _heard,
+}

@@ -1,0 +1,174 @@
+"""A mission from the station's side: wait for the platform, take control, stream, start, follow to the end."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from gloc3.ci import Health, MissionSummary, Verb
+from gloc3.messages import Severity
+from gloc3.mission.states import ENDED, ActionState
+from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.station import Station
+
+WELL: Final = (Health.WORKING, Health.QUIET)
+READY_WITHIN_S: Final = 30.0
+SETTLED_AFTER_S: Final = 3.0
+"""An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
+LOOK_EVERY_S: Final = 0.5
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """A mission that was read and checked, ready to be streamed."""
+
+    name: str
+    """The file's name."""
+    title: str
+    """What the mission calls itself."""
+    text: str
+    warnings: tuple[str, ...] = ()
+
+
+class End(msgspec.Struct, frozen=True, kw_only=True):
+    """How a mission ended."""
+
+    state: str
+    """An `ActionState`, or `lost` where the platform no longer holds the mission."""
+    reason: str = ""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether everything went as asked."""
+        return self.state == ActionState.DONE
+
+
+def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
+    """What a platform still lacks before a start makes sense; empty when it is ready."""
+    lacks = []
+    vehicle, summary = platform.vehicle, platform.summary
+    if vehicle is None or vehicle.is_stale(now_s):
+        lacks.append("the vehicle's state")
+    elif not vehicle.value.is_autopilot_connected:
+        lacks.append("the autopilot")
+    elif not vehicle.value.is_pose_valid:
+        lacks.append("a valid position")
+    if summary is None or summary.is_stale(now_s):
+        lacks.append("the components' state")
+    elif summary.value.health not in WELL:
+        unwell = [c.name for c in platform.components(now_s) if c.is_required and c.health not in WELL]
+        lacks.append(", ".join(unwell) or "a required component")
+    return lacks
+
+
+async def await_platform(station: Station, name: str | None) -> str:
+    """Waits until a platform is heard; the one called `name`, or the first."""
+    await _until(
+        station, lambda: bool(station.fleet.platforms) if name is None else station.fleet.get(name) is not None
+    )
+    return name or next(iter(station.fleet.platforms))
+
+
+async def await_ready(station: Station, platform: str, within_s: float = READY_WITHIN_S) -> list[str]:
+    """Waits until a platform lacks nothing for a start; what it still lacks when the time is up is returned."""
+    lacks: list[str] = []
+
+    def is_ready() -> bool:
+        known = station.fleet.get(platform)
+        lacks[:] = missing(known, station.now_s()) if known else ["any word from it"]
+        return not lacks
+
+    if not is_ready():
+        station.note(platform, Severity.INFO, f"waiting for {', '.join(lacks)}")
+    try:
+        async with asyncio.timeout(within_s):
+            await _until(station, is_ready)
+    except TimeoutError:
+        return lacks
+    return []
+
+
+async def stream(station: Station, platform: str, plan: Plan) -> None:
+    """Takes control and brings the mission over, read back and compared; raises as `CommandClient.carry_out`."""
+    known = station.fleet.get(platform)
+    if known is None or known.control is None or known.control.value.holder != station.id:
+        await station.client.take_control(platform)
+        station.note(platform, Severity.INFO, "this station has control")
+    started_s = station.now_s()
+    await station.client.upload(platform, plan.name, plan.text)
+    size = len(plan.text.encode())
+    took_s = station.now_s() - started_s
+    station.note(platform, Severity.INFO, f"{plan.title!r} is loaded and read back ({size} bytes in {took_s:.1f} s)")
+
+
+async def start(station: Station, platform: str) -> "Follower":
+    """Starts the loaded mission; raises as `CommandClient.carry_out`."""
+    await station.client.steer(platform, Verb.START)
+    station.note(platform, Severity.INFO, "the mission is started")
+    return Follower(station.now_s())
+
+
+class Follower:
+    """Tells from the snapshots when a mission that was started has ended, and how."""
+
+    def __init__(self, started_s: float) -> None:
+        self._settled_s = started_s + SETTLED_AFTER_S
+        self._digest = ""
+        self._has_run = False
+
+    def end(self, platform: PlatformSnapshot, now_s: float) -> End | None:
+        """How the mission ended; None while it goes on, or a failure's policy is being carried out."""
+        timed = platform.mission
+        if timed is None:
+            return None
+        mission = timed.value
+        if mission.state in (ActionState.RUNNING, ActionState.PAUSED):
+            self._has_run, self._digest = True, mission.digest
+            return None
+        if self._has_run and mission.digest != self._digest:
+            return self._lost()
+        if mission.state not in ENDED or not (self._has_run or timed.heard_s >= self._settled_s):
+            return None
+        if self._is_carrying_out_policy(platform, mission, now_s):
+            return None
+        return End(state=mission.state, reason=mission.reason)
+
+    @staticmethod
+    def _lost() -> End:
+        return End(state="lost", reason="the platform no longer holds the mission")
+
+    @staticmethod
+    def _is_carrying_out_policy(platform: PlatformSnapshot, mission: MissionSummary, now_s: float) -> bool:
+        vehicle = platform.vehicle
+        return bool(mission.policy) and vehicle is not None and vehicle.value.is_armed and not vehicle.is_stale(now_s)
+
+
+async def follow(station: Station, platform: str, follower: Follower) -> End:
+    """Waits for a mission's end; silence of the platform is no end."""
+    ends: list[End] = []
+
+    def has_ended() -> bool:
+        known = station.fleet.get(platform)
+        end = None if known is None else follower.end(known, station.now_s())
+        if end is not None:
+            ends.append(end)
+        return bool(ends)
+
+    await _until(station, has_ended)
+    return ends[0]
+
+
+async def _until(station: Station, is_so: Callable[[], bool]) -> None:
+    """Waits until something is so, looking again at each change of the fleet, and now and then."""
+    changed = asyncio.Event()
+    unlisten = station.listen(lambda *_: changed.set())
+    try:
+        while not is_so():
+            changed.clear()
+            try:
+                async with asyncio.timeout(LOOK_EVERY_S):
+                    await changed.wait()
+            except TimeoutError:
+                continue
+    finally:
+        unlisten()

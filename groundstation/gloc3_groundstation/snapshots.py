@@ -1,0 +1,185 @@
+"""What a station knows of a fleet at one moment: immutable snapshots, with the age of everything in them."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final, Generic, TypeVar
+
+import msgspec
+
+from gloc3.ci import (
+    ComponentLine,
+    ComponentTable,
+    ComponentTrouble,
+    ControlState,
+    Health,
+    MissionSummary,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.messages import Kind, Message, Severity
+from gloc3.standard_topics import TOPICS
+
+M = TypeVar("M", bound=Message)
+
+STALE_AFTER_S: Final[Mapping[type, float]] = {
+    row.message: row.silent_after / row.rate_hz for row in TOPICS.values() if row.rate_hz
+}
+"""The age at which a message no longer counts as what is so, from the one rate of its topic."""
+
+QUIET_LINK_S: Final = 3.0
+"""Silence of a platform after which the operator is told its length."""
+
+HEALTHS: Final = tuple(Health)
+KINDS: Final = tuple(Kind)
+
+
+class Timed(msgspec.Struct, Generic[M], frozen=True):
+    """The last message of its type, and when it came."""
+
+    value: M
+    heard_s: float
+    """On the station's clock."""
+
+    def age_s(self, now_s: float) -> float:
+        """Seconds since it came."""
+        return now_s - self.heard_s
+
+    def is_stale(self, now_s: float) -> bool:
+        """Whether it is too old to be taken for what is so now."""
+        return now_s - self.heard_s >= STALE_AFTER_S.get(type(self.value), float("inf"))
+
+
+class LinkStatistics(msgspec.Struct, frozen=True):
+    """How well a platform's status arrives."""
+
+    received: int = 0
+    lost: int = 0
+    """Gaps in the sequences of the periodic topics."""
+    loss: float = 0.0
+    """Share that is lost, 0 to 1, smoothed over some 40 messages."""
+    sequences: Mapping[str, int] = {}
+    """The last sequence of each topic."""
+
+
+class ComponentSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """One component of a platform."""
+
+    name: str
+    kind: str
+    """A `Kind`."""
+    nominal_rate_hz: float
+    is_required: bool
+    standby_for: str
+    health: Health | None
+    """None until its first line came."""
+    rate_percent: int = 0
+    load_percent: int = 0
+    overruns: int = 0
+    errors: int = 0
+    cause: str = ""
+    """Its last error, in words."""
+    is_stale: bool = False
+
+    @property
+    def is_well(self) -> bool:
+        """Whether it works, or stands by for another."""
+        return self.health is Health.WORKING or (self.health is Health.QUIET and bool(self.standby_for))
+
+
+class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """One platform as it was last heard."""
+
+    name: str
+    boot: int
+    """Of its command interface server."""
+    first_heard_s: float
+    heard_s: float
+    """When anything came from it last."""
+    vehicle: Timed[VehicleSummary] | None = None
+    mission: Timed[MissionSummary] | None = None
+    control: Timed[ControlState] | None = None
+    summary: Timed[Summary] | None = None
+    """The last part of the summary that came; the components' own lines are in `lines`."""
+    table: ComponentTable | None = None
+    lines: Mapping[int, tuple[ComponentLine, float]] = {}
+    """Index in the table to the last line and when it came."""
+    troubles: Mapping[str, ComponentTrouble] = {}
+    link: LinkStatistics = LinkStatistics()
+
+    @property
+    def is_incomplete(self) -> bool:
+        """Whether its full state has to be asked for: it is new, has restarted, or speaks of another table."""
+        return self.table is None
+
+    def age_s(self, now_s: float) -> float:
+        """Seconds since anything came from it."""
+        return now_s - self.heard_s
+
+    def is_quiet_link(self, now_s: float) -> bool:
+        """Whether nothing came for longer than it should."""
+        return now_s - self.heard_s >= QUIET_LINK_S
+
+    def components(self, now_s: float) -> tuple[ComponentSnapshot, ...]:
+        """Its components in the order of the data: SS, DP, CC, AD, CI, each as in the platform file."""
+        if self.table is None:
+            return ()
+        limit_s = STALE_AFTER_S[Summary]
+        found = []
+        for index, row in enumerate(self.table.rows):
+            line, heard_s = self.lines.get(index, (None, 0.0))
+            trouble = self.troubles.get(row.name)
+            found.append(
+                ComponentSnapshot(
+                    name=row.name,
+                    kind=row.kind,
+                    nominal_rate_hz=row.nominal_rate_hz,
+                    is_required=row.is_required,
+                    standby_for=row.standby_for,
+                    health=None if line is None or line.state >= len(HEALTHS) else HEALTHS[line.state],
+                    rate_percent=line.rate_percent if line else 0,
+                    load_percent=line.load_percent if line else 0,
+                    overruns=line.overruns if line else 0,
+                    errors=line.errors if line else 0,
+                    cause=trouble.cause if trouble else "",
+                    is_stale=line is not None and now_s - heard_s >= limit_s,
+                )
+            )
+        return tuple(sorted(found, key=lambda component: _ORDER.get(component.kind, len(_ORDER))))
+
+
+_ORDER: Final[Mapping[str, int]] = {kind.value: place for place, kind in enumerate(KINDS)}
+
+
+class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that happened, told by a platform or noticed by the station."""
+
+    number: int
+    """Counts from 1 over all events of the fleet."""
+    platform: str
+    heard_s: float
+    severity: Severity
+    source: str
+    """The component; empty for what the station itself noticed or did."""
+    text: str
+
+
+class Fleet(msgspec.Struct, frozen=True, kw_only=True):
+    """Every platform that a station has heard, and what happened lately."""
+
+    platforms: Mapping[str, PlatformSnapshot] = {}
+    """By name, in the order in which they were first heard."""
+    events: tuple[FleetEvent, ...] = ()
+    """The last ones, oldest first."""
+    event_count: int = 0
+    """Of all events so far, those that are no longer kept included."""
+
+    def __iter__(self) -> Iterator[PlatformSnapshot]:
+        return iter(self.platforms.values())
+
+    def get(self, name: str) -> PlatformSnapshot | None:
+        """A platform by name."""
+        return self.platforms.get(name)
+
+    def events_after(self, number: int) -> tuple[FleetEvent, ...]:
+        """The kept events that came after the one of that number."""
+        new = min(self.event_count - number, len(self.events))
+        return self.events[-new:] if new > 0 else ()

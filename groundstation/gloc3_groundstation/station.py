@@ -1,0 +1,76 @@
+"""A base station: what it knows of its fleet, and its command client, on one exchange."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any, Final
+
+from gloc3.ci import Hello
+from gloc3.exchange.base import Exchange, Unsubscribe
+from gloc3.messages import Envelope, Severity
+from gloc3_groundstation import fleet as reducers
+from gloc3_groundstation.command_client import CommandClient
+from gloc3_groundstation.snapshots import Fleet
+
+HELLO_EVERY_S: Final = 3.0
+
+Listener = Callable[[Fleet, Fleet, float], None]
+"""Is told the fleet before a change, the fleet after it, and the time."""
+
+
+class Station:
+    """Keeps the fleet's snapshot up to date and asks for what is missing in it."""
+
+    def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, station: str, boot: int) -> None:
+        """A station; see `CommandClient` for the arguments."""
+        self.fleet = Fleet()
+        self.client: Final = CommandClient(exchange, loop, station, boot)
+        self.now_s: Final[Callable[[], float]] = loop.time
+        self._loop = loop
+        self._listeners: list[Listener] = []
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._asked_s: dict[str, float] = {}
+        self._unsubscribes: list[Unsubscribe] = [
+            exchange.subscribe(f"*/{topic}", self._take) for topic in reducers.HEARD_TOPICS
+        ]
+
+    @property
+    def id(self) -> str:
+        """The id under which platforms know this station, such as `255`."""
+        return self.client.station
+
+    def listen(self, listener: Listener) -> Unsubscribe:
+        """Is told every change of the fleet, in order."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def note(self, platform: str, severity: Severity, text: str) -> None:
+        """Adds an event of the station's own."""
+        now_s = self.now_s()
+        self._change(reducers.note(self.fleet, platform, severity, text, now_s), now_s)
+
+    def close(self) -> None:
+        """Hears and asks nothing more; platforms are left to their policies."""
+        for unsubscribe in self._unsubscribes:
+            unsubscribe()
+        for task in list(self._tasks):
+            task.cancel()
+        self.client.close()
+
+    def _take(self, envelope: Envelope[Any]) -> None:
+        now_s = self.now_s()
+        name = envelope.topic.partition("/")[0]
+        self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
+        platform = self.fleet.get(name)
+        if platform is not None and platform.is_incomplete and now_s >= self._asked_s.get(name, 0.0):
+            self._asked_s[name] = now_s + HELLO_EVERY_S
+            self._start(self.client.ask(name, Hello(), HELLO_EVERY_S))
+
+    def _change(self, fleet: Fleet, now_s: float) -> None:
+        before, self.fleet = self.fleet, fleet
+        for listener in tuple(self._listeners):
+            listener(before, fleet, now_s)
+
+    def _start(self, work: Coroutine[Any, Any, Any]) -> None:
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)

@@ -1,0 +1,100 @@
+"""How a platform's state is put into words, the same for the narration and the terminal's panels."""
+
+from typing import NamedTuple
+
+from gloc3.ci import MissionSummary, VehicleSummary
+from gloc3_groundstation.snapshots import PlatformSnapshot
+
+
+class Item(NamedTuple):
+    """A task or an action of a mission, as an operator sees it."""
+
+    target: str
+    """`TASK` or `TASK.ACTION`."""
+    state: str
+    progress: float | None
+    """0 to 1; None where there is none to tell."""
+
+    @property
+    def is_task(self) -> bool:
+        """Whether it is a task, not an action."""
+        return "." not in self.target
+
+    @property
+    def name(self) -> str:
+        """Its own name, without its task's."""
+        return self.target.rpartition(".")[2]
+
+
+def items(mission: MissionSummary) -> list[Item]:
+    """The tasks in the order of the mission, each followed by its actions."""
+    found: list[Item] = []
+    for task in [target for target in mission.tasks if "." not in target]:
+        for target, state in mission.tasks.items():
+            if target == task or target.startswith(f"{task}."):
+                found.append(Item(target, state, mission.progress.get(target)))
+    return found
+
+
+def running(mission: MissionSummary) -> str:
+    """What goes on: `sweep.wall 42 %, sweep.photos`; paused actions are named so."""
+    parts = []
+    for item in items(mission):
+        if item.is_task or item.state not in ("running", "paused"):
+            continue
+        percent = f" {item.progress * 100:.0f} %" if item.progress is not None else ""
+        parts.append(item.target + percent + (" paused" if item.state == "paused" else ""))
+    return ", ".join(parts)
+
+
+def position(vehicle: VehicleSummary) -> str:
+    """`x 4.2  y 1.0  h 2.0 m`, or that it is not known."""
+    if not vehicle.is_pose_valid:
+        return "position unknown"
+    x_m, y_m, height_m = vehicle.position_m
+    return f"x {x_m:.1f}  y {y_m:.1f}  h {height_m:.1f} m"
+
+
+def battery(vehicle: VehicleSummary) -> str:
+    """`battery 92 %`, or that it is not known."""
+    return f"battery {vehicle.battery_percent} %" if vehicle.battery_percent >= 0 else "battery unknown"
+
+
+def arming(vehicle: VehicleSummary) -> str:
+    """`armed, in air`."""
+    landed = vehicle.landed.replace("_", " ")
+    return ("armed" if vehicle.is_armed else "disarmed") + (f", {landed}" if landed else "")
+
+
+def duration(seconds: float) -> str:
+    """`8 s`, `3 min 05 s`, `2 h 10 min`."""
+    whole = int(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def clock(seconds: float) -> str:
+    """`03:05`, or `2:10:00` from an hour on: time since the station's start."""
+    whole = max(0, int(seconds))
+    minutes = f"{whole % 3600 // 60:02d}:{whole % 60:02d}"
+    return f"{whole // 3600}:{minutes}" if whole >= 3600 else minutes
+
+
+def silence(platform: PlatformSnapshot, now_s: float) -> str:
+    """`nothing heard for 7 s` where that is so, else empty."""
+    if not platform.is_quiet_link(now_s):
+        return ""
+    return f"nothing heard for {duration(platform.age_s(now_s))}"
+
+
+def holder(platform: PlatformSnapshot, station: str) -> str:
+    """Who holds control, from this station's point of view."""
+    if platform.control is None:
+        return "control unknown"
+    held_by = platform.control.value.holder
+    if not held_by:
+        return "nobody in control"
+    return "this station in control" if held_by == station else f"station {held_by} in control"

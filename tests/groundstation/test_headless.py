@@ -1,0 +1,112 @@
+"""The headless station flies a mission on a scripted platform and narrates it; the narration is golden."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from gloc3.ci import Health, LoadMission, MissionSummary, Steer
+from gloc3.clock import run_virtual
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import LocalExchange
+from gloc3.messages import Severity
+from gloc3_groundstation.command_client import Declined
+from gloc3_groundstation.flights import Plan
+from gloc3_groundstation.headless import Headless
+from gloc3_groundstation.narration import Line
+from gloc3_groundstation.station import Station
+
+from .scripted_platform import ScriptedPlatform, refused
+
+PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+GOLDEN = Path(__file__).parent / "golden" / "narration.txt"
+
+
+def script(platform: ScriptedPlatform) -> None:
+    """What the platform does from 10 s on, when the mission has been started."""
+    later = platform.loop.call_later
+    later(3.0, lambda: platform.advance(depart="running", depart__climb="running"))
+    later(3.0, lambda: platform.fly(is_armed=True, mode="TAKEOFF", landed="taking_off"))
+    later(6.0, lambda: platform.fly(landed="in_air", mode="OFFBOARD", position_m=(0.0, 0.0, 1.5), speed_m_s=0.5))
+    later(6.0, lambda: platform.advance(depart="done", depart__climb="done", sweep="running", sweep__wall="running"))
+    later(6.0, lambda: platform.advance(progress={"sweep.wall": 0.1}, sweep__photos="running"))
+    later(8.0, lambda: platform.event("gust of 7 m/s", Severity.NOTICE, "pose"))
+    later(8.5, lambda: platform.event("cycle 400", Severity.INFO, "pose"))
+    later(9.0, lambda: platform.trouble("ground_camera", "no frame for 1.0 s"))
+    later(10.0, setattr, platform, "is_deaf", True)
+    later(15.0, setattr, platform, "is_deaf", False)
+    later(18.0, lambda: platform.states.update(ground_camera=Health.WORKING))
+    later(20.0, lambda: platform.advance(sweep="done", sweep__wall="done", sweep__photos="done", recover="running"))
+    later(24.0, lambda: platform.fly(is_armed=False, landed="on_ground", mode="HOLD", position_m=(0.1, 0.0, 0.0)))
+    later(24.5, lambda: platform.advance("done", recover="done", recover__home="done", recover__down="done"))
+
+
+def fly(platform_setup: list[str], told: list[Line], refusal: str = "") -> str:
+    async def main() -> str:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        station = Station(exchange, platform.loop, "255", 11)
+        if "silent" not in platform_setup:
+            platform.loop.call_later(1.2, platform.speak_every, 0.5)
+            script(platform)
+        if refusal == "check":
+            platform.answer_next(LoadMission, refused("does not fit", "hold.yaml:1:1: no tasks"))
+        if refusal == "start":
+            platform.answer_next(Steer, refused("battery is at 12 %"))
+        run = Headless(station, told.append, platform="pelican")
+        try:
+            return (await run.fly(PLAN, wait_s=20.0)).state
+        finally:
+            station.close()
+
+    return run_virtual(main())
+
+
+def test_a_whole_mission_is_narrated_calmly() -> None:
+    told: list[Line] = []
+    assert fly([], told) == "done"
+    assert "\n".join(str(line) for line in told) + "\n" == GOLDEN.read_text()
+
+
+def test_what_is_told_is_also_data() -> None:
+    told: list[Line] = []
+    fly([], told)
+    result = told[-1]
+    assert (result.kind, result.data) == ("result", {"mission": "cargo hold", "state": "done", "reason": ""})
+    progress = next(line for line in told if line.kind == "progress")
+    assert progress.data["vehicle"]["is_armed"] is True
+    assert {"target": "sweep.wall", "state": "running"} in [line.data for line in told if line.kind == "action"]
+
+
+def test_a_platform_that_is_not_heard_is_said_after_the_wait() -> None:
+    with pytest.raises(Gloc3Error, match="pelican was not heard within 20 s; is it running"):
+        fly(["silent"], [])
+
+
+def test_a_mission_that_does_not_pass_onboard_is_not_started() -> None:
+    with pytest.raises(Declined, match=r"does not fit\nhold\.yaml:1:1: no tasks"):
+        fly([], [], refusal="check")
+
+
+def test_a_refused_start_is_told() -> None:
+    with pytest.raises(Declined, match="battery is at 12 %"):
+        fly([], [], refusal="start")
+
+
+def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:
+    told: list[Line] = []
+
+    async def main() -> None:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        station = Station(exchange, platform.loop, "255", 11)
+        platform.speak_every(0.5)
+        platform.mission = MissionSummary(name="other", digest="x", state="running", tasks={"a": "running"})
+        watching = asyncio.ensure_future(Headless(station, told.append).watch())
+        platform.loop.call_later(2.0, watching.cancel)
+        with pytest.raises(asyncio.CancelledError):
+            await watching
+        station.close()
+
+    run_virtual(main())
+    assert "mission 'other': running" in [line.text for line in told]

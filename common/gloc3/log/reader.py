@@ -217,6 +217,8 @@ class LogReader:
     def losses(self) -> list[str]:
         """What cannot be read, in sentences; complete only after the messages have been read once."""
         found = [self._describe(gap.offset, gap.end, gap.reason) for gap in self._scan.gaps]
+        if self._scan.is_altered and not found:
+            found.append("the checksum over everything is wrong: something small was changed")
         if not self.is_finished:
             found.append(self._describe_end())
         if not self.run:

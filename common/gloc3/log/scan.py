@@ -11,7 +11,7 @@ from io import BytesIO
 from mmap import mmap
 from typing import Any, Final, NamedTuple
 
-from mcap.data_stream import ReadDataStream
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
@@ -33,6 +33,9 @@ _READERS: Final[dict[int, Any]] = {
     Opcode.METADATA: Metadata.read,
 }
 MESSAGE_BYTES_MIN: Final = 22
+DATA_END_BYTES: Final = 4
+PRIVATE_OPCODES: Final = 0x80
+"""From here on opcodes are for applications."""
 
 
 Data = bytes | mmap
@@ -86,6 +89,8 @@ class Scan:
         self.is_finished = len(data) >= FOOTER_BYTES and data[-len(MAGIC) :] == MAGIC and self._has_footer()
         self.is_complete = False
         """Whether the end of the messages was reached; an index may still be missing."""
+        self.is_altered = False
+        """Whether the checksum over everything is wrong."""
         self.library = ""
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
@@ -102,19 +107,16 @@ class Scan:
 
     def _walk(self) -> None:
         at, size = len(MAGIC), len(self._data)
-        while at < size:
+        while 0 < at < size:
             end = self._record(at)
-            if end == 0:
-                return
             if end < 0:
                 found = self._next_chunk(at + 1)
                 reason = "a damaged record" if found else "the file ends within a record"
                 self.gaps.append(Gap(at, found or size, reason))
-                if not found:
-                    self._summary()
-                    return
                 end = found
             at = end
+        if self.gaps:
+            self._summary()
 
     def _record(self, at: int) -> int:
         """Takes in the record at an offset; returns where it ends, 0 after the last one, -1 where there is none."""
@@ -124,32 +126,31 @@ class Scan:
         opcode, length = RECORD_HEAD.unpack_from(data, at)
         begin = at + RECORD_HEAD.size
         end = begin + length
-        if end > len(data) or not (Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80):
+        if end > len(data):
             return -1
-        if opcode == Opcode.CHUNK:
-            chunk = self._chunk_at(at)
-            if chunk is None:
-                return -1
-            self.chunks.append(chunk)
-        elif opcode == Opcode.MESSAGE:  # another program's log without chunks
-            log_ns = MESSAGE_HEAD.unpack_from(data, at)[4] if length >= MESSAGE_BYTES_MIN else 0
-            self.chunks.append(Chunk(at, end, log_ns, log_ns, end - at, 0, "", at))
-        elif opcode in _READERS:
-            record = _parse(opcode, data[begin:end])
-            if record is None:
-                return -1
-            self._take(record)
-        elif opcode == Opcode.DATA_END:
-            self.is_complete = True
-            self._check(at, data[begin:end])
-            return 0
-        return int(end)
-
-    def _check(self, at: int, crc: bytes) -> None:
-        """Compares the checksum of everything with what the end of the data says, where that says one."""
-        is_wrong = len(crc) == 4 and any(crc) and zlib.crc32(self._data[:at]) != int.from_bytes(crc, "little")
-        if is_wrong and not self.gaps:
-            self.gaps.append(Gap(0, at, "a wrong checksum"))
+        fits = True
+        match opcode:
+            case Opcode.CHUNK:
+                chunk = self._chunk_at(at)
+                fits = chunk is not None
+                self.chunks += [chunk] if chunk is not None else []
+            case Opcode.MESSAGE if length >= MESSAGE_BYTES_MIN:  # another program's log without chunks
+                log_ns = MESSAGE_HEAD.unpack_from(data, at)[4]
+                self.chunks.append(Chunk(at, end, log_ns, log_ns, end - at, 0, "", at))
+            case Opcode.MESSAGE_INDEX:
+                fits = length >= 6 and length == 6 + struct.unpack_from("<I", data, begin + 2)[0]
+            case Opcode.DATA_END if length == DATA_END_BYTES:
+                self.is_complete = True
+                crc = int.from_bytes(data[begin:end], "little")
+                self.is_altered = crc != 0 and crc != zlib.crc32(data[:at])
+                return 0
+            case _ if opcode in _READERS:
+                record = _parse(opcode, data[begin:end])
+                fits = record is not None
+                self._take(record)
+            case _:
+                fits = opcode >= PRIVATE_OPCODES
+        return int(end) if fits else -1
 
     def _take(self, record: Any) -> None:
         match record:
@@ -231,13 +232,16 @@ class Scan:
 
 
 def _parse(opcode: int, body: bytes) -> Any:
-    """The record in some bytes; None where it is damaged."""
+    """The record in some bytes; None where it is damaged, that is: where the same record would be other bytes."""
     if opcode == Opcode.ATTACHMENT and zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
         return None
     try:
-        return _READERS[opcode](ReadDataStream(BytesIO(body)))
+        record = _READERS[opcode](ReadDataStream(BytesIO(body)))
     except (EndOfFile, struct.error, UnicodeDecodeError, OverflowError):
         return None
+    builder = RecordBuilder()
+    record.write(builder)
+    return record if builder.end()[RECORD_HEAD.size :] == body else None  # type: ignore[no-untyped-call]
 
 
 def _unpack(packed: bytes, chunk: Chunk) -> bytes | None:

@@ -97,6 +97,14 @@ POSE = Source("pelican", "pose", 1)
 HEIGHT = Source("pelican", "height", 2)
 
 
+def tiny_log() -> bytes:
+    """A log of one topic in three chunks, small enough to try every byte of it."""
+    log = LogInMemory()
+    for index in range(6):
+        log.send("height", HeightAboveGround(height_m=1.5, is_valid=True), 0.15 * index, HEIGHT)
+    return log.close()
+
+
 def small_log(messages: int = 12, *, is_closed: bool = True) -> tuple[bytes, list[Envelope[Any]]]:
     """A log of three topics and several chunks, and what was recorded in it."""
     log = LogInMemory()

@@ -8,15 +8,19 @@ asyncio event loop, and everything is scheduled with the loop's `call_at` and `c
 """
 
 import asyncio
-import selectors
 import time
+from collections import deque
 from collections.abc import Callable, Coroutine
+from contextvars import Context
 from datetime import UTC, datetime
-from typing import Any, Final, TypeVar
+from heapq import heappop, heappush
+from typing import Any, Final, TypeVar, TypeVarTuple
 
 from gloc3.errors import Misuse
+from gloc3.guard import guard
 
 T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
 
 VIRTUAL_EPOCH_S: Final = datetime(2026, 1, 1, tzinfo=UTC).timestamp()
 """UTC at which virtual time starts, in seconds since 1970."""
@@ -38,49 +42,98 @@ class Clock:
         return time.perf_counter()
 
 
-class VirtualLoop(asyncio.SelectorEventLoop):
+class VirtualLoop(asyncio.BaseEventLoop):
     """An event loop without waiting: its clock jumps to the next timer when nothing is ready.
 
-    It serves one process without sockets. `run_in_executor` runs its function at once, in the loop's thread, so that
-    the order of everything is fixed.
+    It serves one process without sockets and threads. Timers that are due at the same moment run in the order in which
+    they were made. `run_in_executor` runs its function at once, in the loop's thread, so that the order of everything
+    is fixed. What callbacks raise does not end the loop, but is kept in `failures`.
     """
 
+    _ready: "deque[asyncio.Handle]"
+    _stopping: bool
+
     def __init__(self) -> None:
+        super().__init__()
         self._now_s = 0.0
-        super().__init__(_JumpingSelector(self))
+        self._timers: list[tuple[float, int, asyncio.TimerHandle]] = []
+        self._timers_made = 0
+        self.failures: list[BaseException] = []
+        """What callbacks raised, oldest first."""
+        self.set_exception_handler(self._keep_failure)
 
     def time(self) -> float:
         """Virtual seconds since the start."""
         return self._now_s
 
-    def jump(self, timeout_s: float | None) -> None:
-        """Moves the clock to the next timer; called by the selector when nothing is ready."""
-        if timeout_s is None:
-            raise Misuse("virtual time stands still: nothing is scheduled, and somebody waits")
-        if timeout_s > 0.0:
-            timers: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined] # asyncio's heap of timers
-            self._now_s = timers[0].when()
+    def call_at(
+        self, when: float, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        """Calls back at a time; at once, after what is ready, if that has passed."""
+        self._check_closed()  # type: ignore[attr-defined] # asyncio's own, as in every loop built on its base
+        timer = asyncio.TimerHandle(when, callback, args, self, context)
+        self._timers_made += 1
+        heappush(self._timers, (when, self._timers_made, timer))
+        return timer
 
-    def run_in_executor(self, executor: Any, func: Callable[..., T], *args: Any) -> asyncio.Future[T]:  # type: ignore[override] # noqa: ARG002
+    def call_soon_threadsafe(
+        self, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None
+    ) -> asyncio.Handle:
+        """The same as `call_soon`: there are no other threads."""
+        return self.call_soon(callback, *args, context=context)
+
+    def run_in_executor(self, executor: Any, func: Callable[..., T], *args: Any) -> asyncio.Future[T]:  # type: ignore[override]
         """Runs `func` now; there are no threads in virtual time."""
-        future: asyncio.Future[T] = self.create_future()
-        future.set_result(func(*args))
-        return future
+        ended: asyncio.Future[Any] = self.create_future()
+        result, error = guard(func, *args)
+        if error is None:
+            ended.set_result(result)
+        else:
+            ended.set_exception(error)
+        return ended
 
+    def _run_once(self) -> None:
+        """Runs everything that is ready, or else jumps to the next moment at which something is."""
+        ready, timers = self._ready, self._timers
+        if not ready and not self._stopping:
+            while timers and timers[0][2].cancelled():
+                heappop(timers)
+            if not timers:
+                cause = self.failures[0] if self.failures else None
+                raise Misuse("virtual time stands still: nothing is scheduled, and somebody waits") from cause
+            if timers[0][0] > self._now_s:
+                self._now_s = timers[0][0]
+        now_s = self._now_s
+        while timers and timers[0][0] <= now_s:
+            timer = heappop(timers)[2]
+            if not timer.cancelled():
+                ready.append(timer)
+        for _ in range(len(ready)):
+            handle = ready.popleft()
+            if not handle.cancelled():
+                handle._run()
 
-class _JumpingSelector(selectors.DefaultSelector):  # type: ignore[misc,valid-type] # the class depends on the system
-    """Never waits: tells its loop to jump instead."""
+    def _write_to_self(self) -> None:
+        """Nobody has to be woken."""
 
-    def __init__(self, loop: VirtualLoop) -> None:
-        super().__init__()
-        self._loop = loop
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        self._loop.jump(timeout)
-        return []
+    def _keep_failure(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        if isinstance(error, BaseException) and "future" not in context:
+            self.failures.append(error)
+        else:
+            loop.default_exception_handler(context)
 
 
 def run_virtual(main: Coroutine[Any, Any, T]) -> T:
-    """Runs a coroutine in virtual time to its end, in a fresh loop."""
+    """Runs a coroutine in virtual time to its end, in a fresh loop.
+
+    Raises:
+        Exception: what `main` raised, or else the first thing that a callback raised in the meantime.
+    """
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(main)
+        result = runner.run(main)
+        loop = runner.get_loop()
+        assert isinstance(loop, VirtualLoop)
+        if loop.failures:
+            raise loop.failures[0]
+        return result

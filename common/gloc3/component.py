@@ -16,6 +16,9 @@ F = TypeVar("F", bound=Callable[..., Message])
 
 FUNCTION_MARK: Final = "__gloc3_function__"
 
+RESERVED_FUNCTIONS: Final = ("set_rate", "set_logging")
+"""What the host answers for every component."""
+
 
 class FunctionEntry(NamedTuple):
     """A function that a component offers while it is working or quiet."""
@@ -48,10 +51,10 @@ def _functions_of(cls: type) -> dict[str, FunctionEntry]:
         if name is None or method is None:
             continue
         hints = get_type_hints(method)
-        if not issubclass(hints.get("request", object), Message) or not issubclass(
-            hints.get("return", object), Message
-        ):
+        if not (_is_message(hints.get("request")) and _is_message(hints.get("return"))):
             raise Misuse(f"{cls.__name__}.{attribute} must be (self, request: Message, now_s: float) -> Message")
+        if name in entries or name in RESERVED_FUNCTIONS:
+            raise Misuse(f"{cls.__name__}.{attribute}: a function {name!r} is there already")
         entries[name] = FunctionEntry(
             name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip()
         )
@@ -62,8 +65,8 @@ class Component(ABC, Generic[S]):
     """What every component of GLOC3 is. Derive from one of the five types below.
 
     The methods are called by the host, one at a time, never by other components. An exception in any of them makes
-    the component *faulty*; `Refused` turns the request down and changes nothing. `work()` returns what it reports; a
-    component never publishes, sleeps, names another component, or touches its own state.
+    the component *faulty*; `Refused`, raised by a method that has changed nothing, turns the request down. `work()`
+    returns what it reports; a component never publishes, sleeps, names another component, or touches its own state.
     """
 
     kind: ClassVar[Kind]
@@ -142,10 +145,20 @@ class ActuatorDriver(Component[S]):
 
     @abstractmethod
     def make_safe(self) -> None:
-        """Leaves the device safe; called before going quiet, before a stop, and when the component turns faulty."""
+        """Leaves the device safe; called before going quiet, before a stop, and when the component turns faulty.
+
+        Only when it has worked since it was last left safe: a driver that takes over finds its device undisturbed.
+        """
+
+    def check_leaving(self) -> None:
+        """Asked before `make_safe()` when it is told to go quiet or to stop; raises `Refused` if it must not now."""
 
 
 class CommandInterface(Component[S]):
     """CI: the communication between a base station (client) and a platform (server)."""
 
     kind = Kind.COMMAND_INTERFACE
+
+
+def _is_message(annotation: object) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, Message)

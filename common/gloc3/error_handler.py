@@ -1,7 +1,16 @@
 """The error handler of a component (paper §IV-A): keeps track of its errors."""
 
+import re
 import traceback
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+from gloc3.guard import guard
+
+CAUSES_MAX: Final = 64
+"""Causes that are told apart; the one that was seen longest ago makes room."""
+LINE_MAX: Final = 240
+
+_ADDRESS: Final = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 class Cause(NamedTuple):
@@ -12,28 +21,41 @@ class Cause(NamedTuple):
     last_s: float
 
 
+class Failure(NamedTuple):
+    """An error that is counted and told, but does not make the component faulty."""
+
+    during: str
+    error: BaseException
+
+
 class ErrorHandler:
     """Counts errors by cause, with the first and last time; hands out each cause's traceback once."""
 
     def __init__(self) -> None:
         self.causes: dict[str, Cause] = {}
+        """The newest last."""
         self.total = 0
         self.last_cause = ""
 
-    def record(self, cause: str, now_s: float, error: BaseException | None = None) -> str:
-        """Notes an error; returns its traceback the first time that its cause is seen, else an empty text."""
-        known = self.causes.get(cause)
+    def record(self, cause: str, now_s: float, error: BaseException | None = None, *, is_minor: bool = False) -> str:
+        """Notes an error; returns its traceback the first time that its cause is seen, else an empty text.
+
+        Args:
+            cause: in a line.
+            now_s: when it happened.
+            error: what was raised, if anything was.
+            is_minor: whether the cause before it stays the one that is shown.
+        """
+        known = self.causes.pop(cause, None)
         self.total += 1
-        self.last_cause = cause
+        if not is_minor:
+            self.last_cause = cause
         self.causes[cause] = (
             Cause(1, now_s, now_s) if known is None else known._replace(count=known.count + 1, last_s=now_s)
         )
-        if known is not None or error is None:
-            return ""
-        # Frames only, without the folder: a log does not depend on where the code is installed.
-        frames = traceback.extract_tb(error.__traceback__)
-        lines = [f"{frame.filename.rpartition('/')[2]}:{frame.lineno} {frame.name}: {frame.line}" for frame in frames]
-        return "\n".join([*lines, describe(error)])
+        if len(self.causes) > CAUSES_MAX:
+            del self.causes[next(iter(self.causes))]
+        return "" if known is not None or error is None else trace(error)
 
     @property
     def last(self) -> Cause | None:
@@ -41,6 +63,20 @@ class ErrorHandler:
         return self.causes.get(self.last_cause)
 
 
+def trace(error: BaseException) -> str:
+    """Where an exception came from; without folders, so that a log does not depend on where the code is installed."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [f"{frame.filename.rpartition('/')[2]}:{frame.lineno} {frame.name}: {frame.line}" for frame in frames]
+    return "\n".join([*lines, describe(error)])
+
+
 def describe(error: BaseException) -> str:
-    """An exception in one line."""
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    """An exception in one line, the same in every run."""
+    text, _ = guard(str, error)
+    line = one_line(text or "")
+    return f"{type(error).__name__}: {line}" if line else type(error).__name__
+
+
+def one_line(text: str) -> str:
+    """A text of an author's in one short line that does not depend on where objects lie in memory."""
+    return _ADDRESS.sub("", " ".join(text.split()))[:LINE_MAX]

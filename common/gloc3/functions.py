@@ -38,8 +38,8 @@ class SetLoggingReply(Message, frozen=True):
 
 
 GENERIC: Final[Mapping[str, FunctionEntry]] = {
-    "set_rate": FunctionEntry("set_rate", "", SetRate, SetRateReply, (SetRate.__doc__ or "")),
-    "set_logging": FunctionEntry("set_logging", "", SetLogging, SetLoggingReply, (SetLogging.__doc__ or "")),
+    "set_rate": FunctionEntry("set_rate", "", SetRate, SetRateReply, SetRate.__doc__ or ""),
+    "set_logging": FunctionEntry("set_logging", "", SetLogging, SetLoggingReply, SetLogging.__doc__ or ""),
 }
 """The functions that every component has; its host answers them."""
 

@@ -74,6 +74,9 @@ class CommandRequest(Message, frozen=True):
     """A command of the LCI, or `create`, which makes an absent component anew from its row."""
     settings: dict[str, Any] | None = None
     """With `initialize`: the settings to adopt; None keeps those of the deployment's row."""
+    then: tuple[str, ...] = ()
+    """Commands to carry out right after it, with no cycle in between; there is one reply, at the end or at the first
+    that is refused or fails. If the table has no row for one of them, none is carried out."""
 
 
 class CommandReply(Message, frozen=True):

@@ -107,6 +107,8 @@ class Mailbox:
         self._inputs = {port.name: port for port in inputs}
         self._queues: dict[str, deque[Envelope[Any]]] = {port.name: deque() for port in inputs}
         self._latest: dict[str, Envelope[Any]] = {}
+        self._taken: dict[str, Envelope[Any]] = {}
+        """What the last inbox holds: never changed, because a worker may be reading it."""
         self._has_new = False
         self.dropped = 0
 
@@ -125,20 +127,22 @@ class Mailbox:
 
     def take(self) -> Inbox:
         """What the next cycle reads; the queues are empty afterwards."""
+        if not self._has_new:
+            return Inbox({}, self._taken)
         new: dict[str, Sequence[Envelope[Any]]] = {}
-        if self._has_new:
-            for name, queue in self._queues.items():
-                if queue:
-                    new[name] = tuple(queue)
-                    queue.clear()
-            self._has_new = False
-        return Inbox(new, dict(self._latest))
+        for name, queue in self._queues.items():
+            if queue:
+                new[name] = tuple(queue)
+                queue.clear()
+        self._has_new = False
+        self._taken = self._latest.copy()
+        return Inbox(new, self._taken)
 
     def clear(self) -> None:
         """Forgets everything, as at a start: a component never works on what came before."""
         for queue in self._queues.values():
             queue.clear()
-        self._latest.clear()
+        self._latest, self._taken = {}, {}
         self._has_new = False
 
 

@@ -2,18 +2,21 @@
 
 
 class CycleStatistics:
-    """Counts cycles; `take_rate_hz()` gives the rate since it was last asked."""
+    """Counts cycles; `close_window()` measures the rate since it was last called."""
 
     def __init__(self) -> None:
         self.cycles = 0
         self.overruns = 0
         self.max_s = 0.0
+        self.rate_hz = 0.0
+        """Cycles per second in the last closed window."""
         self._total_s = 0.0
         self._window_cycles = 0
         self._window_start_s = 0.0
 
     def restart(self, now_s: float) -> None:
-        """Begins a new window, as at a start of the component."""
+        """Begins anew to measure the rate, as at a start of the component."""
+        self.rate_hz = 0.0
         self._window_cycles = 0
         self._window_start_s = now_s
 
@@ -30,9 +33,10 @@ class CycleStatistics:
         """Mean cost of a cycle, in seconds."""
         return self._total_s / self.cycles if self.cycles else 0.0
 
-    def take_rate_hz(self, now_s: float) -> float:
-        """Cycles per second since the last call."""
+    def close_window(self, now_s: float, least_s: float) -> None:
+        """Measures the rate since the last window or the start, if that is at least so long ago."""
         span_s = now_s - self._window_start_s
-        rate_hz = self._window_cycles / span_s if span_s > 0.0 else 0.0
-        self.restart(now_s)
-        return rate_hz
+        if span_s >= least_s:
+            rate_hz = self._window_cycles / span_s
+            self.restart(now_s)
+            self.rate_hz = rate_hz

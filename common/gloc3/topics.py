@@ -91,8 +91,8 @@ class TopicTable:
 
 def matches(pattern: str, topic: str) -> bool:
     """Whether a topic fits a pattern: `*` stands for one level, `**` at the end for any number of levels."""
-    if pattern.endswith("**"):
-        return topic.startswith(pattern[:-2]) or topic == pattern[:-3]
-    return pattern.count("/") == topic.count("/") and all(
-        fnmatchcase(part, wanted) for wanted, part in zip(pattern.split("/"), topic.split("/"), strict=True)
-    )
+    wanted, levels = pattern.split("/"), topic.split("/")
+    if wanted[-1] == "**":
+        wanted.pop()
+        levels = levels[: len(wanted)]
+    return len(wanted) == len(levels) and all(map(fnmatchcase, levels, wanted))

@@ -1,24 +1,17 @@
 """Workers: where a component's methods run, so that none of them delays the control path.
 
-In wall time each component has a thread of its own. In virtual time its methods run at once, in the loop's thread,
-and what a cycle costs is what a model says.
+In wall time each component has a thread of its own. In virtual time its methods run in the loop's thread, one after the
+other as on a thread, and what each costs is what a model says.
 """
 
 import asyncio
 import queue
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
-
-
-def guard(job: Callable[[], T]) -> tuple[T | None, Exception | None]:
-    """Runs an author's code for its host: the result, or what it raised. The one broad handler of the project."""
-    try:
-        return job(), None
-    except Exception as error:  # noqa: BLE001
-        return None, error
 
 
 class Worker(Protocol):
@@ -38,26 +31,56 @@ class Worker(Protocol):
 
 
 class InlineWorker:
-    """Virtual time: a job runs at once and ends after its modelled cost."""
+    """Virtual time: a job runs when its turn comes and ends after its modelled cost."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._timers: list[asyncio.TimerHandle] = []
+        self._waiting: deque[tuple[Callable[[], Any], Callable[[Any], None], float]] = deque()
+        self._is_busy = False
+        self._timer: asyncio.TimerHandle | None = None
 
     def run(self, job: Callable[[], T], done: Callable[[T], None], cost_s: float = 0.0) -> None:
-        """Runs the job now; reports it now, or `cost_s` later."""
-        result = job()
-        if cost_s == 0.0:
-            done(result)
-        elif cost_s != float("inf"):
-            self._timers = [timer for timer in self._timers if timer.when() > self._loop.time()]
-            self._timers.append(self._loop.call_later(cost_s, done, result))
+        """Runs the job now or behind those that have not ended; reports it `cost_s` after its begin."""
+        if self._is_busy:
+            self._waiting.append((job, done, cost_s))
+        elif cost_s == 0.0:
+            done(job())
+        else:
+            self._begin(job, done, cost_s)
 
     def abandon(self) -> None:
         """Forgets the jobs that have not ended."""
-        for timer in self._timers:
-            timer.cancel()
-        self._timers.clear()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self._waiting.clear()
+        self._is_busy = False
+
+    def _begin(self, job: Callable[[], Any], done: Callable[[Any], None], cost_s: float) -> None:
+        self._is_busy = True
+        if cost_s != float("inf"):  # a job that never ends does nothing that anybody sees
+            self._timer = self._loop.call_later(cost_s, self._end, done, job())
+
+    def _end(self, done: Callable[[Any], None], result: Any) -> None:
+        self._timer = None
+        done(result)
+        self._is_busy = False
+        while self._waiting and not self._is_busy:
+            job, done, cost_s = self._waiting.popleft()
+            if cost_s > 0.0:
+                self._begin(job, done, cost_s)
+            else:
+                self._is_busy = True  # what `done` asks for stands behind those that wait already
+                done(job())
+                self._is_busy = False
+
+
+class _Lane:
+    """The jobs of one thread."""
+
+    def __init__(self) -> None:
+        self.jobs: queue.SimpleQueue[tuple[Callable[[], Any], Callable[[Any], None]] | None] = queue.SimpleQueue()
+        self.is_abandoned = False
 
 
 class ThreadWorker:
@@ -66,30 +89,31 @@ class ThreadWorker:
     def __init__(self, loop: asyncio.AbstractEventLoop, name: str) -> None:
         self._loop = loop
         self._name = name
-        self._jobs: queue.SimpleQueue[tuple[Callable[[], Any], Callable[[Any], None]] | None] | None = None
+        self._lane: _Lane | None = None
 
-    def run(self, job: Callable[[], T], done: Callable[[T], None], cost_s: float = 0.0) -> None:  # noqa: ARG002
+    def run(self, job: Callable[[], T], done: Callable[[T], None], cost_s: float = 0.0) -> None:
         """Queues the job for the thread."""
-        if self._jobs is None:
-            self._jobs = queue.SimpleQueue()
-            threading.Thread(target=self._serve, args=(self._jobs,), name=self._name, daemon=True).start()
-        self._jobs.put((job, done))
+        if self._lane is None:
+            self._lane = _Lane()
+            threading.Thread(target=self._serve, args=(self._lane,), name=self._name, daemon=True).start()
+        self._lane.jobs.put((job, done))
 
     def abandon(self) -> None:
-        """Leaves the thread to its fate; the next job starts another."""
-        if self._jobs is not None:
-            self._jobs.put(None)
-            self._jobs = None
+        """Leaves the thread to its fate: it ends after the job that it is in. The next job starts another."""
+        if self._lane is not None:
+            self._lane.is_abandoned = True
+            self._lane.jobs.put(None)
+            self._lane = None
 
-    def _serve(self, jobs: "queue.SimpleQueue[tuple[Callable[[], Any], Callable[[Any], None]] | None]") -> None:
-        while (work := jobs.get()) is not None:
+    def _serve(self, lane: _Lane) -> None:
+        while (work := lane.jobs.get()) is not None and not lane.is_abandoned:
             job, done = work
             result = job()
             try:
-                self._loop.call_soon_threadsafe(self._report, jobs, done, result)
+                self._loop.call_soon_threadsafe(self._report, lane, done, result)
             except RuntimeError:  # the loop has been closed: nobody waits any more
                 return
 
-    def _report(self, jobs: Any, done: Callable[[Any], None], result: Any) -> None:
-        if jobs is self._jobs:
+    def _report(self, lane: _Lane, done: Callable[[Any], None], result: Any) -> None:
+        if lane is self._lane:
             done(result)

@@ -1,30 +1,55 @@
 """The local middleware: inside one process, messages pass by reference."""
 
+import asyncio
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from gloc3.exchange.base import Deliver, Unsubscribe
+from gloc3.guard import guard
 from gloc3.messages import Envelope
 from gloc3.topics import matches
 
 
 class LocalExchange:
-    """Delivers in the order of publishing, to the subscribers in the order of their subscription."""
+    """Delivers in the order of publishing, to the subscribers in the order of their subscription.
+
+    A subscriber that raises harms neither the publisher nor the other subscribers: the loop's exception handler is told.
+    """
 
     def __init__(self) -> None:
         self._subscribers: list[tuple[str, Deliver]] = []
         self._routes: dict[str, tuple[Deliver, ...]] = {}
         self._tokens: dict[str, int] = {}
         self._watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+        self._waiting: deque[Envelope[Any]] = deque()
+        self._is_delivering = False
 
     def publish(self, envelope: Envelope[Any]) -> None:
-        """Hands a message to every subscriber of its topic, at once."""
+        """Hands a message to every subscriber of its topic, at once.
+
+        What subscribers publish meanwhile follows when all have this one.
+        """
+        if self._is_delivering:
+            self._waiting.append(envelope)
+            return
+        self._is_delivering = True
+        try:
+            self._deliver(envelope)
+            while self._waiting:
+                self._deliver(self._waiting.popleft())
+        finally:
+            self._is_delivering = False
+
+    def _deliver(self, envelope: Envelope[Any]) -> None:
         route = self._routes.get(envelope.topic)
         if route is None:
             route = tuple(deliver for pattern, deliver in self._subscribers if matches(pattern, envelope.topic))
             self._routes[envelope.topic] = route
         for deliver in route:
-            deliver(envelope)
+            _, error = guard(deliver, envelope)
+            if error is not None:
+                _complain(f"a subscriber of {envelope.topic} failed", error)
 
     def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
         """Asks for a topic or a pattern of topics."""
@@ -75,4 +100,11 @@ class LocalExchange:
     def _tell(self, token: str, is_alive: bool) -> None:
         for pattern, changed in list(self._watchers):
             if matches(pattern, token):
-                changed(token, is_alive)
+                _, error = guard(changed, token, is_alive)
+                if error is not None:
+                    _complain(f"a watcher of {token} failed", error)
+
+
+def _complain(message: str, error: BaseException) -> None:
+    """A bug of ours: told loudly, without harm to who published."""
+    asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})

@@ -1,0 +1,81 @@
+"""Outlets: where the results of a component go, and whether a result is one."""
+
+import math
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.component import Component
+from gloc3.deployment import ComponentRow
+from gloc3.errors import Misuse
+from gloc3.messages import Message
+from gloc3.ports import Actuation, Output, Report, Result
+
+KEY: Final = "{key}"
+
+
+class Outlet:
+    """An output of one hosted component, bound to its topics."""
+
+    __slots__ = ("frame", "is_keyed", "message", "port", "topics")
+
+    def __init__(self, port: Output[Any], topics: tuple[str, ...]) -> None:
+        self.port = port.name
+        self.message: type[Message] = port.message
+        self.frame = port.frame
+        self.topics = topics
+        self.is_keyed = any(KEY in topic for topic in topics)
+
+
+class Routed(msgspec.Struct, frozen=True, gc=False):
+    """A result that has been checked and has an outlet."""
+
+    outlet: Outlet
+    message: Message
+    t_s: float
+    key: str = ""
+
+
+class Outlets:
+    """The outputs of one hosted component."""
+
+    def __init__(self, row: ComponentRow, component: type[Component[Any]], platform: str) -> None:
+        self._class_name = component.__name__
+        self._by_port = {
+            name: Outlet(port, tuple(f"{platform}/{topic}" for topic in row.topics(name)))
+            for name, port in component.outputs.items()
+        }
+        outlets = list(self._by_port.values())
+        types = [outlet.message for outlet in outlets]
+        self._by_type = {
+            outlet.message: outlet for outlet in outlets if types.count(outlet.message) == 1 and not outlet.is_keyed
+        }
+
+    def route(self, result: Result, cycle_s: float) -> Routed | Actuation:
+        """Finds the outlet of something that `work()` returned.
+
+        Raises:
+            Misuse: it is no result, or fits no output of the class.
+        """
+        outlet = self._by_type.get(type(result))  # type: ignore[arg-type] # anything may come from an author
+        if outlet is not None:
+            return Routed(outlet, result, cycle_s)  # type: ignore[arg-type] # its type is that of a port
+        if isinstance(result, Actuation):
+            return result
+        if isinstance(result, Report):
+            return self._route_report(result, cycle_s)
+        raise Misuse(f"{self._class_name} reported {type(result).__name__}, which fits no single output of its class")
+
+    def _route_report(self, report: Report, cycle_s: float) -> Routed:
+        outlet = self._by_port.get(report.port)
+        if outlet is None:
+            raise Misuse(f"{self._class_name} has no output {report.port!r}")
+        if type(report.message) is not outlet.message:
+            found = type(report.message).__name__
+            raise Misuse(f"{self._class_name}.{outlet.port} takes {outlet.message.__name__}, not {found}")
+        t_s = cycle_s if report.t_s is None else report.t_s
+        if not isinstance(t_s, float | int) or not math.isfinite(t_s):
+            raise Misuse(f"{self._class_name}.{outlet.port}: {t_s!r} is no time of validity")
+        if bool(report.key) != outlet.is_keyed or not isinstance(report.key, str) or "/" in report.key:
+            raise Misuse(f"{self._class_name}.{outlet.port}: {report.key!r} is no key for {', '.join(outlet.topics)}")
+        return Routed(outlet, report.message, t_s, report.key)

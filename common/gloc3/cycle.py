@@ -64,6 +64,7 @@ class Cycler:
         self._hung = hung
         self._unfit = unfit
         self._limit_s = self._hung_limit_s()
+        self._is_modelled = context.clock.is_virtual and (row.latency_s > 0.0 or context.cycle_cost_s is not None)
         self._timer: asyncio.TimerHandle | None = None
         self._deadline: asyncio.TimerHandle | None = None
         self._start_s = 0.0
@@ -183,7 +184,7 @@ class Cycler:
         job.inbox = self._mailbox.take()
         job.is_quiet = self.is_quiet
         job.items = self.items
-        worker.run(job.run, self._done, self._model_cost_s(job, now_s))
+        worker.run(job.run, self._done, self._model_cost_s(job, now_s) if self._is_modelled else 0.0)
         if self._is_running:
             self._deadline = self._loop.call_later(self._limit_s, self._expired)
 
@@ -192,8 +193,6 @@ class Cycler:
         cost_s = self._row.latency_s
         if self._context.cycle_cost_s is not None:
             cost_s += self._context.cycle_cost_s(self._row.name, now_s)
-        if not self._context.clock.is_virtual:
-            return 0.0
         job.cost_s = cost_s
         return cost_s if cost_s <= self._limit_s else float("inf")
 

@@ -24,7 +24,7 @@ S = TypeVar("S", bound=Settings)
 
 
 def Bounds(low: float, high: float) -> msgspec.Meta:  # noqa: N802 - reads as a type in an annotation
-    """A closed range for a setting: `min_m: Annotated[float, Bounds(0.0, 5.0)]`."""
+    """A closed range for a setting, as in `min_m: Annotated[float, Bounds(0.0, 5.0)]`; whole numbers for an `int`."""
     return msgspec.Meta(ge=low, le=high)
 
 
@@ -39,21 +39,31 @@ def load_settings(settings_type: type[S], values: Mapping[str, Any], where: str)
     Raises:
         InputError: with everything that is wrong; an unknown name comes with the nearest one.
     """
-    known = {field.encode_name for field in msgspec.structs.fields(settings_type)}
-    findings = [
-        Finding(file=where, message=f"unknown setting {name!r}", hint=nearest(name, sorted(known)))
-        for name in values
-        if name not in known
-    ]
-    findings += [Finding(file=where, message=f"{path} is not a finite number") for path in not_finite(values)]
-    result: S | None = None
-    try:
-        result = msgspec.convert({k: v for k, v in values.items() if k in known}, settings_type, strict=True)
-    except msgspec.ValidationError as error:
-        findings.append(Finding(file=where, message=str(error)))
-    if findings or result is None:
-        raise InputError(findings)
-    return result
+    fields = {field.encode_name: field for field in msgspec.structs.fields(settings_type)}
+    wrong: list[tuple[str, str]] = []
+    for name, value in values.items():
+        if name not in fields:
+            wrong.append((f"unknown setting {name!r}", nearest(str(name), sorted(fields))))
+            continue
+        wrong += [(f"{path} is not a finite number", "") for path in not_finite(value, name)]
+        try:
+            msgspec.convert(value, fields[name].type, strict=True)
+        except msgspec.ValidationError as error:
+            wrong.append((_in_words(name, error), ""))
+    wrong += [(f"{name} is missing", "") for name, field in fields.items() if field.required and name not in values]
+    if not wrong:
+        try:
+            return msgspec.convert(dict(values), settings_type, strict=True)
+        except msgspec.ValidationError as error:
+            wrong.append((_in_words("", error), ""))
+    raise InputError([Finding(file=where, message=message, hint=hint) for message, hint in wrong])
+
+
+def _in_words(name: str, error: msgspec.ValidationError) -> str:
+    """What msgspec says, with the path of the value in front."""
+    message, _, path = str(error).partition(" - at `$")
+    place = name + path.rstrip("`")
+    return f"{place.lstrip('.')}: {message}" if place else message
 
 
 def not_finite(value: Any, path: str = "") -> Iterator[str]:
@@ -69,11 +79,22 @@ def not_finite(value: Any, path: str = "") -> Iterator[str]:
 
 
 def field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:
-    """The documentation strings that stand under a structure's own fields, by field name."""
-    body = ast.parse(textwrap.dedent(inspect.getsource(struct))).body[0]
-    if not isinstance(body, ast.ClassDef):
-        return {}
+    """The documentation strings that stand under a structure's fields, its bases' too, by field name."""
     docs: dict[str, str] = {}
+    for base in reversed(struct.__mro__):
+        if issubclass(base, msgspec.Struct) and base is not msgspec.Struct:
+            docs |= _own_field_docs(base)
+    return docs
+
+
+def _own_field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:
+    docs: dict[str, str] = {}
+    try:
+        body = ast.parse(textwrap.dedent(inspect.getsource(struct))).body[0]
+    except (OSError, TypeError, SyntaxError):  # made at run time, or installed without its source
+        return docs
+    if not isinstance(body, ast.ClassDef):
+        return docs
     for field, below in zip(body.body, body.body[1:], strict=False):
         if (
             isinstance(field, ast.AnnAssign)

@@ -122,10 +122,10 @@ class CommandClient:
                 f"{platform} holds another mission than the one that was sent: {_differ(text, reply.text)}"
             )
 
-    async def take_control(self, platform: str, *, is_take_over: bool = False) -> None:
-        """Becomes the holder of control; a take-over does not wait for the holder's leave."""
+    async def take_control(self, platform: str, *, is_take_over: bool = False) -> CiReply:
+        """Asks for control, which the holder may have to grant first; a take-over does not wait for its leave."""
         verb = ControlVerb.TAKE_OVER if is_take_over else ControlVerb.REQUEST
-        await self.carry_out(platform, Control(verb=verb))
+        return await self.carry_out(platform, Control(verb=verb))
 
     async def steer(self, platform: str, verb: Verb, target: str = "") -> None:
         """Starts, pauses, resumes, skips or aborts the mission, a `TASK` or a `TASK.ACTION`."""

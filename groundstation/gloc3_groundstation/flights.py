@@ -7,6 +7,7 @@ from typing import Final
 import msgspec
 
 from gloc3.ci import Health, MissionSummary, Verb
+from gloc3.errors import Refused
 from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState
 from gloc3_groundstation.snapshots import PlatformSnapshot
@@ -14,6 +15,8 @@ from gloc3_groundstation.station import Station
 
 WELL: Final = (Health.WORKING, Health.QUIET)
 READY_WITHIN_S: Final = 30.0
+GRANTED_WITHIN_S: Final = 12.0
+"""The holder of control is given 10 s to answer."""
 SETTLED_AFTER_S: Final = 3.0
 """An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
 LOOK_EVERY_S: Final = 0.5
@@ -88,12 +91,33 @@ async def await_ready(station: Station, platform: str, within_s: float = READY_W
     return []
 
 
+async def take_control(station: Station, platform: str) -> None:
+    """Asks for control and waits until it is here; the station that has it may have to grant it first.
+
+    Raises:
+        Refused: the holder keeps it; otherwise as `CommandClient.carry_out`.
+    """
+    if _holder(station, platform) == station.id:
+        return
+    reply = await station.client.take_control(platform)
+    try:
+        async with asyncio.timeout(GRANTED_WITHIN_S):
+            await _until(station, lambda: _holder(station, platform) == station.id)
+    except TimeoutError:
+        holder = _holder(station, platform)
+        whose = f"station {holder} keeps it" if holder else reply.reason or "the platform says nothing more"
+        raise Refused(f"control of {platform} was asked for and not given: {whose}") from None
+    station.note(platform, Severity.INFO, "this station has control")
+
+
+def _holder(station: Station, platform: str) -> str:
+    known = station.fleet.get(platform)
+    return known.control.value.holder if known is not None and known.control is not None else ""
+
+
 async def stream(station: Station, platform: str, plan: Plan) -> None:
     """Takes control and brings the mission over, read back and compared; raises as `CommandClient.carry_out`."""
-    known = station.fleet.get(platform)
-    if known is None or known.control is None or known.control.value.holder != station.id:
-        await station.client.take_control(platform)
-        station.note(platform, Severity.INFO, "this station has control")
+    await take_control(station, platform)
     started_s = station.now_s()
     await station.client.upload(platform, plan.name, plan.text)
     size = len(plan.text.encode())

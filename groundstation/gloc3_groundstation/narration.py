@@ -61,8 +61,8 @@ class Narrator:
             data = {"vehicle": msgspec.to_builtins(vehicle), "age_s": platform.vehicle.age_s(now_s)}
         if platform.mission is not None:
             data["mission"] = msgspec.to_builtins(platform.mission.value)
-        if platform.link.loss >= 0.01:
-            parts.append(f"loss {platform.link.loss * 100:.0f} %")
+        if arrives := wording.arrival(platform):
+            parts.append(arrives)
         if silent := wording.silence(platform, now_s):
             parts = [silent, *(["last seen: " + "; ".join(parts)] if parts else [])]
         return self.line(platform.name, "progress", "; ".join(parts) or "nothing known yet", now_s, data)

@@ -55,7 +55,7 @@ class LinkStatistics(msgspec.Struct, frozen=True):
     lost: int = 0
     """Gaps in the sequences of the periodic topics."""
     loss: float = 0.0
-    """Share that is lost, 0 to 1, smoothed over some 40 messages."""
+    """Share of them that does not arrive, 0 to 1, smoothed over some 40 messages: lost, or left out by a slow link."""
     sequences: Mapping[str, int] = {}
     """The last sequence of each topic."""
 

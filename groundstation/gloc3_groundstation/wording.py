@@ -1,9 +1,11 @@
 """How a platform's state is put into words, the same for the narration and the terminal's panels."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gloc3.ci import MissionSummary, VehicleSummary
 from gloc3_groundstation.snapshots import PlatformSnapshot
+
+LOSS_WORTH_TELLING: Final = 0.05
 
 
 class Item(NamedTuple):
@@ -88,6 +90,12 @@ def silence(platform: PlatformSnapshot, now_s: float) -> str:
     if not platform.is_quiet_link(now_s):
         return ""
     return f"nothing heard for {duration(platform.age_s(now_s))}"
+
+
+def arrival(platform: PlatformSnapshot) -> str:
+    """`status 80 %` where part of the periodic status is lost on the way, or left out by a slow link; else empty."""
+    loss = platform.link.loss
+    return f"status {(1.0 - loss) * 100.0:.0f} %" if loss >= LOSS_WORTH_TELLING else ""
 
 
 def holder(platform: PlatformSnapshot, station: str) -> str:

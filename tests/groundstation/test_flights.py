@@ -8,13 +8,14 @@ import pytest
 
 from gloc3.ci import Control, ControlState, Health, MissionSummary
 from gloc3.clock import run_virtual
+from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3_groundstation import flights
 from gloc3_groundstation.flights import End, Follower, Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot, Timed
 from gloc3_groundstation.station import Station
 
-from .scripted_platform import VEHICLE, ScriptedPlatform
+from .scripted_platform import VEHICLE, ScriptedPlatform, reply_to
 
 T = TypeVar("T")
 PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
@@ -128,3 +129,13 @@ def test_a_platform_that_forgot_the_mission_has_lost_it() -> None:
     lost = follower.end(snapshot("", digest=""), 20.0)
     assert lost is not None
     assert lost.state == "lost"
+
+
+def test_control_that_another_station_keeps_is_not_taken_for_granted() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        platform.control = ControlState(holder="254")
+        platform.answer_next(Control, lambda request: reply_to(request, reason="station 254 has been asked"))
+        await flights.stream(station, "pelican", PLAN)
+
+    with pytest.raises(Refused, match="control of pelican was asked for and not given: station 254 keeps it"):
+        with_station(play)

@@ -85,6 +85,8 @@ class Simulator:
             self.autopilot.parameters.set(name, value)
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque(maxlen=200)
         """What the autopilot said last: time, severity, text."""
+        self.texts_said = 0
+        """How many it has said in all."""
         self.front: Final = Front(self.autopilot)
         self.late = 0
         """Times that a wall clock ran away."""
@@ -173,6 +175,7 @@ class Simulator:
     # -- inside -------------------------------------------------------------------------------------------------------
 
     def _say(self, severity: Severity, text: str) -> None:
+        self.texts_said += 1
         self.texts.append((self.now_s, severity, text))
         self.front.say(severity, text)
 

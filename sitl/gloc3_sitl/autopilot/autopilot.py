@@ -54,7 +54,7 @@ class Autopilot:
         self.style: Final = style
         self.airframe: Final = airframe
         self.tuning: Final = Tuning()
-        self.parameters: Final = ParameterStore(style.parameters, self.tuning)
+        self.parameters: Final = ParameterStore(style.parameters, self.tuning, style.derive)
         self.estimator: Final = Estimator(declination_rad=declination_rad)
         self.pilot: Final = Pilot()
         self.plans: Final = Plans()

@@ -61,7 +61,7 @@ class Fence:
             if hypot(n - home_n, e - home_e) > tuning.fence_radius_m:
                 return f"farther from home than {tuning.fence_radius_m:.0f} m"
         origin = craft.estimator.origin
-        if origin is None or not craft.plans.fence:
+        if origin is None or not craft.plans.fence or not tuning.fence_has_polygons:
             return ""
         self._prepare(craft, origin)
         inclusions = False

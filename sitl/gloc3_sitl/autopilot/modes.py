@@ -1,11 +1,12 @@
 """Modes: what a vehicle can be doing, and the form of each style's table of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Final
 
 from gloc3_sitl.autopilot.parameters import ParameterRow
+from gloc3_sitl.autopilot.tuning import Tuning
 
 
 class Behaviour(StrEnum):
@@ -109,6 +110,8 @@ class Style:
     position_mode: int
     altitude_mode: int
     parameters: Sequence[ParameterRow]
+    derive: Callable[[Callable[[str], float], Tuning], None]
+    """Brings into the tuning what follows from several parameters at once; called after each change."""
     refused: Result
     """Result of a request that the present state forbids (arming while unhealthy, take-off while disarmed)."""
     arming_prefix: str

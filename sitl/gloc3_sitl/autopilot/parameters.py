@@ -19,6 +19,9 @@ class Kind(IntEnum):
     REAL32 = 9
 
 
+Derive = Callable[[Callable[[str], float], Tuning], None]
+"""Brings into the tuning what follows from several parameters at once."""
+
 _RANGES: Final = {Kind.INT8: (-128, 127), Kind.INT16: (-32768, 32767), Kind.INT32: (-(2**31), 2**31 - 1)}
 
 
@@ -66,17 +69,26 @@ def whole(
     sets: str = "",
     means: Mapping[int, Any] | None = None,
     kind: Kind = Kind.INT32,
+    scale: float = 1.0,
 ) -> ParameterRow:
     """A row of an integer parameter."""
     return ParameterRow(
-        name=name, kind=kind, default=default, minimum=minimum, maximum=maximum, what=what, sets=sets, means=means
+        name=name,
+        kind=kind,
+        default=default,
+        minimum=minimum,
+        maximum=maximum,
+        what=what,
+        sets=sets,
+        means=means,
+        scale=scale,
     )
 
 
 class ParameterStore:
     """The values of a style's parameters; a change is checked, kept and applied to the tuning at once."""
 
-    def __init__(self, rows: Sequence[ParameterRow], tuning: Tuning) -> None:
+    def __init__(self, rows: Sequence[ParameterRow], tuning: Tuning, derive: Derive | None = None) -> None:
         self.rows: Final = {row.name: row for row in sorted(rows, key=lambda row: row.name)}
         if len(self.rows) != len(rows):
             raise Misuse("a parameter stands twice in the table")
@@ -87,6 +99,9 @@ class ParameterStore:
         for row in self.rows.values():
             self._values[row.name] = row.default
             self._apply(row, row.default)
+        self._derive = derive
+        if derive is not None:
+            derive(self.__getitem__, tuning)
 
     def __getitem__(self, name: str) -> float:
         try:
@@ -124,6 +139,8 @@ class ParameterStore:
             raise Refused(f"{name} must be from {row.minimum:g} to {row.maximum:g}")
         self._values[name] = value
         self._apply(row, value)
+        if self._derive is not None:
+            self._derive(self.__getitem__, self.tuning)
         for listener in self.on_change:
             listener(name, value)
 

@@ -31,14 +31,14 @@ class Stabilize(Activity):
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         pilot, tuning = self.craft.pilot, self.craft.tuning
-        if self.craft.is_landed and pilot.throttle < 0.1:
+        throttle = pilot.throttle if pilot.is_on else 0.0
+        if self.craft.is_landed and throttle < 0.1:
             self._yaw_rad = self.craft.estimator.yaw_rad
             return LANDED
         rate = _stick(pilot.yaw) * _YAW_RATE_RAD_S
         self._yaw_rad = wrap_pi(self._yaw_rad + rate * PERIOD_S)
         attitude = from_euler(_stick(pilot.roll) * _LEAN_RAD, _stick(pilot.pitch) * _LEAN_RAD, self._yaw_rad)
         hover = tuning.hover_thrust
-        throttle = pilot.throttle
         thrust = 2.0 * throttle * hover if throttle < 0.5 else hover + (throttle - 0.5) * 2.0 * (1.0 - hover)
         return AttitudeSetpoint(ned_from_frd=attitude, rate_frd_rad_s=(0.0, 0.0, rate), thrust=thrust)
 

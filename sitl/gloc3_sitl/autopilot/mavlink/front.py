@@ -75,7 +75,11 @@ class Front:
     def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool = True) -> Receive:
         """Adds a link; gives what is to be called with each piece of data that comes in there."""
         link, receive = self.router.attach(send, kind, is_datagram=is_datagram)
-        self._streams[link] = StreamScheduler(self.own, starting_rates(self.autopilot.style.name, kind))
+        rates = starting_rates(self.autopilot.style.name, kind)
+        for name, group in GROUP_PARAMETERS.items():
+            if name in self.autopilot.parameters and kind is not LinkKind.BARE:
+                rates.update(dict.fromkeys(GROUPS[group], self.autopilot.parameters[name]))
+        self._streams[link] = StreamScheduler(self.own, rates)
         return receive
 
     def link_of(self, sender: Address) -> Link | None:

@@ -3,7 +3,7 @@
 from typing import Final
 
 from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, Style
-from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS
+from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS, derive
 
 _MANUAL: Final = 64 | 16
 _AUTO: Final = 16 | 8
@@ -47,6 +47,7 @@ ARDUPILOT: Final = Style(
     position_mode=_LOITER,
     altitude_mode=_ALT_HOLD,
     parameters=PARAMETERS,
+    derive=derive,
     refused=Result.FAILED,
     arming_prefix="PreArm: ",
     streamed_needs_stream=False,

@@ -1,11 +1,11 @@
 """ArduPilot's parameters that matter here, with the names, types and units of Copter 4.7."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import radians
 from typing import Final
 
 from gloc3_sitl.autopilot.parameters import Kind, ParameterRow, real, whole
-from gloc3_sitl.autopilot.tuning import Action
+from gloc3_sitl.autopilot.tuning import Action, Exempt, Tuning
 
 _STATION_LOST: Final[Mapping[int, Action]] = {
     0: Action.NONE,
@@ -57,7 +57,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("MAV1_RAW_SENS", 0, 0, 50, "stream rate of raw sensors, Hz", kind=Kind.INT16),
     # Arming and failsafes
     whole("ARMING_SKIPCHK", 0, 0, 1, "1 skips the arming checks", "check_mask", _CHECKS_SKIPPED),
-    whole("DISARM_DELAY", 10, 0, 127, "disarm when idle on the ground, s", "disarm_idle_s", kind=Kind.INT8),
+    whole("DISARM_DELAY", 10, 0, 127, "disarm when idle on the ground, s", kind=Kind.INT8),
     whole("FS_GCS_ENABLE", 0, 0, 7, "station loss action", "station_lost_action", _STATION_LOST, Kind.INT8),
     real("FS_GCS_TIMEOUT", 5.0, 2.0, 120.0, "station loss timeout, s", "station_timeout_s"),
     whole("FS_THR_ENABLE", 1, 0, 7, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, Kind.INT8),
@@ -77,8 +77,8 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("FENCE_ENABLE", 0, 0, 1, "fence is on", "fence_is_on", kind=Kind.INT8),
     whole("FENCE_TYPE", 7, 0, 15, "height, circle, polygons", kind=Kind.INT8),
     whole("FENCE_ACTION", 1, 0, 8, "fence action", "fence_action", _FENCE, Kind.INT8),
-    real("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "highest over home, m", "fence_height_m"),
-    real("FENCE_RADIUS", 300.0, 30.0, 10000.0, "farthest from home, m", "fence_radius_m"),
+    real("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "highest over home, m"),
+    real("FENCE_RADIUS", 300.0, 30.0, 10000.0, "farthest from home, m"),
     real("FENCE_MARGIN", 2.0, 1.0, 10.0, "distance kept from the fence, m", "fence_margin_m"),
     whole("FENCE_TOTAL", 0, 0, 255, "items of the fence", kind=Kind.INT16),
     # Take-off, mission, return, land
@@ -100,7 +100,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("RTL_ALT_M", 15.0, 0.3, 3000.0, "return height, m", "return_height_m"),
     real("RTL_ALT_FINAL_M", 0.0, 0.0, 10.0, "height to wait at, m; 0 lands"),
     real("RTL_CLIMB_MIN_M", 0.0, 0.0, 30.0, "least climb, m"),
-    whole("RTL_LOIT_TIME", 5000, 0, 60000, "wait before landing, ms"),
+    whole("RTL_LOIT_TIME", 5000, 0, 60000, "wait before landing, ms", "return_wait_s", scale=0.001),
     real("RTL_SPEED_MS", 0.0, 0.0, 20.0, "return speed, m/s; 0 is WP_SPD"),
     real("LAND_SPD_MS", 0.5, 0.3, 2.0, "landing speed, m/s", "land_speed_m_s"),
     real("LAND_SPD_HIGH_MS", 1.5, 0.0, 5.0, "landing speed higher up, m/s", "land_fast_speed_m_s"),
@@ -135,3 +135,39 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("VISO_QUAL_MIN", 0, -1, 100, "least vision quality", kind=Kind.INT8),
     whole("LOG_BITMASK", 176126, 0, 1048575, "what is logged"),
 )
+
+
+def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
+    """What follows from several parameters, or from the bits and choices of one."""
+    options = int(ask("FS_OPTIONS"))
+    station = pilot = 0
+    if options & 1:
+        pilot |= Exempt.MISSION
+    if options & 2:
+        station |= Exempt.MISSION
+    if options & 4:
+        pilot |= Exempt.STREAMED
+    if options & 8:
+        station |= Exempt.LANDING
+        pilot |= Exempt.LANDING
+    if options & 16:
+        station |= Exempt.PILOT
+    tuning.station_lost_exempt, tuning.pilot_lost_exempt = station, pilot
+    tuning.action_delay_s = 0.0
+    tuning.pilot_override = 0
+    tuning.battery_emergency = 0.0
+    capacity = max(1.0, ask("BATT_CAPACITY"))
+    tuning.battery_low, tuning.battery_critical = ask("BATT_LOW_MAH") / capacity, ask("BATT_CRT_MAH") / capacity
+    kinds = int(ask("FENCE_TYPE"))
+    tuning.fence_height_m = ask("FENCE_ALT_MAX") if kinds & 1 else 0.0
+    tuning.fence_radius_m = ask("FENCE_RADIUS") if kinds & 2 else 0.0
+    tuning.fence_has_polygons = bool(kinds & 4)
+    tuning.mission_uses_item_yaw = False
+    tuning.mission_faces_course = ask("WP_YAW_BEHAVIOR") != 0.0
+    tuning.return_descend_m = ask("RTL_ALT_FINAL_M")
+    tuning.return_near_m = 0.0
+    tuning.disarm_after_landing_s = 0.0
+    tuning.disarm_unflown_s = ask("DISARM_DELAY")
+    tuning.disarm_idle_s = ask("DISARM_DELAY") or -1.0
+    tuning.gains.speed_up_m_s = max(ask("WP_SPD_UP"), ask("PILOT_SPD_UP"))
+    tuning.gains.speed_down_m_s = max(ask("WP_SPD_DN"), ask("PILOT_SPD_DN"), ask("LAND_SPD_HIGH_MS"))

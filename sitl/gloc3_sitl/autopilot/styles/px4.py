@@ -3,7 +3,7 @@
 from typing import Final
 
 from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, Style
-from gloc3_sitl.autopilot.styles.px4_parameters import PARAMETERS
+from gloc3_sitl.autopilot.styles.px4_parameters import PARAMETERS, derive
 
 MANUAL: Final = 64 | 16
 """MAV_MODE_FLAG: manual input, stabilized."""
@@ -59,6 +59,7 @@ PX4: Final = Style(
     position_mode=_POSITION,
     altitude_mode=_ALTITUDE,
     parameters=PARAMETERS,
+    derive=derive,
     refused=Result.TEMPORARILY_REJECTED,
     arming_prefix="Arming denied: ",
     streamed_needs_stream=True,

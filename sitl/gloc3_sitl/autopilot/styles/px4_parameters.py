@@ -1,11 +1,11 @@
 """PX4's parameters that matter here, with the names, types, bounds and meanings of its parameter reference (v1.16)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import radians
 from typing import Final
 
 from gloc3_sitl.autopilot.parameters import ParameterRow, real, whole
-from gloc3_sitl.autopilot.tuning import Action
+from gloc3_sitl.autopilot.tuning import Action, Tuning
 
 _STATION_LOST: Final[Mapping[int, Action]] = {
     0: Action.NONE,
@@ -40,7 +40,12 @@ _FENCE: Final[Mapping[int, Action]] = {
     4: Action.TERMINATE,
     5: Action.LAND,
 }
-_BATTERY_CRITICAL: Final[Mapping[int, Action]] = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
+_BATTERY: Final[Mapping[int, tuple[Action, Action]]] = {
+    0: (Action.WARN, Action.WARN),
+    2: (Action.LAND, Action.LAND),
+    3: (Action.RETURN, Action.LAND),
+}
+"""What COM_LOW_BAT_ACT makes of a critical battery, and of an emergency."""
 
 PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     # Identity and links
@@ -49,7 +54,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("MAV_COMP_ID", 1, 1, 250, "MAVLink component id"),
     whole("MAV_TYPE", 2, 0, 22, "MAVLink vehicle type: quadrotor"),
     # Modes, arming, failsafes
-    whole("COM_RC_IN_MODE", 3, 0, 4, "manual control: transmitter, joystick, either, first, none"),
+    whole("COM_RC_IN_MODE", 1, 0, 4, "manual control: transmitter, joystick, either, first, none"),
     real("COM_RC_LOSS_T", 0.5, 0.0, 35.0, "manual control loss timeout, s", "pilot_timeout_s"),
     whole("COM_RC_OVERRIDE", 1, 0, 3, "sticks take over: bit 0 auto modes, bit 1 offboard", "pilot_override"),
     real("COM_RC_STICK_OV", 30.0, 5.0, 80.0, "stick deflection that takes over, %", "pilot_override_stick", 0.01),
@@ -67,7 +72,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("COM_DISARM_LAND", 2.0, -1.0, 3600.0, "disarm after landing, s", "disarm_after_landing_s"),
     real("COM_DISARM_PRFLT", 10.0, -1.0, 3600.0, "disarm when nothing took off, s", "disarm_unflown_s"),
     whole("COM_ARM_WO_GPS", 1, 0, 2, "arming without a position"),
-    whole("COM_LOW_BAT_ACT", 0, 0, 3, "battery action", "battery_critical_action", _BATTERY_CRITICAL),
+    whole("COM_LOW_BAT_ACT", 0, 0, 3, "critical battery: 0 warn, 2 land, 3 return, and land in an emergency"),
     real("BAT_LOW_THR", 0.15, 0.12, 0.5, "low battery, share", "battery_low"),
     real("BAT_CRIT_THR", 0.07, 0.05, 0.5, "critical battery, share", "battery_critical"),
     real("BAT_EMERGEN_THR", 0.05, 0.03, 0.5, "battery emergency, share", "battery_emergency"),
@@ -132,3 +137,20 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("CAL_GYRO0_ID", 2490378, -2147483648, 2147483647, "gyro's device id"),
     whole("CAL_ACC0_ID", 2490378, -2147483648, 2147483647, "accelerometer's device id"),
 )
+
+
+def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
+    """What follows from several parameters, or from the bits and choices of one."""
+    tuning.needs_position_to_arm = ask("COM_ARM_WO_GPS") == 0.0
+    tuning.pilot_required = ask("COM_RC_IN_MODE") == 0.0
+    if ask("COM_RC_IN_MODE") == _NO_MANUAL_CONTROL:
+        tuning.pilot_lost_action = Action.NONE
+    else:
+        tuning.pilot_lost_action = _PILOT_LOST.get(int(ask("NAV_RCL_ACT")), Action.RETURN)
+    critical, emergency = _BATTERY.get(int(ask("COM_LOW_BAT_ACT")), _BATTERY[0])
+    tuning.battery_critical_action, tuning.battery_emergency_action = critical, emergency
+    tuning.disarm_idle_s = tuning.disarm_after_landing_s
+    tuning.mission_faces_course = ask("MIS_YAWMODE") in (1.0, 4.0)
+
+
+_NO_MANUAL_CONTROL: Final = 4.0

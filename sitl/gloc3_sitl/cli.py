@@ -1,0 +1,206 @@
+"""The command `gloc3 sitl`: the simulated vehicle on real sockets, in wall time."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Annotated, Final, NamedTuple
+
+from cyclopts import App, Parameter
+
+from gloc3.errors import Refused, nearest
+from gloc3.frames import GeoPoint
+from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3_sitl.autopilot.mavlink.links import Receive
+from gloc3_sitl.simulator import STYLES, LinkKind, Simulator
+from gloc3_sitl.vehicles import VEHICLES
+from gloc3_sitl.wind import CALM, gusty
+from gloc3_sitl.world import World
+
+DEFAULT_LINKS: Final = ("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540")
+"""Where PX4's and ArduPilot's own simulations send, too: 14550 for ground stations, 14540 for companions and MAVSDK."""
+
+_COMPANION_PORTS: Final = range(14540, 14550)
+_KINDS: Final = {"station": LinkKind.GROUND, "companion": LinkKind.COMPANION}
+
+app = App(
+    name="gloc3 sitl",
+    help="""Run the simulated vehicle: physics, world and autopilot, on real sockets, until Ctrl-C.
+
+    Without --link it sends to 127.0.0.1:14550, where ground stations listen (QGroundControl; MAVSDK as
+    udpin://0.0.0.0:14550), and to 127.0.0.1:14540, where companions listen (MAVSDK as udpin://0.0.0.0:14540,
+    gloc3 onboard). What it does and what the autopilot says goes to stderr.""",
+    version_flags=[],
+)
+
+
+class LinkRow(NamedTuple):
+    """A link that was asked for."""
+
+    url: str
+    kind: LinkKind
+
+
+def read_link(text: str) -> LinkRow:
+    """Reads a link: a URL, with `station=` or `companion=` before it where the port does not tell.
+
+    Raises:
+        Refused: the word before the URL is neither.
+    """
+    word, equals, url = text.partition("=")
+    if equals and "://" not in word:
+        if word not in _KINDS:
+            raise Refused(f"link {text!r}: {nearest(word, list(_KINDS))}")
+        return LinkRow(url, _KINDS[word])
+    port = text.rpartition(":")[2]
+    is_companion = port.isdigit() and int(port) in _COMPANION_PORTS
+    return LinkRow(text, LinkKind.COMPANION if is_companion else LinkKind.GROUND)
+
+
+def read_home(text: str) -> tuple[GeoPoint, float]:
+    """Reads LAT,LON,ALT,HEADING: degrees, metres above the sea, degrees clockwise from north.
+
+    Raises:
+        Refused: it is not four numbers, or not a place on Earth.
+    """
+    try:
+        latitude, longitude, altitude, heading = (float(part) for part in text.split(","))
+    except ValueError:
+        raise Refused(f"home {text!r} must be LAT,LON,ALT,HEADING, as 47.3977,8.5456,488,90") from None
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(altitude) < 1e5 and abs(heading) <= 360.0):
+        raise Refused(f"home {text!r} is no place on Earth")
+    return GeoPoint(latitude, longitude, altitude), heading
+
+
+def read_parameter(text: str) -> tuple[str, float]:
+    """Reads NAME=VALUE.
+
+    Raises:
+        Refused: it has another form.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise Refused(f"parameter {text!r} must be NAME=NUMBER") from None
+
+
+@app.default
+def sitl(
+    *,
+    vehicle: str = "pelican",
+    autopilot: str = "px4",
+    world: str = "hold",
+    home: str | None = None,
+    speed: float = 1.0,
+    seed: int = 0,
+    wind: float = 0.0,
+    wind_from: float = 0.0,
+    plain_gps: bool = False,
+    battery: float = 1.0,
+    param: Annotated[list[str] | None, Parameter(negative=())] = None,
+    link: Annotated[list[str] | None, Parameter(negative=())] = None,
+    seconds: float | None = None,
+) -> int:
+    """Run the simulated vehicle until Ctrl-C.
+
+    Args:
+        vehicle: Model of the vehicle.
+        autopilot: Style of the autopilot: px4 or ardupilot.
+        world: World to fly in: the name of one of ours, or a world file.
+        home: Place of departure as LAT,LON,ALT,HEADING; for worlds that can be moved.
+        speed: How many times faster than real time.
+        seed: Seed of sensor noise and turbulence.
+        wind: Mean speed of a gusty wind, in m/s.
+        wind_from: Bearing that the wind blows from, in degrees.
+        plain_gps: Metre-level fixes in place of RTK-grade ones.
+        battery: Charge at the start, 1 to 0.
+        param: An autopilot parameter as NAME=VALUE; may be given again.
+        link: Where MAVLink goes, as udpout://HOST:PORT, udpin://, tcpin://, tcpout:// or serial://; may be given again.
+            `station=` or `companion=` before the URL chooses which telemetry begins by itself; ports 14540 to 14549 are
+            companions' without it.
+        seconds: End after so much simulated time.
+    """
+    if vehicle not in VEHICLES:
+        raise Refused(f"no vehicle {vehicle!r}; {nearest(vehicle, list(VEHICLES))}")
+    if autopilot not in STYLES:
+        raise Refused(f"no autopilot {autopilot!r}; {nearest(autopilot, list(STYLES))}")
+    if not 0.0 < speed <= 1000.0:
+        raise Refused("--speed must be above 0, and 1000 at most")
+    if not 0.0 <= wind <= 30.0:
+        raise Refused("--wind must be from 0 to 30 m/s")
+    if not 0.0 <= battery <= 1.0:
+        raise Refused("--battery must be from 0 to 1")
+    place, heading = (None, None) if home is None else read_home(home)
+    simulator = Simulator(
+        World.load(world, place, heading),
+        vehicle=vehicle,
+        style=autopilot,
+        seed=seed,
+        wind=gusty(wind, wind_from) if wind > 0.0 else CALM,
+        is_plain_gps=plain_gps,
+        battery_remaining=battery,
+        parameters=dict(read_parameter(text) for text in param or ()),
+    )
+    links = [read_link(text) for text in link or DEFAULT_LINKS]
+    return asyncio.run(_run(simulator, links, speed, seconds, f"{vehicle}, {autopilot}, world {simulator.world.name}"))
+
+
+async def _run(simulator: Simulator, links: Sequence[LinkRow], speed: float, seconds: float | None, title: str) -> int:
+    """Opens the links and lets the time run, until a signal or the end."""
+    loop = asyncio.get_running_loop()
+    stopped = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stopped.set)
+    endpoints: list[Endpoint] = []
+    try:
+        for row in links:
+            endpoints.append(await _open(simulator, row, loop))  # noqa: PERF401 # those opened are closed if one fails
+        latitude, longitude, altitude = simulator.world.home
+        _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {speed:g} times real time")
+        for row, endpoint in zip(links, endpoints, strict=True):
+            _tell(f"{row.kind} link {row.url}, port {endpoint.local_port}")
+        simulator.start(loop, speed)
+        await _watch(simulator, stopped, seconds)
+    finally:
+        simulator.stop()
+        for endpoint in endpoints:
+            await endpoint.close()
+    _tell(f"ended after {simulator.now_s:.1f} s of simulated time")
+    return 0
+
+
+async def _open(simulator: Simulator, row: LinkRow, loop: asyncio.AbstractEventLoop) -> Endpoint:
+    """Opens one link and connects it."""
+    receive: Receive | None = None
+
+    def take(data: bytes) -> None:
+        if receive is not None:
+            receive(data)
+
+    opened = await open_endpoint(row.url, loop, take)
+    receive = simulator.attach(opened.send, row.kind, is_datagram=opened.is_datagram)
+    return opened
+
+
+async def _watch(simulator: Simulator, stopped: asyncio.Event, seconds: float | None) -> None:
+    """Tells what the autopilot says, until it is over."""
+    told = 0
+    late = 0
+    while not stopped.is_set():
+        with suppress(TimeoutError):
+            await asyncio.wait_for(stopped.wait(), 0.1)
+        new = min(simulator.texts_said - told, len(simulator.texts))
+        told = simulator.texts_said
+        for t_s, severity, text in list(simulator.texts)[len(simulator.texts) - new :]:
+            _tell(f"{t_s:8.2f} s  {severity.name.lower()}: {text}")
+        if simulator.late > late and late == 0:
+            late = simulator.late
+            _tell("this computer is too slow for the speed asked for; simulated time goes slower")
+        if seconds is not None and simulator.now_s >= seconds:
+            return
+
+
+def _tell(text: str) -> None:
+    print(f"sitl: {text}", file=sys.stderr, flush=True)  # noqa: T201

@@ -13,7 +13,7 @@ from gloc3.log.foxglove import VIEWS
 from gloc3.log.payloads import PayloadDecoder
 from gloc3.log.scan import Chunk, Data, RawMessage, Scan
 from gloc3.messages import Envelope, Message, Source
-from gloc3.record import FLUSH_S, RUN
+from gloc3.record import RUN
 from gloc3.topics import TopicTable, matches
 from gloc3.wire import TypeRegistry, WireError
 
@@ -233,10 +233,8 @@ class LogReader:
         if self._scan.is_complete:
             return "the index at the end is not whole: no message is lost"
         last = max((chunk.end_ns for chunk in self._scan.chunks), default=0)
-        since = f"after {self.seconds(last):.3f} s" if last else "from the beginning"
-        return (
-            f"the file is not finished, its process was killed or still writes: the last {FLUSH_S:g} s {since} is lost"
-        )
+        until = f"ends at {self.seconds(last):.3f} s" if last else "has no message"
+        return f"the file is not finished, its process was killed or still writes: it {until}"
 
     def _describe(self, offset: int, end: int, reason: str) -> str:
         before = [chunk.end_ns for chunk in self._scan.chunks if chunk.end <= offset]

@@ -11,11 +11,14 @@ from typing import Any
 import msgspec
 
 from gloc3.clock import Clock, VirtualLoop
-from gloc3.messages import Envelope, Event, Message, Severity, Source
+from gloc3.frames import Vector3
+from gloc3.lci import State
+from gloc3.messages import ComponentStatus, Envelope, Event, Kind, Message, Severity, Source
+from gloc3.mission.fence import Area, Fence
 from gloc3.record import Recorder
 from gloc3.standard_topics import TOPICS
 from gloc3.topics import TopicTable
-from gloc3.vehicle import HeightAboveGround, Pose
+from gloc3.vehicle import AutopilotState, HeightAboveGround, MotionLimits, Pose
 from gloc3.wire import type_name
 
 NUMBERS = (0.0, -0.0, 0.1 + 0.2, -1e-9, 1.0, 123456.789, 1e300, 5e-324, 2.0 / 3.0)
@@ -124,3 +127,50 @@ def small_log(messages: int = 12, *, is_closed: bool = True) -> tuple[bytes, lis
     data = log.stream.getvalue()
     log.close()
     return data, log.sent
+
+
+REQUESTED: list[Vector3] = [(0.0, 0.0, 0.0), (0.0, 0.0, -1.5), (4.0, 0.0, -1.5), (4.0, 2.0, -1.5), (0.0, 0.0, -1.5)]
+FENCE = Fence(
+    area=Area(polygon_ne_m=((-1.0, -1.0), (6.0, -1.0), (6.0, 4.0), (-1.0, 4.0))),
+    keep_out=(Area(center_ne_m=(5.0, 3.0), radius_m=0.5),),
+    ceiling_m=8.0,
+)
+
+
+def flight_log() -> bytes:
+    """A short flight along `REQUESTED`: poses, armed at 0.5 s, one component faulty from 2 s to 3 s, one quiet."""
+    log = LogInMemory()
+    log.recorder.write_metadata("mission", {"name": "round", "text": "mission: round"})
+    log.recorder.write_metadata("requested_path", {"points_ned_m": msgspec.json.encode(REQUESTED).decode()})
+    limits = MotionLimits(
+        speed_m_s=1.0, climb_m_s=1.0, acceleration_m_s2=1.0, height_min_m=0.3, height_max_m=8.0, fence=FENCE
+    )
+    server, camera = Source("pelican", "server", 3), Source("pelican", "camera", 4)
+    log.send("motion/limits", limits, 0.0, server)
+    for source in (POSE, server, camera):
+        _status(log, source, State.IDLE, 0.0)
+    for index in range(81):
+        t_s = 0.1 * index
+        here, there = REQUESTED[index // 20], REQUESTED[min(index // 20 + 1, 4)]
+        share = index % 20 / 20.0
+        place: Any = tuple(a + (b - a) * share for a, b in zip(here, there, strict=True))
+        pose = Pose(position_ned_m=place, velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=(1.0, 0.0, 0.0, 0.0))
+        log.send("pose", pose, t_s, POSE, "ned")
+        log.send("autopilot", AutopilotState(is_connected=True, is_armed=index > 5), t_s, server)
+        if index == 2:
+            for source, state in ((POSE, State.WORKING), (server, State.QUIET), (camera, State.WORKING)):
+                _status(log, source, state, t_s)
+        if index == 20:
+            fault = Event(severity=Severity.ERROR, text="working -> faulty: OSError: no frame")
+            log.send("components/camera/event", fault, t_s, camera)
+            _status(log, camera, State.FAULTY, t_s)
+        if index == 30:
+            log.send("components/camera/event", Event(severity=Severity.INFO, text="start"), t_s, camera)
+            _status(log, camera, State.WORKING, t_s)
+    _status(log, camera, None, 8.0)
+    return log.close()
+
+
+def _status(log: LogInMemory, source: Source, state: State | None, t_s: float) -> None:
+    status = ComponentStatus(name=source.component, kind=Kind.SAMPLER, state=state)
+    log.send(f"components/{source.component}/status", status, t_s, source)

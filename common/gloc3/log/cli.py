@@ -1,0 +1,111 @@
+"""`gloc3 log`: what a log holds, pictures of it, rescue of a damaged one, and replay of a component."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Final
+
+import msgspec
+from cyclopts import App, Parameter
+
+from gloc3.errors import Gloc3Error
+from gloc3.log.fields import plot_series, read_series
+from gloc3.log.flight_path import read_flight_path
+from gloc3.log.info import render, require_topic, summarize
+from gloc3.log.plot import plot_flight
+from gloc3.log.reader import LogReader
+from gloc3.log.recover import recover
+from gloc3.log.timeline import plot_timelines, read_timelines
+from gloc3.topics import TopicTable
+
+app = App(name="gloc3 log", help="Inspect, plot, recover and replay logs.", version_flags=[])
+
+DONE: Final = 0
+IMPERFECT: Final = 1
+"""It worked, and something about the log is not as it should be."""
+
+
+@app.command
+def info(
+    file: Path,
+    /,
+    *,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    events: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Say what a log holds: duration, topics and rates, events and faults, and what is missing.
+
+    The exit code is 1 where the log is not finished or something in it is lost.
+
+    Args:
+        file: the log.
+        json: print JSON for programs.
+        events: show all events, not only warnings and worse.
+    """
+    topics = TopicTable.installed()
+    with LogReader(file, topics.types) as reader, _progress("reading") as progress:
+        found = summarize(reader, topics, progress)
+    print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render(found, has_all_events=events))  # noqa: T201
+    return DONE if found.is_finished and not found.losses else IMPERFECT
+
+
+@app.command
+def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = None) -> int:
+    """Draw a picture of a log.
+
+    Args:
+        file: the log.
+        what: `path` (flown against requested), `components` (their states over time), or a topic.
+        fields: with a topic, its fields to draw, such as position_ned_m or velocity_ned_m_s[2]; none for all numbers.
+        out: the picture (.svg, .png, .pdf); by default beside the log.
+    """
+    with LogReader(file) as reader:
+        target = out or file.with_name(f"{file.stem}-{what.replace('/', '-')}.svg")
+        if what == "path":
+            path = read_flight_path(reader)
+            if not path.flown:
+                raise Gloc3Error(f"{file}: no position was recorded")
+            plot_flight(path, target)
+        elif what == "components":
+            plot_timelines(read_timelines(reader), target, f"{reader.platform}: states of the components")
+        else:
+            topic = require_topic(reader, what)
+            plot_series(read_series(reader, topic, fields), target, f"{reader.platform}/{topic}")
+        _warn(reader)
+    print(target)  # noqa: T201
+    return DONE
+
+
+@app.command(name="recover")
+def recover_(file: Path, out: Path | None = None, /) -> int:
+    """Make a finished log, with its index, from an unfinished or damaged one.
+
+    Args:
+        file: the damaged log; it is left as it is.
+        out: the new log; by default `NAME-recovered.mcap` beside it.
+    """
+    target = out or file.with_name(f"{file.stem}-recovered{file.suffix}")
+    with _progress("recovering") as progress:
+        report = recover(file, target, progress)
+    for loss in report.losses:
+        print(f"lost: {loss}", file=sys.stderr)  # noqa: T201
+    print(f"{target}: {report.messages:,} messages")  # noqa: T201
+    return DONE
+
+
+def _warn(reader: LogReader) -> None:
+    for loss in reader.losses():
+        print(f"gloc3 log: {reader.path.name}: {loss}", file=sys.stderr)  # noqa: T201
+
+
+@contextmanager
+def _progress(text: str) -> Iterator[Callable[[float], None]]:
+    """A bar on the terminal while something long runs; nothing where there is no terminal."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(text, total=1.0)
+        yield lambda share: bar.update(task, completed=share)

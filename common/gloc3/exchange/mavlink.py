@@ -1,0 +1,195 @@
+"""The mavlink middleware: the command link between stations and platforms, wherever MAVLink goes (DESIGN §4).
+
+A thin shell around `gloc3.exchange.tunnel.endpoint.TunnelEndpoint`, which does the work without I/O. Times of validity
+stay in the clock of the platform that stamped them; `clock_offset_s` tells how that runs against ours.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, Final
+
+from gloc3.exchange.base import Deliver, Exchange, Unsubscribe
+from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
+from gloc3.exchange.tunnel.happenings import Delivered, Happening, TokenChanged
+from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, Role
+from gloc3.exchange.tunnel.routes import route
+from gloc3.link.codec import message as make
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.messages import Envelope
+from gloc3.topics import TopicTable
+
+SMALLEST_WAIT_S: Final = 1e-3
+
+
+class MavlinkExchange:
+    """A data exchanger over one MAVLink link: what is published here and crosses the link appears at the other end.
+
+    A platform sends its status to all stations, replies to the one that asked, events to all, and takes requests; a
+    station the other way round. What is published here reaches subscribers here too, as on every middleware.
+
+    Args:
+        endpoint: this end of the link.
+        loop: gives the time and wakes the exchange.
+        send: puts a MAVLink message on the link.
+    """
+
+    def __init__(
+        self, endpoint: TunnelEndpoint, loop: asyncio.AbstractEventLoop, send: Callable[[MavlinkMessage], None]
+    ) -> None:
+        self.endpoint: Final = endpoint
+        self._loop = loop
+        self._send = send
+        self._here = LocalExchange()
+        self._own_tokens: dict[str, int] = {}
+        self._peer_tokens: dict[str, list[Unsubscribe]] = {}
+        self._listeners: list[Callable[[Happening], None]] = []
+        self._timer: asyncio.Handle | None = None
+        self._is_due = False
+        self._is_open = True
+        self._wake()
+
+    # --- the exchange ---
+
+    def publish(self, envelope: Envelope[Any]) -> None:
+        """Sends a message to subscribers here and, if its topic crosses the link, at the other end."""
+        self._here.publish(envelope)
+        self.endpoint.publish(envelope, self._loop.time())
+        self._wake()
+
+    def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
+        """Asks for a topic or a pattern of topics."""
+        return self._here.subscribe(pattern, deliver)
+
+    def declare_alive(self, token: str) -> Unsubscribe:
+        """Says here and at the other end that something is alive.
+
+        Raises:
+            Refused: too many are; the link carries those of whole stations and platforms, not of every component.
+        """
+        if not self._own_tokens.get(token):
+            self.endpoint.declare(token)
+        self._own_tokens[token] = self._own_tokens.get(token, 0) + 1
+        withdraw_here = self._here.declare_alive(token)
+        is_open = True
+
+        def withdraw() -> None:
+            nonlocal is_open
+            if is_open:
+                is_open = False
+                withdraw_here()
+                self._own_tokens[token] -= 1
+                if not self._own_tokens[token]:
+                    self.endpoint.withdraw(token)
+                    self._wake()
+
+        self._wake()
+        return withdraw
+
+    def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
+        """Reports tokens that come and go, here and at the other end; those of a silent peer go."""
+        return self._here.watch(pattern, changed)
+
+    # --- what only this middleware has ---
+
+    def listen(self, told: Callable[[Happening], None]) -> Unsubscribe:
+        """Tells what happens on the link: peers, acknowledged and undelivered messages, troubles."""
+        self._listeners.append(told)
+        return lambda: self._listeners.remove(told) if told in self._listeners else None
+
+    def bridge(self, other: Exchange, topics: TopicTable, platform: str = "*") -> Unsubscribe:
+        """Joins this link and another middleware, each topic in its direction.
+
+        Args:
+            other: the middleware on this side, such as the local one.
+            topics: the topics that may cross.
+            platform: at a platform its name; at a station all of them.
+        """
+        undo = []
+        for name, row in topics:
+            way = route(name, row)
+            if way is None:
+                continue
+            topic = f"{platform}/{name}"
+            if way.sender is self.endpoint.role:
+                undo.append(other.subscribe(topic, self.publish))
+            else:
+                undo.append(self.subscribe(topic, other.publish))
+
+        def part() -> None:
+            for unsubscribe in undo:
+                unsubscribe()
+
+        return part
+
+    def clock_offset_s(self, name: str) -> float | None:
+        """A peer's clock minus ours, from the quickest of the last greetings; None while it is not known."""
+        best = next((peer.clock.best for peer in self.endpoint.peers() if peer.name == name), None)
+        return None if best is None else best.offset_s
+
+    def heard_age_s(self, name: str) -> float | None:
+        """How long ago anything came from a peer; None for one that is not known."""
+        heard_s = [peer.heard_s for peer in self.endpoint.peers() if peer.name == name]
+        return self._loop.time() - max(heard_s) if heard_s else None
+
+    # --- the link ---
+
+    def receive(self, message: MavlinkMessage, sender: Address) -> None:
+        """Takes a TUNNEL message from the link; others, and those of other payload types, are ignored."""
+        if self._is_open and message.name == "TUNNEL" and message.payload_type == PAYLOAD_TYPE:
+            self.endpoint.receive(message, sender, self._loop.time())
+            self._wake()
+
+    def close(self) -> None:
+        """Sends and hears nothing from now on."""
+        self._is_open = False
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _wake(self) -> None:
+        """Runs as soon as the caller is done, once."""
+        if self._is_open and not self._is_due:
+            self._is_due = True
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = self._loop.call_soon(self._run)
+
+    def _run(self) -> None:
+        self._is_due = False
+        now_s, endpoint = self._loop.time(), self.endpoint
+        endpoint.tick(now_s)
+        for system, component, payload in endpoint.outgoing(now_s):
+            self._send(
+                make(
+                    "TUNNEL",
+                    target_system=system,
+                    target_component=component,
+                    payload_type=PAYLOAD_TYPE,
+                    payload_length=len(payload),
+                    payload=payload,
+                )
+            )
+        for happening in endpoint.happenings():
+            self._tell(happening)
+        if self._is_open and not self._is_due:
+            when_s = max(endpoint.next_tick_s(), now_s + SMALLEST_WAIT_S)
+            self._timer = self._loop.call_at(when_s, self._run)
+
+    def _tell(self, happening: Happening) -> None:
+        match happening:
+            case Delivered(envelope=envelope):
+                self._here.publish(envelope)
+            case TokenChanged(token=token, is_alive=True):
+                self._peer_tokens.setdefault(token, []).append(self._here.declare_alive(token))
+            case TokenChanged(token=token):
+                withdraw = self._peer_tokens.get(token)
+                if withdraw:
+                    withdraw.pop()()
+            case _:
+                for told in tuple(self._listeners):
+                    told(happening)
+
+
+__all__ = ["MavlinkExchange", "Role", "TunnelEndpoint"]

@@ -1,0 +1,385 @@
+"""One end of the command link over MAVLink TUNNEL, without I/O and without a clock (DESIGN §4, *mavlink*)."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from gloc3.ci import CiReply, CiRequest, Summary
+from gloc3.errors import Misuse, Refused
+from gloc3.exchange.tunnel.body import ReliableBody, pack_reliable, unpack_reliable, unpack_status
+from gloc3.exchange.tunnel.frames import (
+    MAX_NAME_BYTES,
+    MAX_TOKENS,
+    Ask,
+    Hello,
+    OtherVersion,
+    Status,
+    StatusPart,
+    SummaryRows,
+    Table,
+    TunnelFrame,
+    decode,
+)
+from gloc3.exchange.tunnel.gate import Gate, NotTaken
+from gloc3.exchange.tunnel.happenings import (
+    Acknowledged,
+    Counters,
+    Delivered,
+    Happening,
+    Undelivered,
+)
+from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, Lane, Role
+from gloc3.exchange.tunnel.outbox import Outbox
+from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget, Pacer
+from gloc3.exchange.tunnel.peer import Peer
+from gloc3.exchange.tunnel.peers import Peers
+from gloc3.exchange.tunnel.reader import FrameError
+from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
+from gloc3.exchange.tunnel.routes import REQUEST_PATIENCE_S, route, urgency
+from gloc3.exchange.tunnel.sending import Outgoing
+from gloc3.exchange.tunnel.status import StatusSender
+from gloc3.exchange.tunnel.summary import unpack as unpack_summary
+from gloc3.exchange.tunnel.table import OwnTable
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.messages import Envelope
+from gloc3.topics import TopicTable
+from gloc3.wire import VersionsDiffer, WireError
+
+MAX_SENDERS: Final = 64
+MAX_HOMELESS: Final = 32
+
+
+class TunnelEndpoint:
+    """A station or a platform on the link.
+
+    Args:
+        role: which end this is.
+        name: the platform's name, or the station's id such as `255`.
+        own: as whom it sends.
+        boot: a random number (32 bits) for this start of the process.
+        topics: the topics and types that this end knows.
+        budget: what the link carries.
+    """
+
+    def __init__(
+        self,
+        role: Role,
+        name: str,
+        own: Address,
+        boot: int,
+        topics: TopicTable,
+        budget: LinkBudget = RADIO,
+    ) -> None:
+        if not 0 < len(name.encode()) <= MAX_NAME_BYTES:
+            raise Misuse(f"{name!r} is no name of 1 to {MAX_NAME_BYTES} bytes")
+        self.role: Final = role
+        self.name: Final = name
+        self.own: Final = own
+        self.boot: Final = boot & 0xFFFFFFFF
+        self.counters: Final = Counters()
+        self._topics = topics
+        self._gate = Gate(role, name, topics)
+        self._pacer = Pacer(budget)
+        self._table = OwnTable()
+        self._status = StatusSender(self.counters)
+        self._happenings: list[Happening] = []
+        self._peers = Peers(role, name, own, self.counters, self._happenings.append)
+        self._outbox = Outbox(role, name, self.boot, self._pacer, self._peers, self._table, self._status, self.counters)
+        self._published: dict[str, int] = {}
+        self._homeless: list[tuple[Envelope[Any], float]] = []
+        self._senders: dict[str, Address] = {}
+
+    # --- from above ---
+
+    def publish(self, envelope: Envelope[Any], now_s: float) -> None:
+        """Sends a message if its topic crosses the link in this direction; others are none of its business."""
+        platform, _, name = envelope.topic.partition("/")
+        way = route(name, self._topics.row(envelope.topic))
+        if way is None or way.sender is not self.role or (self.role is Role.PLATFORM and platform != self.name):
+            return
+        if way.is_reliable:
+            self._submit(envelope, now_s)
+            return
+        count = self._published.get(envelope.topic, 0)
+        self._published[envelope.topic] = count + 1
+        if count % way.every == 0:
+            try:
+                self._status.offer(self._number(envelope), envelope)
+            except Refused as refusal:
+                self._peers.trouble(self.own, str(refusal))
+
+    def declare(self, token: str) -> None:
+        """Says that something here is alive.
+
+        Raises:
+            Refused: too many are, or the token is too long.
+        """
+        if len(self._outbox.tokens) >= MAX_TOKENS:
+            raise Refused(f"{MAX_TOKENS} tokens are alive already")
+        size = len(self._table)
+        number = self._table.token(token)
+        if number == size:
+            self._outbox.news.append(number)
+        if number not in self._outbox.tokens:
+            self._outbox.tokens.append(number)
+        self._outbox.greet_soon()
+
+    def withdraw(self, token: str) -> None:
+        """It is not alive any more."""
+        number = self._table.token(token)
+        if number in self._outbox.tokens:
+            self._outbox.tokens.remove(number)
+            self._outbox.greet_soon()
+
+    def other_traffic(self, size_bytes: int, now_s: float) -> None:
+        """Somebody else has sent so many bytes over the same link."""
+        self._pacer.line.fill(now_s)
+        self._pacer.line.spend(size_bytes)
+
+    def peers(self) -> tuple[Peer, ...]:
+        """Everyone who was heard and not forgotten; to be looked at only."""
+        return tuple(self._peers)
+
+    # --- time ---
+
+    def tick(self, now_s: float) -> None:
+        """Does what is due: gives up, asks again, notices silence."""
+        self._peers.tick(now_s)
+        for peer in self._peers:
+            for outgoing, may_have_arrived in peer.sender.expire(now_s):
+                self._give_up(outgoing.envelope, peer.address, not may_have_arrived, f"no answer from {peer.name}")
+            peer.sender.probe(now_s)
+        for envelope, until_s in [entry for entry in self._homeless if now_s >= entry[1]]:
+            self._homeless.remove((envelope, until_s))
+            self._give_up(envelope, None, True, f"nobody to take {envelope.topic} was heard")
+
+    def next_tick_s(self) -> float:
+        """When `tick` and `outgoing` are to be called, unless something comes before."""
+        times_s = [self._outbox.next_s()]
+        times_s += [t_s for peer in self._peers if (t_s := peer.sender.next_s()) is not None]
+        times_s += [until_s for _, until_s in self._homeless]
+        silent_s = self._peers.next_s()
+        if silent_s is not None:
+            times_s.append(silent_s)
+        return min(times_s)
+
+    def outgoing(self, now_s: float) -> list[tuple[int, int, bytes]]:
+        """What may leave now: target system and component (0 for all), and the payload of a TUNNEL message."""
+        return self._outbox.outgoing(now_s)
+
+    def happenings(self) -> list[Happening]:
+        """What has happened, in order; asking empties it."""
+        happened = list(self._happenings)
+        self._happenings.clear()
+        return happened
+
+    # --- from below ---
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes a TUNNEL message in; what is not ours, damaged or unknown is counted."""
+        counters = self.counters
+        size: int = message.payload_length
+        if (
+            message.payload_type != PAYLOAD_TYPE
+            or message.target_system not in (0, self.own.system)
+            or message.target_component not in (0, self.own.component)
+        ):
+            counters.foreign += 1
+            return
+        counters.received_frames += 1
+        try:
+            if size > MAX_PAYLOAD:
+                raise FrameError(f"{size} bytes do not fit a frame")
+            boot, frame = decode(message.payload[:size].ljust(size, b"\0"))
+            self._dispatch(frame, boot, sender, now_s)
+        except OtherVersion as difference:
+            counters.other_version += 1
+            self._peers.trouble(sender, str(difference))
+        except FrameError as error:
+            counters.damaged += 1
+            self._peers.trouble(sender, str(error), kind="damaged")
+
+    def _dispatch(self, frame: TunnelFrame, boot: int, sender: Address, now_s: float) -> None:
+        if boot == self.boot and sender == self.own:
+            self.counters.foreign += 1  # our own frame, sent back by a router
+            return
+        if isinstance(frame, Hello):
+            is_news = self._peers.find(sender, boot) is None
+            greeted = self._peers.greet(sender, frame, boot, now_s)
+            if greeted is not None and is_news:
+                greeted.wanted = list(range(len(self._table)))
+                self._outbox.greet_soon()
+                self._house(now_s)
+            return
+        peer = self._peers.find(sender, boot)
+        if peer is None:
+            self.counters.other_life += 1
+            return
+        self._peers.hear(peer, now_s)
+        match frame:
+            case Data() | Ack() | Refusal() if frame.to_boot != self.boot & 0xFFFF:
+                self.counters.other_life += 1
+                self._outbox.greet_soon()
+            case Data():
+                peer.receiver.receive(frame, now_s)
+                self._hand_over(peer, frame.lane)
+            case Ack():
+                self._acknowledge(peer, frame, now_s)
+            case Refusal():
+                refused = peer.sender.refuse(frame.lane, frame.number)
+                if refused is not None:
+                    self._give_up(refused.envelope, sender, True, frame.reason)
+            case Status() | StatusPart() | SummaryRows():
+                self._take_status(peer, frame)
+            case Table():
+                peer.table.add(frame.rows)
+                self._peers.refresh(peer)
+                for lane in Lane:
+                    self._hand_over(peer, lane)
+            case Ask():
+                peer.wanted = [number for number in frame.numbers if number < len(self._table)]
+
+    # --- reliable ---
+
+    def _submit(self, envelope: Envelope[Any], now_s: float) -> None:
+        try:
+            channel = self._number(envelope)
+        except Refused as refusal:
+            self._give_up(envelope, None, True, str(refusal))
+            return
+        receivers = self._receivers(envelope)
+        if receivers is None and len(self._homeless) >= MAX_HOMELESS:
+            self._give_up(envelope, None, True, f"{MAX_HOMELESS} messages wait already for somebody to be heard")
+            return
+        if receivers is None:
+            self._homeless.append((envelope, now_s + REQUEST_PATIENCE_S))
+            return
+        for peer in receivers:
+            self._send(peer, envelope, channel, now_s)
+
+    def _send(self, peer: Peer, envelope: Envelope[Any], channel: int, now_s: float) -> None:
+        sender, payload = peer.sender, envelope.payload
+        if isinstance(payload, CiRequest) and any(out.envelope.payload == payload for out, _ in sender.waiting()):
+            self.counters.repeated_requests += 1
+            return
+        how = urgency(payload, has_upload=sender.is_open(Lane.BULK), is_fenced=sender.is_fenced)
+        body = pack_reliable(envelope, channel, b"" if channel in peer.known else self._table.rows(channel))
+        outgoing = Outgoing(envelope, channel, body, how.lane, now_s, how.patience_s, how.is_fence)
+        reason = sender.submit(outgoing, now_s)
+        if reason:
+            self._give_up(envelope, peer.address, True, reason)
+
+    def _receivers(self, envelope: Envelope[Any]) -> list[Peer] | None:
+        """To whom a reliable message goes; None where that one is not known yet."""
+        payload = envelope.payload
+        if isinstance(payload, CiReply):
+            address = self._senders.get(payload.sender)
+            peer = self._peers.named(payload.sender) if address is None else self._peers.at(address)
+        elif isinstance(payload, CiRequest):
+            peer = self._peers.named(envelope.topic.partition("/")[0])
+        else:
+            return list(self._peers)
+        return None if peer is None else [peer]
+
+    def _house(self, now_s: float) -> None:
+        """Somebody new is here: perhaps a message waits for him."""
+        waiting, self._homeless = self._homeless, []
+        for envelope, until_s in waiting:
+            if self._receivers(envelope) is None:
+                self._homeless.append((envelope, until_s))
+            else:
+                self._submit(envelope, now_s)
+
+    def _acknowledge(self, peer: Peer, ack: Ack, now_s: float) -> None:
+        done, round_trip_s = peer.sender.acknowledge(ack, now_s)
+        for outgoing in done:
+            self.counters.acknowledged += 1
+            peer.known.add(outgoing.channel)
+            self._happenings.append(Acknowledged(outgoing.envelope, peer.address))
+        if round_trip_s is not None:
+            queue_s = peer.round_trips.sample(round_trip_s, now_s)
+            self._pacer.fill(now_s)
+            self._pacer.adapt(round_trip_s, queue_s, peer.round_trips.loss, now_s)
+
+    def _hand_over(self, peer: Peer, lane: Lane) -> None:
+        """Hands over what is complete and next in its lane."""
+        while (body := peer.receiver.head(lane)) is not None:
+            try:
+                opened = unpack_reliable(body)
+                if opened.row:
+                    peer.table.add(opened.row)
+                channel = peer.channel(opened.channel)
+                if channel is None:
+                    self.counters.unknown_number += 1
+                    return
+                envelope = self._gate.open(channel, peer, opened, is_reliable=True)
+            except (FrameError, NotTaken, WireError) as error:
+                self._count(peer, error)
+                peer.receiver.refuse(lane, str(error))
+                return
+            peer.receiver.done(lane)
+            self._deliver(envelope, peer)
+
+    # --- best effort ---
+
+    def _take_status(self, peer: Peer, frame: Status | StatusPart | SummaryRows) -> None:
+        channel = peer.channel(frame.channel)
+        if channel is None:
+            self.counters.unknown_number += 1
+            return
+        try:
+            message_type = self._gate.type_of(channel, peer, is_reliable=False)
+            if isinstance(frame, SummaryRows):
+                if message_type is Summary and peer.status.receive_rows(frame.channel, frame.sequence, frame.body):
+                    t_s, summary = unpack_summary(frame.body)
+                    self._deliver(self._gate.envelope(channel, frame.sequence, t_s, summary), peer)
+                return
+            if isinstance(frame, StatusPart):
+                body = peer.status.receive_part(frame)
+            else:
+                body = frame.body if peer.status.receive_whole(frame.channel, frame.sequence) else None
+            if body is not None:
+                t_s, payload = unpack_status(body)
+                opened = ReliableBody(frame.channel, frame.sequence, t_s, payload)
+                self._deliver(self._gate.open(channel, peer, opened, is_reliable=False), peer)
+        except (NotTaken, WireError) as error:
+            self._count(peer, error)
+
+    # --- both ---
+
+    def _number(self, envelope: Envelope[Any]) -> int:
+        size = len(self._table)
+        number = self._table.channel(envelope)
+        if number == size:
+            self._outbox.news.append(number)
+        return number
+
+    def _deliver(self, envelope: Envelope[Any], peer: Peer) -> None:
+        self.counters.delivered += 1
+        if isinstance(envelope.payload, CiRequest):
+            self._learn(envelope.payload.sender, peer)
+        self._happenings.append(Delivered(envelope, peer.address))
+
+    def _learn(self, sender: str, peer: Peer) -> None:
+        """Replies to this sender go where its requests come from."""
+        if len(self._senders) > MAX_SENDERS:
+            self._senders.clear()
+        self._senders[sender] = peer.address
+
+    def _count(self, peer: Peer, error: FrameError | NotTaken | WireError) -> None:
+        counters = self.counters
+        if isinstance(error, FrameError):
+            counters.damaged += 1
+            self._peers.trouble(peer.address, str(error), kind="damaged")
+            return
+        if isinstance(error, VersionsDiffer):
+            counters.versions_differ += 1
+        elif isinstance(error, NotTaken):
+            counters.not_taken += 1
+        else:
+            counters.damaged += 1
+        self._peers.trouble(peer.address, str(error))
+
+    def _give_up(self, envelope: Envelope[Any], peer: Address | None, is_certain: bool, reason: str) -> None:
+        self.counters.undelivered += 1
+        self._happenings.append(Undelivered(envelope, peer, is_certain, reason))

@@ -1,0 +1,76 @@
+"""What is taken from a peer: known topics in the right direction, of a type that both ends know alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gloc3.errors import Gloc3Error
+from gloc3.exchange.tunnel.body import ReliableBody, unpack_payload
+from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.peer import Peer
+from gloc3.exchange.tunnel.routes import route
+from gloc3.exchange.tunnel.table import Channel
+from gloc3.messages import Envelope, Message
+from gloc3.topics import TopicTable
+from gloc3.wire import VersionsDiffer, WireError
+
+
+class NotTaken(Gloc3Error):
+    """A message that is on no topic which this end takes from that peer; the text says why."""
+
+
+class Gate:
+    """Judges channels and opens what comes on them.
+
+    Args:
+        role: of this end.
+        name: of this platform; a station takes from every platform what that platform says of itself.
+        topics: the topics and types that this end knows.
+    """
+
+    def __init__(self, role: Role, name: str, topics: TopicTable) -> None:
+        self._role = role
+        self._name = name
+        self._topics = topics
+
+    def type_of(self, channel: Channel, peer: Peer, *, is_reliable: bool) -> type[Message]:
+        """The type of what comes on a channel.
+
+        Raises:
+            NotTaken: it is not for this end.
+            VersionsDiffer: the ends know the type with other fixed parts.
+            WireError: this end does not know the type.
+        """
+        platform, _, name = channel.topic.partition("/")
+        row = self._topics.row(channel.topic)
+        way = route(name, row)
+        expected = self._name if self._role is Role.PLATFORM else peer.name
+        if row is None or way is None or way.sender is not peer.role or way.is_reliable is not is_reliable:
+            raise NotTaken(f"{channel.topic} is not taken from a {peer.role.name.lower()}")
+        if platform != expected:
+            raise NotTaken(f"{channel.topic} is not taken from {peer.name}: it belongs to {platform}")
+        found = self._topics.types.find(channel.type)
+        if found is not row.message:
+            raise NotTaken(f"{channel.topic} carries {row.message.__name__}, not {found.__name__}")
+        return found
+
+    def open(self, channel: Channel, peer: Peer, body: ReliableBody, *, is_reliable: bool) -> Envelope[Any]:
+        """The envelope for a message on a channel.
+
+        Raises:
+            NotTaken, VersionsDiffer, WireError: as `type_of`.
+            FrameError: the payload is damaged.
+        """
+        message_type = self.type_of(channel, peer, is_reliable=is_reliable)
+        payload = unpack_payload(body.payload, message_type)
+        return self.envelope(channel, body.sequence, body.t_s, payload)
+
+    @staticmethod
+    def envelope(channel: Channel, sequence: int, t_s: float, payload: Any) -> Envelope[Any]:
+        """The envelope, as it was published."""
+        if channel.source is None:
+            raise WireError(f"{channel.topic} is no topic")
+        return Envelope(channel.topic, channel.source, sequence, t_s, channel.frame, channel.type, payload)
+
+
+__all__ = ["Gate", "NotTaken", "VersionsDiffer"]

@@ -1,0 +1,191 @@
+"""Chooses what leaves next, and says when there will be something: answers first, then by urgency.
+
+The order: acknowledgements and refusals; greetings, questions about the table and their answers; emergencies, and
+repeats of the few short messages that are open; status, as far as its share goes; other requests and replies; large
+messages; repeats that nobody asked for.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gloc3.exchange.tunnel.frames import MAX_ECHOES, Hello, Table, TunnelFrame
+from gloc3.exchange.tunnel.happenings import Counters
+from gloc3.exchange.tunnel.layout import Lane, Role
+from gloc3.exchange.tunnel.pacing import Pacer
+from gloc3.exchange.tunnel.peer import Peer
+from gloc3.exchange.tunnel.peers import Peers
+from gloc3.exchange.tunnel.status import StatusSender
+from gloc3.exchange.tunnel.table import OwnTable
+from gloc3.link.message import Address
+
+EVERYBODY: Final = Address(0, 0)
+HELLO_PERIOD_S: Final = {Role.STATION: 0.5, Role.PLATFORM: 1.0}
+"""A station is heard twice a second, since a silent one that holds control has lost the link."""
+LONELY_PERIOD_S: Final = 0.5
+"""While nobody is there."""
+HELLO_SPACING_S: Final = 0.25
+
+_Chosen = tuple[Address, TunnelFrame, bool]
+"""To whom, what, and whether it counts as best effort."""
+
+
+class Outbox:
+    """What one end has to send.
+
+    Args:
+        role: of this end.
+        name: of this end.
+        boot: of this process.
+        pacer: the link's budget.
+        peers: to whom, with what waits for each.
+        table: the numbers of this end.
+        status: what waits for everybody.
+        counters: where sent frames are counted.
+    """
+
+    def __init__(
+        self,
+        role: Role,
+        name: str,
+        boot: int,
+        pacer: Pacer,
+        peers: Peers,
+        table: OwnTable,
+        status: StatusSender,
+        counters: Counters,
+    ) -> None:
+        self._role = role
+        self._name = name
+        self._boot = boot
+        self._pacer = pacer
+        self._peers = peers
+        self._table = table
+        self._status = status
+        self._counters = counters
+        self._hello_s = 0.0
+        self._greeted_s = -HELLO_SPACING_S
+        self._turn = 0
+        self.news: list[int] = []
+        """Rows of the table that nobody has been told yet."""
+        self.tokens: list[int] = []
+        """Numbers of what is alive here."""
+
+    def greet_soon(self) -> None:
+        """Somebody needs to hear who we are."""
+        self._hello_s = min(self._hello_s, self._greeted_s + HELLO_SPACING_S)
+
+    def outgoing(self, now_s: float) -> list[tuple[int, int, bytes]]:
+        """What may leave now: target system and component, and the payload of a TUNNEL message."""
+        pacer, counters = self._pacer, self._counters
+        pacer.fill(now_s)
+        pacer.set_busy(
+            any(peer.sender.is_open(Lane.BULK) or peer.receiver.is_receiving_bulk(now_s) for peer in self._peers)
+        )
+        sent = []
+        while pacer.line.is_open:
+            chosen = self._choose(now_s)
+            if chosen is None:
+                break
+            target, frame, is_status = chosen
+            payload = frame.encode(self._boot)
+            size_bytes = pacer.spend(len(payload), is_status=is_status)
+            counters.sent_frames += 1
+            counters.sent_bytes += size_bytes
+            if target is EVERYBODY:
+                counters.status_bytes += size_bytes
+            sent.append((target.system, target.component, payload))
+        return sent
+
+    def next_s(self) -> float:
+        """When there will be something to send."""
+        line_s = self._pacer.line.open_s()
+        times_s = [self._hello_s]
+        if self.news:
+            return line_s
+        if self._status.is_waiting:
+            times_s.append(self._pacer.status.open_s())
+        for peer in self._peers:
+            if peer.receiver.has_refusal or peer.wanted or any(peer.sender.has_work(lane) for lane in Lane):
+                return line_s
+            copy_s = peer.sender.copy_s() if peer.is_alive else None
+            times_s += [t_s for t_s in (peer.receiver.ack_s(), peer.ask_s(), copy_s) if t_s is not None]
+        return max(line_s, min(times_s))
+
+    def _choose(self, now_s: float) -> _Chosen | None:
+        return (
+            self._answer(now_s)
+            or self._introduce(now_s)
+            or self._data(Lane.URGENT, now_s)
+            or self._copy(now_s, is_idle=False)
+            or self._best_effort()
+            or self._data(Lane.ORDINARY, now_s)
+            or self._data(Lane.BULK, now_s)
+            or self._copy(now_s, is_idle=True)
+        )
+
+    def _answer(self, now_s: float) -> _Chosen | None:
+        for peer in self._peers:
+            ack_s = peer.receiver.ack_s()
+            if ack_s is not None and now_s >= ack_s:
+                return peer.address, peer.receiver.ack(peer.boot, now_s), False
+            refusal = peer.receiver.next_refusal(peer.boot)
+            if refusal is not None:
+                return peer.address, refusal, False
+        return None
+
+    def _introduce(self, now_s: float) -> _Chosen | None:
+        if now_s >= self._hello_s:
+            is_lonely = not any(peer.is_alive for peer in self._peers)
+            self._hello_s = now_s + (LONELY_PERIOD_S if is_lonely else HELLO_PERIOD_S[self._role])
+            self._greeted_s = now_s
+            return EVERYBODY, self._hello(now_s), False
+        if self.news:
+            return EVERYBODY, self._rows(self.news), False
+        for peer in self._peers:
+            ask_s = peer.ask_s()
+            if ask_s is not None and now_s >= ask_s:
+                return peer.address, peer.ask(now_s), False
+            if peer.wanted:
+                return peer.address, self._rows(peer.wanted), False
+        return None
+
+    def _hello(self, now_s: float) -> Hello:
+        alive = sorted((peer for peer in self._peers if peer.is_alive), key=lambda peer: -peer.heard_s)
+        echoes = [echo for peer in alive if (echo := peer.echo(now_s)) is not None][:MAX_ECHOES]
+        return Hello(self._role, self._name, len(self._table), round(now_s * 1000.0), tuple(echoes), tuple(self.tokens))
+
+    def _rows(self, numbers: list[int]) -> Table:
+        rows, count = self._table.frame_of(numbers)
+        del numbers[:count]
+        return Table(rows)
+
+    def _best_effort(self) -> _Chosen | None:
+        if not self._pacer.status.is_open:
+            return None
+        frame = self._status.next_frame()
+        return None if frame is None else (EVERYBODY, frame, True)
+
+    def _data(self, lane: Lane, now_s: float) -> _Chosen | None:
+        for peer in self._in_turn():
+            if peer.sender.has_work(lane):
+                data = peer.sender.next_data(lane, now_s)
+                if data is not None:
+                    return peer.address, data, False
+        return None
+
+    def _copy(self, now_s: float, *, is_idle: bool) -> _Chosen | None:
+        for peer in self._in_turn():
+            if peer.is_alive:
+                data = peer.sender.next_copy(now_s, is_idle=is_idle)
+                if data is not None:
+                    return peer.address, data, False
+        return None
+
+    def _in_turn(self) -> list[Peer]:
+        """The peers that wait for something, beginning with another one each time."""
+        peers = [peer for peer in self._peers if not peer.sender.is_idle]
+        if len(peers) < 2:
+            return peers
+        self._turn = (self._turn + 1) % len(peers)
+        return peers[self._turn :] + peers[: self._turn]

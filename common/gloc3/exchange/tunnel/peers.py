@@ -1,0 +1,182 @@
+"""All peers of one end: who comes, goes silent, restarts, or uses a name twice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from gloc3.exchange.tunnel.frames import Hello
+from gloc3.exchange.tunnel.happenings import (
+    Counters,
+    Happening,
+    PeerChanged,
+    TokenChanged,
+    Trouble,
+    Undelivered,
+)
+from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.peer import Peer
+from gloc3.link.message import Address
+
+MAX_PEERS: Final = 32
+FORGET_AFTER_S: Final = 300.0
+"""A peer that is silent for so long is forgotten, and with it what waited for it."""
+GHOST_AFTER_S: Final = 3.0
+"""Frames of a former life are late until then; afterwards two processes share an address."""
+MAX_TROUBLES: Final = 256
+
+
+class Peers:
+    """The peers of the other role, by address, in the order in which they were first heard.
+
+    Args:
+        role: of this end.
+        name: of this end.
+        own: as whom it sends.
+        counters: where frames of other lives are counted.
+        tell: takes what the layer above should know.
+    """
+
+    def __init__(
+        self, role: Role, name: str, own: Address, counters: Counters, tell: Callable[[Happening], None]
+    ) -> None:
+        self._role = role
+        self._name = name
+        self._own = own
+        self._counters = counters
+        self._tell = tell
+        self._peers: dict[Address, Peer] = {}
+        self._first_number = 0
+        self._troubles: set[tuple[Address, str]] = set()
+
+    def __iter__(self) -> Iterator[Peer]:
+        return iter(self._peers.values())
+
+    def find(self, address: Address, boot: int) -> Peer | None:
+        """The peer in this life; None where it has not greeted yet, or is no more."""
+        peer = self._peers.get(address)
+        return peer if peer is not None and peer.boot == boot else None
+
+    def at(self, address: Address) -> Peer | None:
+        """The peer at an address, in whatever life."""
+        return self._peers.get(address)
+
+    def named(self, name: str) -> Peer | None:
+        """The peer of this name; one that is alive goes first."""
+        found = [peer for peer in self if peer.name == name]
+        return next((peer for peer in found if peer.is_alive), found[0] if found else None)
+
+    def greet(self, address: Address, hello: Hello, boot: int, now_s: float) -> Peer | None:
+        """Takes a greeting in; the peer, or None where it is none of ours."""
+        if address == self._own:
+            self.trouble(address, f"another process uses our address {address.system}/{address.component}")
+            return None
+        if hello.role is self._role:
+            if hello.name == self._name:
+                self.trouble(address, f"another {self._role.name.lower()} calls itself {self._name}")
+            return None
+        peer = self._peers.get(address)
+        if peer is None:
+            if not self._make_room():
+                self._counters.too_many_peers += 1
+                return None
+            peer = self._peers[address] = Peer(address, hello, boot, self._number(), self._counters, now_s)
+            self._tell(PeerChanged(address, peer.name, peer.role, True))
+            self._check_name(peer)
+        elif boot in peer.former_boots:
+            self._counters.other_life += 1
+            if now_s - peer.since_s > GHOST_AFTER_S:
+                self.trouble(address, f"two processes use the address {address.system}/{address.component}")
+            return None
+        elif boot != peer.boot:
+            self._restart(peer, boot, now_s)
+        round_trip_s = peer.greet(hello, self._own, now_s)
+        if round_trip_s is not None:
+            peer.round_trips.sample(round_trip_s, now_s)
+        self.hear(peer, now_s)
+        self.refresh(peer)
+        return peer
+
+    def hear(self, peer: Peer, now_s: float) -> None:
+        """Something came from a peer."""
+        peer.heard_s = now_s
+        if not peer.is_alive:
+            peer.is_alive = True
+            self._tell(PeerChanged(peer.address, peer.name, peer.role, True))
+            self.refresh(peer)
+
+    def refresh(self, peer: Peer) -> None:
+        """Tells what has come to life or died at a peer."""
+        before, peer.tokens = peer.tokens, peer.live_tokens()
+        for token in before:
+            if token not in peer.tokens:
+                self._tell(TokenChanged(token, False))
+        for token in peer.tokens:
+            if token not in before:
+                self._tell(TokenChanged(token, True))
+
+    def tick(self, now_s: float) -> None:
+        """Notices who has gone silent, and forgets who has been for long."""
+        for peer in list(self):
+            if peer.is_alive and now_s >= peer.silent_s:
+                peer.is_alive = False
+                self._tell(PeerChanged(peer.address, peer.name, peer.role, False))
+                self.refresh(peer)
+            if now_s >= peer.heard_s + FORGET_AFTER_S:
+                self._forget(peer)
+
+    def next_s(self) -> float | None:
+        """When `tick` has something to do."""
+        return min(
+            (peer.silent_s if peer.is_alive else peer.heard_s + FORGET_AFTER_S for peer in self),
+            default=None,
+        )
+
+    def trouble(self, address: Address, text: str, kind: str = "") -> None:
+        """Tells a trouble, once; one of a kind only the first time."""
+        key = (address, kind or text)
+        if key not in self._troubles and len(self._troubles) < MAX_TROUBLES:
+            self._troubles.add(key)
+            self._tell(Trouble(address, text))
+
+    def _restart(self, peer: Peer, boot: int, now_s: float) -> None:
+        """A new process is at a peer's address: what the old one cannot have got goes to the new one."""
+        waiting = peer.sender.waiting()
+        for token in peer.tokens:
+            self._tell(TokenChanged(token, False))
+        peer.restart(boot, self._number(), now_s)
+        self._tell(PeerChanged(peer.address, peer.name, peer.role, True, is_restarted=True))
+        for outgoing, may_have_arrived in waiting:
+            if may_have_arrived:
+                reason = f"{peer.name} restarted before it had acknowledged"
+                self._give_up(Undelivered(outgoing.envelope, peer.address, False, reason))
+            else:
+                peer.sender.submit(outgoing, now_s)
+
+    def _forget(self, peer: Peer) -> None:
+        for outgoing, may_have_arrived in peer.sender.waiting():
+            reason = f"{peer.name} has been silent for {FORGET_AFTER_S:.0f} s"
+            self._give_up(Undelivered(outgoing.envelope, peer.address, not may_have_arrived, reason))
+        self._first_number = self._number()
+        del self._peers[peer.address]
+
+    def _give_up(self, undelivered: Undelivered) -> None:
+        self._counters.undelivered += 1
+        self._tell(undelivered)
+
+    def _number(self) -> int:
+        """A number that no message of this process has had, so that a forgotten peer never mistakes one."""
+        return max(self._first_number, *(peer.sender.next_number for peer in self), 0)
+
+    def _make_room(self) -> bool:
+        if len(self._peers) < MAX_PEERS:
+            return True
+        silent = [peer for peer in self if not peer.is_alive]
+        if silent:
+            self._forget(min(silent, key=lambda peer: peer.heard_s))
+        return bool(silent)
+
+    def _check_name(self, peer: Peer) -> None:
+        for other in self:
+            if other is not peer and other.is_alive and other.name == peer.name:
+                self.trouble(peer.address, f"two {peer.role.name.lower()}s call themselves {peer.name}")

@@ -1,0 +1,134 @@
+"""The frames of the reliable transfer: fragments, what came of them, and refusals."""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+import msgspec
+
+from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, ROOM, FrameKind, Lane, header
+from gloc3.exchange.tunnel.reader import FrameError, Reader
+
+_DATA: Final = struct.Struct("<HBHHHH")
+_ACK: Final = struct.Struct("<HHHB")
+_LANE: Final = struct.Struct("<BHB")
+_REFUSAL: Final = struct.Struct("<HBH")
+
+CHUNK: Final = ROOM - _DATA.size
+"""Bytes of a reliable message in one frame."""
+ACK_DELAY_UNIT_S: Final = 0.004
+
+
+class Data(msgspec.Struct, frozen=True):
+    """A fragment of a reliable message."""
+
+    to_boot: int
+    """Low 16 bits of the receiver's boot number."""
+    lane: Lane
+    is_last: bool
+    """Nothing else waits to be sent: acknowledge at once."""
+    base_delta: int
+    """How many of the numbers before this one are still open at the sender; what is older will not come any more."""
+    number: int
+    """Of the message in its lane, modulo 2**16."""
+    serial: int
+    """Of this transmission, modulo 2**16: each repeat has one of its own, so that a loss is told from a delay."""
+    index: int
+    count: int
+    """Fragments of the message."""
+    chunk: bytes
+
+    def encode(self, boot: int) -> bytes:
+        """The frame."""
+        flags = self.lane | self.is_last << 2 | self.base_delta << 3
+        numbers = (self.to_boot, flags, self.number & 0xFFFF, self.serial & 0xFFFF, self.index, self.count)
+        return header(FrameKind.DATA, boot) + _DATA.pack(*numbers) + self.chunk
+
+    @classmethod
+    def decode(cls, reader: Reader) -> Data:
+        """Reads what `encode` wrote."""
+        to_boot, flags, number, serial, index, count = reader.take(_DATA)
+        if flags & 3 == 3:
+            raise FrameError("there are three lanes")
+        return cls(to_boot, Lane(flags & 3), bool(flags & 4), flags >> 3, number, serial, index, count, reader.rest())
+
+
+class LaneReport(msgspec.Struct, frozen=True):
+    """What has come in a lane."""
+
+    lane: Lane
+    expected: int
+    """Everything before this number is done; modulo 2**16."""
+    partial: tuple[tuple[int, int | None], ...] = ()
+    """How far a message is ahead of `expected`, and the fragments that are here as bits; None for all of them."""
+
+
+class Ack(msgspec.Struct, frozen=True):
+    """Everything that a receiver has from one sender; the next one says it again, so that any may be lost."""
+
+    to_boot: int
+    highest: int
+    """The latest serial that came, modulo 2**16."""
+    received: int
+    """Data frames so far, modulo 2**16: what is missing against the serials is the loss."""
+    delay_s: float
+    """Since `highest` came."""
+    lanes: tuple[LaneReport, ...]
+
+    def encode(self, boot: int) -> bytes:
+        """The frame; partial messages that do not fit are left for the next one."""
+        delay = min(255, round(self.delay_s / ACK_DELAY_UNIT_S))
+        frame = header(FrameKind.ACK, boot) + _ACK.pack(
+            self.to_boot, self.highest & 0xFFFF, self.received & 0xFFFF, delay
+        )
+        for report in self.lanes:
+            parts, count = b"", 0
+            for ahead, mask in report.partial:
+                bits = b"" if mask is None else mask.to_bytes((mask.bit_length() + 7) // 8, "little")
+                part = bytes((ahead | (0x80 if mask is None else 0), len(bits))) + bits
+                if len(frame) + _LANE.size + len(parts) + len(part) <= MAX_PAYLOAD:
+                    parts, count = parts + part, count + 1
+            if len(frame) + _LANE.size + len(parts) <= MAX_PAYLOAD:
+                frame += _LANE.pack(report.lane, report.expected & 0xFFFF, count) + parts
+        return frame
+
+    @classmethod
+    def decode(cls, reader: Reader) -> Ack:
+        """Reads what `encode` wrote."""
+        to_boot, highest, received, delay = reader.take(_ACK)
+        lanes = []
+        while not reader.is_at_end:
+            lane, expected, count = reader.take(_LANE)
+            if lane > Lane.BULK:
+                raise FrameError("there are three lanes")
+            partial: list[tuple[int, int | None]] = []
+            for _ in range(count):
+                ahead, size = reader.byte(), reader.byte()
+                bits = int.from_bytes(reader.chunk(size), "little")
+                partial.append((ahead & 0x7F, None if ahead & 0x80 else bits))
+            lanes.append(LaneReport(Lane(lane), expected, tuple(partial)))
+        return cls(to_boot, highest, received, delay * ACK_DELAY_UNIT_S, tuple(lanes))
+
+
+class Refusal(msgspec.Struct, frozen=True):
+    """A reliable message that was not handed over and will not be."""
+
+    to_boot: int
+    lane: Lane
+    number: int
+    reason: str
+
+    def encode(self, boot: int) -> bytes:
+        """The frame; a long reason is cut."""
+        frame = header(FrameKind.REFUSAL, boot) + _REFUSAL.pack(self.to_boot, self.lane, self.number & 0xFFFF)
+        reason = self.reason.encode()[: MAX_PAYLOAD - len(frame)]
+        return frame + reason.decode(errors="ignore").encode()
+
+    @classmethod
+    def decode(cls, reader: Reader) -> Refusal:
+        """Reads what `encode` wrote."""
+        to_boot, lane, number = reader.take(_REFUSAL)
+        if lane > Lane.BULK:
+            raise FrameError("there are three lanes")
+        return cls(to_boot, Lane(lane), number, reader.text())

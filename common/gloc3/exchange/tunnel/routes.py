@@ -1,0 +1,89 @@
+"""Which topics cross the link, in which direction, how, and how urgently."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.ci import CiReply, CiRequest, ComponentTable, Emergency, LoadMission, ReadMission, Steer, Verb
+from gloc3.exchange.tunnel.layout import Lane, Role
+from gloc3.topics import TopicRow
+
+
+class Route(msgspec.Struct, frozen=True):
+    """How a topic crosses the link."""
+
+    sender: Role
+    """The end that it comes from; what comes from the other end on this topic is not taken."""
+    is_reliable: bool
+    every: int = 1
+    """Every n-th message is sent."""
+
+
+RELIABLE: Final[Mapping[str, Route]] = {
+    "ci/request": Route(Role.STATION, is_reliable=True),
+    "ci/reply": Route(Role.PLATFORM, is_reliable=True),
+    "ci/event": Route(Role.PLATFORM, is_reliable=True),
+    "ci/table": Route(Role.PLATFORM, is_reliable=True),
+    "ci/trouble": Route(Role.PLATFORM, is_reliable=True),
+}
+"""The topics that may not lose a message, below the platform's name."""
+
+EMERGENCY_PATIENCE_S: Final = 5.0
+"""An emergency that has not arrived by then is not carried out behind the operator's back."""
+REQUEST_PATIENCE_S: Final = 15.0
+UPLOAD_PATIENCE_S: Final = 60.0
+ANSWER_PATIENCE_S: Final = 120.0
+LONG_TEXT: Final = 400
+
+
+def route(name: str, row: TopicRow | None) -> Route | None:
+    """How the topic `PLATFORM/name` crosses the link; None where it does not.
+
+    Args:
+        name: the topic below the platform's name.
+        row: what the system knows of it.
+    """
+    if row is None:
+        return None
+    if row.downlink_every > 0:
+        return Route(Role.PLATFORM, is_reliable=False, every=row.downlink_every)
+    return RELIABLE.get(name)
+
+
+class Urgency(msgspec.Struct, frozen=True):
+    """How a reliable message is sent."""
+
+    lane: Lane
+    patience_s: float
+    is_fence: bool = False
+
+
+def urgency(message: Any, *, has_upload: bool, is_fenced: bool) -> Urgency:
+    """The lane for a message, and how long it is worth sending.
+
+    Emergencies overtake everything. Other requests overtake an upload, but not those which mean the uploaded mission
+    (start, clear, read back), nor requests that wait behind one of these.
+
+    Args:
+        message: the payload.
+        has_upload: the bulk lane to this peer is not empty.
+        is_fenced: a request waits there for the upload.
+    """
+    if isinstance(message, CiRequest):
+        body = message.body
+        if isinstance(body, Emergency):
+            return Urgency(Lane.URGENT, EMERGENCY_PATIENCE_S)
+        if isinstance(body, LoadMission):
+            return Urgency(Lane.BULK, UPLOAD_PATIENCE_S)
+        if is_fenced or (has_upload and _means_upload(body)):
+            return Urgency(Lane.BULK, UPLOAD_PATIENCE_S, is_fence=True)
+        return Urgency(Lane.ORDINARY, REQUEST_PATIENCE_S)
+    is_long = isinstance(message, ComponentTable) or (isinstance(message, CiReply) and len(message.text) > LONG_TEXT)
+    return Urgency(Lane.BULK if is_long else Lane.ORDINARY, ANSWER_PATIENCE_S)
+
+
+def _means_upload(body: object) -> bool:
+    return isinstance(body, ReadMission) or (isinstance(body, Steer) and body.verb in (Verb.START, Verb.CLEAR))

@@ -1,0 +1,99 @@
+"""Packs the components' summary: about five bytes a component, each frame complete in itself.
+
+A frame holds one run of neighbouring indices, so that a component costs its values alone: health, rate, load (a byte
+each), overruns and errors (one to three bytes each): never more than 9 bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, Final
+
+from gloc3.ci import ComponentLine, Health, Summary
+from gloc3.exchange.tunnel.layout import ROOM
+from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
+from gloc3.messages import Envelope
+
+_T_S: Final = struct.Struct("<d")
+_HEALTH: Final = tuple(Health)
+
+
+class SummaryPacker:
+    """The newest row of each component, and which of them are still to be sent, in turn."""
+
+    def __init__(self) -> None:
+        self._latest: Envelope[Any] | None = None
+        self._rows: dict[int, ComponentLine] = {}
+        self._waiting: list[int] = []
+        self._is_told = True
+
+    def offer(self, envelope: Envelope[Any]) -> int:
+        """Takes a summary; rows of an earlier one that were not sent yet are replaced. Tells how many."""
+        summary: Summary = envelope.payload
+        if self._latest is not None and self._latest.payload.table != summary.table:
+            self._rows.clear()
+            self._waiting.clear()
+        self._latest = envelope
+        self._is_told = False
+        waiting = set(self._waiting)
+        replaced = 0
+        for line in summary.lines:
+            self._rows[line.index] = line
+            if line.index in waiting:
+                replaced += 1
+            else:
+                self._waiting.append(line.index)
+        return replaced
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a frame is to be sent."""
+        return bool(self._waiting) or not self._is_told
+
+    def next_body(self, room: int) -> tuple[int, bytes]:
+        """Sequence and body of the next frame; `room` are the bytes behind header, channel and sequence."""
+        envelope = self._latest
+        assert envelope is not None
+        summary: Summary = envelope.payload
+        first = self._waiting[0] if self._waiting else 0
+        body = _T_S.pack(envelope.t_s) + varint(summary.table)
+        body += bytes((_HEALTH.index(summary.health),)) + varint(first)
+        taken = 0
+        for index in self._waiting:
+            row = _pack(self._rows[index])
+            if index != first + taken or len(body) + len(row) > room:
+                break
+            body += row
+            taken += 1
+        del self._waiting[:taken]
+        self._is_told = True
+        return envelope.sequence, body
+
+
+def unpack(body: bytes) -> tuple[float, Summary]:
+    """Time of validity and the rows of one frame.
+
+    Raises:
+        FrameError: the bytes are damaged.
+    """
+    reader = Reader(body)
+    t_s, table, health, index = reader.time(), reader.varint(), reader.byte(), reader.varint()
+    if health >= len(_HEALTH):
+        raise FrameError(f"unknown health {health}")
+    lines = []
+    while not reader.is_at_end:
+        state, rate_percent, load_percent = reader.byte(), reader.byte(), reader.byte()
+        lines.append(ComponentLine(index, state, rate_percent, load_percent, reader.varint(), reader.varint()))
+        index += 1
+    return t_s, Summary(table=table, health=_HEALTH[health], lines=lines)
+
+
+def room(channel: int, sequence: int) -> int:
+    """Bytes for the body of a frame."""
+    return ROOM - len(varint(channel)) - len(varint(sequence))
+
+
+def _pack(line: ComponentLine) -> bytes:
+    values = (line.state, line.rate_percent, line.load_percent)
+    counts = varint(max(0, line.overruns) & 0xFFFF) + varint(max(0, line.errors) & 0xFFFF)
+    return bytes(min(255, max(0, value)) for value in values) + counts

@@ -1,13 +1,14 @@
 """Writes a mission as the YAML that it can be read from again."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
 
 from gloc3.document import dump
-from gloc3.mission.arguments import Arguments
 from gloc3.mission.model import Action, Mission, Task
 from gloc3.mission.placement import HeightAbove
+from gloc3.mission.policy import Policy
 
 
 def write_mission(mission: Mission) -> str:
@@ -24,10 +25,26 @@ def write_mission(mission: Mission) -> str:
     return dump(written)
 
 
-def single_action(capability: str, arguments: Arguments, frame: str) -> str:
-    """The file of a mission that is one action: how a low-level command takes the same path as a mission."""
-    action = {capability: msgspec.to_builtins(arguments)}
-    return dump({"mission": capability, "frame": frame, "tasks": {"command": {"actions": {capability: action}}}})
+def single_action(name: str, capability: str, arguments: Mapping[str, Any], mission: Mission | None, frame: str) -> str:
+    """The file of a mission that is one action: a low-level command takes the same path, and the same checks.
+
+    Args:
+        name: of its task.
+        capability: what is to be done.
+        arguments: as in a mission file.
+        mission: the loaded one, whose frame and fence count; None where there is none.
+        frame: the frame of the arguments, where there is no mission.
+    """
+    written: dict[str, Any] = {"mission": name, "frame": frame, "on_failure": Policy.CONTINUE.value}
+    if mission is not None:
+        written["frame"] = mission.frame
+        if mission.height_above is not HeightAbove.HOME:
+            written["height_above"] = mission.height_above.value
+        if mission.geofence is not None:
+            written["geofence"] = msgspec.to_builtins(mission.geofence)
+        written = msgspec.to_builtins(mission.policies) | written
+    written["tasks"] = {name: {"actions": {capability: {capability: dict(arguments)}}}}
+    return dump(written)
 
 
 def _task(task: Task) -> dict[str, Any]:

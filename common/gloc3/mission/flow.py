@@ -1,0 +1,211 @@
+"""Moves programs on: ends what has ended, starts what may start, watches deadlines, answers and availability."""
+
+from math import inf
+from typing import Final
+
+from gloc3.mission import manoeuvres
+from gloc3.mission.arguments import LandOrder, TakeOff, Wait
+from gloc3.mission.assignments import Assignment, Phase
+from gloc3.mission.board import Board, Condition
+from gloc3.mission.failures import fail_action, fail_program, fail_task
+from gloc3.mission.items import ActionRun, Program
+from gloc3.mission.states import ActionState, Trigger
+
+GRACE_S: Final = 0.5
+"""A running action outlives the loss of what it needs for this long: a standby may take over."""
+PATIENCE_S: Final = 2.0
+"""An action that is to start waits this long for what it needs."""
+
+
+def advance(board: Board, now_s: float) -> None:
+    """Does everything that can be done now."""
+    for assignment in list(board.assignments.by_id.values()):
+        due_s = assignment.due_s()
+        if due_s is not None and now_s >= due_s:
+            lose(board, assignment, _silence(assignment), now_s)
+    for program in list(board.programs.values()):
+        if program.is_open:
+            _watch(board, program, now_s)
+    is_moving = True
+    while is_moving:
+        is_moving = False
+        for program in list(board.programs.values()):
+            is_moving |= _go_on(board, program, now_s)
+    manoeuvres.advance(board, now_s)
+
+
+def _silence(assignment: Assignment) -> str:
+    if assignment.asked_s is not None:
+        return f"{assignment.component} does not answer"
+    return f"{assignment.component} has gone silent"
+
+
+def lose(board: Board, assignment: Assignment, reason: str, now_s: float, *, is_over: bool = False) -> None:
+    """A component cannot do what it was asked, or has gone.
+
+    Args:
+        board: the executor's state.
+        assignment: what it was at.
+        reason: why.
+        now_s: the time.
+        is_over: whether it knows that the action has ended.
+    """
+    verb, run = assignment.verb, assignment.run
+    was_asked = assignment.asked_s is not None
+    board.assignments.drop(assignment, is_over=is_over)
+    if run is None:
+        manoeuvres.ended(board, assignment, ActionState.FAILED, reason, now_s)
+    elif verb == "resume" and was_asked and run.state is ActionState.RUNNING:
+        _assign(board, run, now_s)  # it has forgotten the action: once more from where it was
+    elif verb != "pause" and run.is_open:
+        fail_action(board, run, reason, now_s, is_over=is_over)
+
+
+def _watch(board: Board, program: Program, now_s: float) -> None:
+    """Deadlines, and what running actions need."""
+    if now_s >= program.due_s():
+        fail_program(board, program, f"deadline of {program.deadline_s:g} s passed", now_s)
+        return
+    for task in program.tasks.values():
+        if now_s >= task.due_s():
+            fail_task(board, task, f"deadline of {task.deadline_s:g} s passed", now_s, is_late=True)
+        for run in task.actions.values():
+            if run.state is not ActionState.RUNNING:
+                continue
+            if now_s >= run.due_s():
+                fail_action(board, run, f"deadline of {run.deadline_s:g} s passed", now_s)
+            elif now_s >= lost_at_s(board, run):
+                missing = ", ".join(board.missing[run.action.capability])
+                fail_action(board, run, f"{run.action.capability} is no longer available ({missing})", now_s)
+            elif isinstance(run.action.order, Wait) and now_s >= run.reaches_s(run.action.order.duration_s):
+                run.progress = 1.0
+                board.move(run, Trigger.FINISH, now_s)
+
+
+def lost_at_s(board: Board, run: ActionRun) -> float:
+    """When a running action fails for the want of something; never, where a lost pose has a policy of its own."""
+    name = run.action.capability
+    missing = board.missing.get(name)
+    if missing is None or (missing == ("pose",) and Condition.POSE_LOST in board.conditions):
+        return inf
+    return board.missing_since_s[name] + GRACE_S
+
+
+def _go_on(board: Board, program: Program, now_s: float) -> bool:
+    """One pass over a program; whether anything has changed."""
+    if not program.is_open:
+        return False
+    has_moved = False
+    for task in program.tasks.values():
+        for run in task.actions.values():
+            has_moved |= _end_companion(board, run, now_s)
+        is_next = program.state is ActionState.RUNNING and task.state is ActionState.WAITING
+        if is_next and all(program.tasks[name].has_ended for name in task.options.after):
+            board.move(task, Trigger.START, now_s)
+            has_moved = True
+        if program.state is ActionState.RUNNING and task.state is ActionState.RUNNING:
+            for run in task.actions.values():
+                has_moved |= _start(board, run, now_s)
+        if task.is_open and all(run.has_ended for run in task.actions.values()):
+            board.move(task, Trigger.FAIL if task.blemish else Trigger.FINISH, now_s, task.blemish)
+            task.is_settled = True
+            has_moved = True
+        if not program.is_open:
+            return True
+    if all(task.has_ended for task in program.tasks.values()):
+        failed = [task for task in program.tasks.values() if task.state is ActionState.FAILED]
+        if failed and not program.is_mission:
+            board.move(program, Trigger.FAIL, now_s, failed[0].reason)
+        else:
+            board.move(program, Trigger.FINISH, now_s)
+        return True
+    return has_moved
+
+
+def _end_companion(board: Board, run: ActionRun, now_s: float) -> bool:
+    """Ends an action whose `until` has ended."""
+    companion = run.task.actions.get(run.until) if run.until is not None else None
+    if companion is None or not companion.has_ended or run.has_ended or run.state is ActionState.FAILED:
+        return False
+    if run.state is ActionState.WAITING:
+        board.move(run, Trigger.SKIP, now_s, f"{run.until} had ended before it began")
+    else:
+        board.release(run)
+        board.move(run, Trigger.FINISH, now_s, f"{run.until} ended")
+    return True
+
+
+def _start(board: Board, run: ActionRun, now_s: float) -> bool:
+    """Starts an action that may start now; whether anything has changed."""
+    siblings = run.task.actions
+    if run.state is not ActionState.WAITING or not all(siblings[name].has_ended for name in run.options.after):
+        return False
+    if board.has_pilot or (run.is_motion and board.manoeuvre is not None):
+        return False
+    holder = board.assignments.holder(run.row)
+    if holder is not None:
+        run.reason = f"waits for {holder.label}"
+        return False
+    if run.action.capability in board.missing:
+        since_s = run.unavailable_since_s = run.unavailable_since_s if run.unavailable_since_s is not None else now_s
+        run.reason = f"waits for {', '.join(board.missing[run.action.capability])}"
+        if now_s < since_s + PATIENCE_S:
+            return False
+        missing, run.unavailable_since_s = run.reason, None
+        board.move(run, Trigger.START, now_s)
+        fail_action(board, run, f"{run.action.capability} is not available: it {missing}", now_s)
+        return True
+    run.unavailable_since_s = None
+    board.move(run, Trigger.START, now_s)
+    _assign(board, run, now_s)
+    return True
+
+
+def _assign(board: Board, run: ActionRun, now_s: float) -> None:
+    """Hands a running action to its component, unless it needs none."""
+    if not run.row.performed_by:
+        return
+    if isinstance(run.action.order, TakeOff):
+        board.is_taking_off = not board.reported_airborne
+        board.has_landed = False
+    board.is_changed = True
+    board.assignments.start(run.target, run.action.capability, run.row, run.action.order, run, now_s)
+
+
+def go_on_after_pause(board: Board, run: ActionRun, now_s: float) -> None:
+    """Resumes a paused action at its component, or there anew where the component no longer has it."""
+    board.move(run, Trigger.RESUME, now_s)
+    assignment = board.assignment(run)
+    if assignment is not None and assignment.phase is Phase.PAUSED:
+        board.assignments.resume(assignment, now_s)
+    else:
+        _assign(board, run, now_s)
+
+
+def finish_action(board: Board, run: ActionRun, now_s: float) -> None:
+    """An action's component says that it is done."""
+    board.release(run, is_over=True)
+    run.progress = 1.0
+    if isinstance(run.action.order, LandOrder):
+        board.has_landed = True
+    board.move(run, Trigger.FINISH, now_s)
+
+
+def due_s(board: Board) -> float:
+    """When something happens next by the passing of time alone; infinite if nothing does."""
+    times = [at_s for one in board.assignments.by_id.values() if (at_s := one.due_s()) is not None]
+    for program in board.programs.values():
+        if not program.is_open:
+            continue
+        times += [program.due_s(), *(item.due_s() for item in program.items())]
+        for run in program.actions():
+            if run.state is ActionState.RUNNING:
+                times.append(lost_at_s(board, run))
+                if isinstance(run.action.order, Wait):
+                    times.append(run.reaches_s(run.action.order.duration_s))
+            elif run.unavailable_since_s is not None:
+                times.append(run.unavailable_since_s + PATIENCE_S)
+    manoeuvre = board.manoeuvre
+    if manoeuvre is not None:
+        times += [at_s for at_s in (manoeuvre.land_at_s, manoeuvre.again_s) if at_s is not None]
+    return min(times, default=inf)

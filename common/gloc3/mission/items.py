@@ -1,0 +1,198 @@
+"""Missions, tasks and actions while they run: states, attempts and times. They move along the table of states only."""
+
+from collections.abc import Iterator
+from math import inf
+from typing import Final
+
+from gloc3.mission.model import Action, ItemFile, Mission, Task, attempts
+from gloc3.mission.policy import Policy
+from gloc3.mission.snapshot import ItemSnapshot, ProgramSnapshot
+from gloc3.mission.states import ActionState, Trigger, transition
+from gloc3.platform import Capability
+
+MISSION: Final = "mission"
+"""The name of the program that is the loaded mission."""
+
+_OVER: Final = (ActionState.DONE, ActionState.SKIPPED, ActionState.ABORTED)
+
+
+class Item:
+    """What a mission, a task and an action have in common."""
+
+    level: str = ""
+
+    def __init__(self, target: str, options: ItemFile, deadline_s: float | None) -> None:
+        self.target: Final = target
+        self.options: Final = options
+        self.deadline_s: Final = deadline_s
+        self.state = ActionState.WAITING
+        self.reason = ""
+        self.starts = 0
+        """How often it was begun, since an operator last said retry."""
+        self.is_settled = False
+        """Failed, and gone on with all the same, by a policy `continue`."""
+        self.paused_by = ""
+        """The level whose pause it is in."""
+        self._ran_s = 0.0
+        self._since_s: float | None = None
+
+    def __repr__(self) -> str:
+        return f"<{self.level} {self.target} {self.state}>"
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether what comes after it may begin."""
+        return self.state in _OVER or (self.state is ActionState.FAILED and self.is_settled)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it has begun and not ended."""
+        return self.state in (ActionState.RUNNING, ActionState.PAUSED)
+
+    @property
+    def has_attempts_left(self) -> bool:
+        """Whether a failure leads to another attempt."""
+        return self.starts < attempts(self.options)
+
+    @property
+    def policy(self) -> Policy | None:
+        """What it says itself about its failure, its attempts being used up."""
+        return None if self.options.on_failure is Policy.RETRY else self.options.on_failure
+
+    def ran_s(self, now_s: float) -> float:
+        """How long it has been running, pauses left out."""
+        return self._ran_s + (now_s - self._since_s if self._since_s is not None else 0.0)
+
+    def reaches_s(self, duration_s: float | None) -> float:
+        """When it will have been running for so long, if it goes on; infinite while it does not run."""
+        if duration_s is None or self._since_s is None:
+            return inf
+        return self._since_s + duration_s - self._ran_s
+
+    def due_s(self) -> float:
+        """When its deadline passes, if it goes on running."""
+        return self.reaches_s(self.deadline_s)
+
+    def move(self, trigger: Trigger, now_s: float, reason: str = "") -> None:
+        """Goes on by the table.
+
+        Raises:
+            Refused: the table has no such row.
+        """
+        to = transition(self.state, trigger)
+        self._ran_s = 0.0 if to is ActionState.WAITING else self.ran_s(now_s)
+        self._since_s = now_s if to is ActionState.RUNNING else None
+        self.state, self.reason = to, reason
+        self.paused_by = ""
+        if trigger is Trigger.START:
+            self.starts += 1
+
+    def snapshot(self, now_s: float) -> ItemSnapshot:
+        """What is kept of it."""
+        return ItemSnapshot(
+            state=self.state,
+            reason=self.reason,
+            starts=self.starts,
+            ran_s=self.ran_s(now_s),
+            is_settled=self.is_settled,
+            paused_by=self.paused_by,
+        )
+
+    def restore(self, kept: ItemSnapshot, now_s: float) -> None:
+        """Becomes what was kept."""
+        self.state, self.reason, self.starts = kept.state, kept.reason, kept.starts
+        self.is_settled, self.paused_by, self._ran_s = kept.is_settled, kept.paused_by, kept.ran_s
+        self._since_s = now_s if kept.state is ActionState.RUNNING else None
+
+
+class ActionRun(Item):
+    """An action of a program."""
+
+    level = "action"
+
+    def __init__(self, task: "TaskRun", action: Action, row: Capability) -> None:
+        super().__init__(f"{task.target}.{action.name}", action.options, action.options.deadline_s)
+        self.task: Final = task
+        self.action: Final = action
+        self.row: Final = row
+        self.until: Final = action.options.until
+        self.progress = 0.0
+        self.action_id = ""
+        """The id under which a component is at it; empty where none is."""
+        self.unavailable_since_s: float | None = None
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether it moves the vehicle."""
+        return "motion" in self.row.claims
+
+    def snapshot(self, now_s: float) -> ItemSnapshot:
+        """What is kept of it."""
+        kept = super().snapshot(now_s)
+        return ItemSnapshot(
+            **{name: getattr(kept, name) for name in kept.__struct_fields__} | {"progress": self.progress}
+        )
+
+    def restore(self, kept: ItemSnapshot, now_s: float) -> None:
+        """Becomes what was kept."""
+        super().restore(kept, now_s)
+        self.progress = kept.progress
+
+
+class TaskRun(Item):
+    """A task of a program."""
+
+    level = "task"
+
+    def __init__(self, program: "Program", task: Task) -> None:
+        super().__init__(task.name, task.options, task.options.deadline_s)
+        self.program: Final = program
+        self.actions: Final[dict[str, ActionRun]] = {
+            action.name: ActionRun(self, action, program.rows[action.capability]) for action in task.actions.values()
+        }
+        self.blemish = ""
+        """Why it is going to end as failed, although it goes on."""
+
+
+class Program(Item):
+    """The loaded mission, or a single task or action that was asked for."""
+
+    level = "mission"
+
+    def __init__(self, name: str, mission: Mission, rows: dict[str, Capability]) -> None:
+        super().__init__(name, ItemFile(), mission.deadline_s)
+        self.name: Final = name
+        self.mission: Final = mission
+        self.rows: Final = rows
+        self.tasks: Final[dict[str, TaskRun]] = {task.name: TaskRun(self, task) for task in mission.tasks.values()}
+
+    @property
+    def is_mission(self) -> bool:
+        """Whether it is the loaded mission, whose policies govern."""
+        return self.name == MISSION
+
+    def actions(self) -> Iterator[ActionRun]:
+        """All actions, in the order of the file."""
+        for task in self.tasks.values():
+            yield from task.actions.values()
+
+    def items(self) -> Iterator[TaskRun | ActionRun]:
+        """All tasks, each followed by its actions."""
+        for task in self.tasks.values():
+            yield task
+            yield from task.actions.values()
+
+    def find(self, target: str) -> "TaskRun | ActionRun | None":
+        """The task or `TASK.ACTION` of that name."""
+        task_name, _, action_name = target.partition(".")
+        task = self.tasks.get(task_name)
+        return task.actions.get(action_name) if task is not None and action_name else task
+
+    def keep(self, now_s: float) -> ProgramSnapshot:
+        """What is kept of it and of all that is in it."""
+        return ProgramSnapshot(
+            name=self.name,
+            text=self.mission.text,
+            own=self.snapshot(now_s),
+            items={item.target: item.snapshot(now_s) for item in self.items()},
+        )

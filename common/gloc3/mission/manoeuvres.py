@@ -1,0 +1,175 @@
+"""Carries out the policies that move the vehicle: hold, return, land; the most severe of several wins."""
+
+from typing import Final
+
+from gloc3.messages import Severity
+from gloc3.mission.arguments import Arguments, LandOrder, ReturnHome
+from gloc3.mission.assignments import MOTION, Assignment
+from gloc3.mission.board import Board, Condition, Manoeuvre
+from gloc3.mission.items import Program
+from gloc3.mission.policy import MANOEUVRES, SEVERITY, Policy, resolved
+from gloc3.mission.states import ENDED, ActionState, Trigger
+
+AGAIN_S: Final = 1.0
+"""A landing that cannot be begun is tried again after this time, for as long as it takes."""
+
+_CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
+    Policy.RETURN: ("return_home", ReturnHome()),
+    Policy.LAND: ("land", LandOrder()),
+}
+
+
+def meet(board: Board, condition: Condition, reason: str, now_s: float) -> None:
+    """Answers a condition that has just arisen with the governing policies."""
+    if board.has_pilot:
+        board.unanswered[condition] = reason
+        board.tell(Severity.WARNING, f"{condition}: {reason}; the pilot has control")
+        return
+    policy = _policy_for(board, condition)
+    board.tell(Severity.WARNING, f"{condition}{': ' + reason if reason else ''}; policy: {policy}")
+    if policy in MANOEUVRES:
+        apply(board, policy, str(condition), now_s)
+
+
+def _policy_for(board: Board, condition: Condition) -> Policy:
+    policies = board.policies
+    match condition:
+        case Condition.LINK_LOST:
+            wanted = Policy(policies.on_link_loss)
+        case Condition.LOW_BATTERY:
+            wanted = Policy(policies.on_low_battery)
+        case Condition.POSE_LOST:
+            wanted = Policy(policies.on_pose_lost)
+        case Condition.FENCE_BREACHED:
+            wanted = Policy.ABORT
+    return resolved(wanted, policies.on_failure)
+
+
+def apply(
+    board: Board, policy: Policy, cause: str, now_s: float, trigger: Trigger = Trigger.FAIL, *, is_ordered: bool = False
+) -> None:
+    """Carries out `hold`, `return` or `land`, unless a more severe policy is being carried out already.
+
+    Args:
+        board: the executor's state.
+        policy: what is to be done.
+        cause: why.
+        now_s: the time.
+        trigger: what becomes of a mission that a return or landing ends: failed or aborted.
+        is_ordered: an operator wants it: it goes before any policy, and holds for as long as he likes.
+    """
+    current = board.manoeuvre
+    if current is not None and not is_ordered and SEVERITY[current.policy] >= SEVERITY[policy]:
+        return
+    _stop(board)
+    reason = f"{cause}: {policy}"
+    if policy is Policy.HOLD:
+        for program in board.programs.values():
+            if program.is_mission:
+                board.halt(program, "mission", now_s, reason)
+            elif _is_stopped_by_hold(program):
+                _end_program(board, program, Trigger.ABORT, now_s, reason)
+    else:
+        for program in board.programs.values():
+            _end_program(board, program, trigger if program.is_mission else Trigger.ABORT, now_s, reason)
+    if not board.is_airborne:
+        return
+    board.manoeuvre = Manoeuvre(policy, cause)
+    board.is_changed = True
+    board.tell(Severity.WARNING, f"policy {policy}: {cause}")
+    if policy is Policy.HOLD:
+        board.manoeuvre.land_at_s = None if is_ordered else now_s + board.policies.hold_s
+    else:
+        board.manoeuvre.again_s = now_s
+
+
+def _is_stopped_by_hold(program: Program) -> bool:
+    """Whether a single command moves the vehicle, or has failed."""
+    return any(
+        (run.is_motion and not run.has_ended) or (run.state is ActionState.FAILED and not run.is_settled)
+        for run in program.actions()
+    )
+
+
+def _end_program(board: Board, program: Program, trigger: Trigger, now_s: float, reason: str) -> None:
+    if program.is_open:
+        board.end_all(program, Trigger.ABORT, now_s, reason)
+        board.move(program, trigger, now_s, reason)
+
+
+def _stop(board: Board) -> None:
+    """Ends the policy that is being carried out."""
+    if board.manoeuvre is not None:
+        if board.manoeuvre.assignment is not None:
+            board.assignments.drop(board.manoeuvre.assignment)
+        board.manoeuvre = None
+        board.is_changed = True
+
+
+def dismiss(board: Board) -> None:
+    """Ends a policy's hold because an operator acts; the hold controller keeps the vehicle until he goes on."""
+    if board.manoeuvre is not None and board.manoeuvre.policy is Policy.HOLD:
+        _stop(board)
+
+
+def forget(board: Board) -> None:
+    """Ends whatever policy is being carried out, because a pilot has control."""
+    _stop(board)
+
+
+def advance(board: Board, now_s: float) -> None:
+    """Begins the manoeuvre's next action, or lands after a hold in which nobody has acted."""
+    manoeuvre = board.manoeuvre
+    if manoeuvre is None:
+        return
+    if not board.is_airborne and manoeuvre.assignment is None:
+        board.tell(Severity.INFO, f"policy {manoeuvre.policy} ended: the vehicle is on the ground")
+        _stop(board)
+    elif manoeuvre.land_at_s is not None and now_s >= manoeuvre.land_at_s:
+        cause = f"{manoeuvre.cause}; nobody acted for {board.policies.hold_s:g} s"
+        apply(board, Policy.LAND, cause, now_s)
+        advance(board, now_s)
+    elif manoeuvre.again_s is not None and now_s >= manoeuvre.again_s and manoeuvre.assignment is None:
+        manoeuvre.again_s = None
+        name, order = _CAPABILITY[manoeuvre.policy]
+        row = board.rows.get(name)
+        if row is None or name in board.missing:
+            lacking = ", ".join(board.missing.get(name, ())) or "the platform cannot do it"
+            _fall_back(board, manoeuvre, f"{name} is not available ({lacking})", now_s)
+            return
+        board.is_changed = True
+        manoeuvre.assignment = board.assignments.start(f"policy.{name}", name, row, order, None, now_s)
+
+
+def ended(board: Board, assignment: Assignment, state: ActionState, reason: str, now_s: float) -> None:
+    """A manoeuvre's action has ended, or failed in any way."""
+    manoeuvre = board.manoeuvre
+    if manoeuvre is None or manoeuvre.assignment is not assignment or state not in ENDED:
+        return
+    manoeuvre.assignment = None
+    board.is_changed = True
+    if state is not ActionState.DONE:
+        _fall_back(board, manoeuvre, f"{assignment.label} {state}: {reason}", now_s)
+    elif manoeuvre.policy is Policy.RETURN:
+        board.tell(Severity.INFO, "policy return: at home, landing")
+        manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
+    else:
+        board.has_landed = True
+        board.tell(Severity.INFO, "policy land: landed")
+        board.manoeuvre = None
+
+
+def _fall_back(board: Board, manoeuvre: Manoeuvre, reason: str, now_s: float) -> None:
+    """From return to landing here; from landing to landing again."""
+    if manoeuvre.policy is Policy.RETURN:
+        board.tell(Severity.ERROR, f"{reason}; landing here")
+        manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
+        advance(board, now_s)
+    else:
+        board.tell(Severity.ERROR, f"{reason}; trying again")
+        manoeuvre.again_s = now_s + AGAIN_S
+
+
+def is_motion_claimed(board: Board) -> bool:
+    """Whether an action or a policy's manoeuvre owns motion."""
+    return MOTION in board.assignments.claims

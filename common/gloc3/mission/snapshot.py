@@ -1,0 +1,46 @@
+"""What of the executor survives its process: the missions' texts and how far everything is."""
+
+import msgspec
+
+from gloc3.mission.policy import Policy
+from gloc3.mission.states import ActionState
+
+
+class ItemSnapshot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A mission, task or action."""
+
+    state: ActionState
+    reason: str = ""
+    starts: int = 0
+    """How often it was begun."""
+    ran_s: float = 0.0
+    """How long it was running, pauses left out."""
+    progress: float = 0.0
+    is_settled: bool = False
+    """Failed, and gone on with all the same."""
+    paused_by: str = ""
+    """The level whose pause it is in."""
+
+
+class ProgramSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """A mission, or a single task or action."""
+
+    name: str
+    """`mission`, or the name of the single command."""
+    text: str
+    """The file's content."""
+    own: ItemSnapshot
+    items: dict[str, ItemSnapshot]
+    """By `TASK` and `TASK.ACTION`."""
+
+
+class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """The executor at one moment."""
+
+    count: int
+    """Of the action ids given so far: they are never used twice."""
+    programs: list[ProgramSnapshot]
+    policy: Policy | None = None
+    """The policy that is being carried out."""
+    cause: str = ""
+    """Why."""

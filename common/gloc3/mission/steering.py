@@ -1,0 +1,224 @@
+"""What operators do to the mission, a task or an action: start, pause, resume, skip, abort and retry."""
+
+from gloc3.errors import Refused, nearest
+from gloc3.frames import Vector3
+from gloc3.mission import manoeuvres
+from gloc3.mission.arguments import TakeOff
+from gloc3.mission.board import Board, Condition
+from gloc3.mission.checker import home_problem
+from gloc3.mission.failures import reopen, retry
+from gloc3.mission.flow import go_on_after_pause
+from gloc3.mission.items import MISSION, ActionRun, Item, Program, TaskRun
+from gloc3.mission.policy import MANOEUVRES, Policy, resolved
+from gloc3.mission.states import TABLE, ActionState, Trigger
+from gloc3.mission.structure import PartialOrder
+
+_BY_OPERATOR = "by an operator"
+
+
+def find(board: Board, target: str) -> Item:
+    """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`.
+
+    Raises:
+        Refused: there is none.
+    """
+    if target in ("", MISSION):
+        if board.mission is None:
+            raise Refused("no mission is loaded")
+        return board.mission
+    for program in board.programs.values():
+        if (item := program.find(target)) is not None:
+            return item
+    known = [item.target for program in board.programs.values() for item in program.items()]
+    raise Refused(f"there is no {target!r}; {nearest(target, known)}")
+
+
+def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m: Vector3 | None) -> None:
+    """Carries a command out.
+
+    Raises:
+        Refused: it cannot be done now; nothing has changed.
+    """
+    if trigger is Trigger.RESUME and target in ("", MISSION) and board.has_pilot:
+        _take_back(board, now_s)
+        return
+    item = find(board, target)
+    if trigger not in (accepted := triggers(item)):
+        raise Refused(f"{trigger} is not accepted in {item.state}; accepted: {', '.join(accepted) or 'nothing'}")
+    match trigger:
+        case Trigger.START:
+            _start(board, item, now_s, home_ned_m)
+        case Trigger.PAUSE:
+            manoeuvres.dismiss(board)
+            board.halt(item, item.level, now_s, _BY_OPERATOR)
+        case Trigger.RESUME:
+            _resume(board, item, now_s)
+        case Trigger.SKIP:
+            _end(board, item, Trigger.SKIP, now_s)
+        case Trigger.ABORT:
+            _end(board, item, Trigger.ABORT, now_s)
+        case Trigger.RETRY:
+            if not isinstance(item, TaskRun | ActionRun):
+                raise Refused("a mission that has ended is not tried again; load it again")
+            manoeuvres.dismiss(board)
+            retry(board, item, now_s)
+
+
+def triggers(item: Item) -> tuple[Trigger, ...]:
+    """What an operator may do to an item in its state."""
+    return tuple(t for t in TABLE[item.state] if t not in (Trigger.FINISH, Trigger.FAIL))
+
+
+def _start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -> None:
+    if not isinstance(item, Program):
+        raise Refused(f"{item.target} starts when what it comes after has ended; start the mission")
+    refuse_while_unfit(board)
+    for condition, reason in board.conditions.items():
+        if condition is not Condition.LINK_LOST:
+            raise Refused(f"{condition}" + (f": {reason}" if reason else ""))
+    _check_readiness(board, item)
+    if home_ned_m is not None and (problem := home_problem(item.mission, home_ned_m)):
+        raise Refused(problem)
+    manoeuvres.dismiss(board)
+    board.policies = item.mission.policies
+    board.move(item, Trigger.START, now_s, _BY_OPERATOR)
+
+
+def refuse_while_unfit(board: Board) -> None:
+    """Refuses what would move the vehicle while a pilot or a policy does.
+
+    Raises:
+        Refused: with the reason.
+    """
+    if board.has_pilot:
+        raise Refused("the pilot has control; resume the mission to take it back")
+    manoeuvre = board.manoeuvre
+    if manoeuvre is not None and manoeuvre.policy is not Policy.HOLD:
+        raise Refused(f"the policy {manoeuvre.policy} is being carried out ({manoeuvre.cause})")
+
+
+def _check_readiness(board: Board, program: Program) -> None:
+    """A mission starts only if everything that it uses is there, and the vehicle is where its first action needs it."""
+    for run in program.actions():
+        name = run.action.capability
+        if name in board.missing:
+            raise Refused(f"{name} is not available: it lacks {', '.join(board.missing[name])}")
+    order = PartialOrder.of(program.mission)
+    runs = {run.target: run for run in program.actions()}
+    motions = [runs[target] for target in order.targets if runs[target].is_motion]
+    if not motions:
+        return
+    holder = board.assignments.holder(motions[0].row)
+    if holder is not None:
+        raise Refused(f"motion is claimed by {holder.label}; pause or abort it first")
+    takes_off = isinstance(motions[0].action.order, TakeOff)
+    if takes_off and board.is_airborne:
+        raise Refused("the vehicle is in the air already, and the mission begins with a take-off")
+    if not takes_off and not board.is_airborne:
+        raise Refused("the vehicle is on the ground, and the mission does not begin with a take-off")
+
+
+def _take_back(board: Board, now_s: float) -> None:
+    """An operator says resume after a pilot had control."""
+    mission = board.mission
+    if mission is not None and mission.state is ActionState.PAUSED:
+        _check_resumable(board, mission)
+    board.has_pilot = False
+    board.is_taking_back = True
+    unanswered = dict(board.unanswered)
+    board.unanswered.clear()
+    if mission is not None and mission.state is ActionState.PAUSED:
+        _go_on(board, mission, now_s)
+    for condition, reason in unanswered.items():
+        if condition in board.conditions:
+            manoeuvres.meet(board, condition, reason, now_s)
+
+
+def _resume(board: Board, item: Item, now_s: float) -> None:
+    if board.has_pilot:
+        raise Refused("the pilot has control; resume the mission to take it back")
+    for parent in _parents(item):
+        if parent.state is ActionState.PAUSED:
+            raise Refused(f"the {parent.level} is paused; resume that")
+    if board.manoeuvre is not None and board.manoeuvre.policy is not Policy.HOLD:
+        raise Refused(f"the policy {board.manoeuvre.policy} is being carried out ({board.manoeuvre.cause})")
+    _check_resumable(board, item)
+    manoeuvres.dismiss(board)
+    _go_on(board, item, now_s)
+
+
+def _parents(item: Item) -> list[Item]:
+    match item:
+        case ActionRun():
+            return [item.task.program, item.task]
+        case TaskRun():
+            return [item.program]
+    return []
+
+
+def _paused_in(item: Item) -> list[ActionRun]:
+    """The actions that a resume of the item would resume."""
+    runs = item.actions() if isinstance(item, Program) else item.actions.values() if isinstance(item, TaskRun) else ()
+    found = [run for run in runs if run.state is ActionState.PAUSED and run.paused_by == item.paused_by]
+    return [item] if isinstance(item, ActionRun) else found
+
+
+def _check_resumable(board: Board, item: Item) -> None:
+    for run in _paused_in(item):
+        holder = board.assignments.holder(run.row)
+        if holder is not None:
+            raise Refused(f"{run.target} needs {run.row.claims[0]}, claimed by {holder.label}; pause or abort it first")
+        if run.is_motion and not board.is_airborne and not isinstance(run.action.order, TakeOff):
+            raise Refused(f"the vehicle is on the ground, and {run.target} was paused in the air; abort it")
+        if run.action.capability in board.missing:
+            lacking = ", ".join(board.missing[run.action.capability])
+            raise Refused(f"{run.action.capability} is not available: it lacks {lacking}")
+
+
+def _go_on(board: Board, item: Item, now_s: float) -> None:
+    """Resumes an item, what was paused with it, and tries again what has failed in it."""
+    by = item.paused_by
+    runs = _paused_in(item)
+    if isinstance(item, Program):
+        board.move(item, Trigger.RESUME, now_s)
+        for task in item.tasks.values():
+            if task.state is ActionState.PAUSED and task.paused_by == by:
+                board.move(task, Trigger.RESUME, now_s)
+            elif task.state is ActionState.FAILED and not task.is_settled:
+                retry(board, task, now_s)
+    elif isinstance(item, TaskRun):
+        board.move(item, Trigger.RESUME, now_s)
+    for run in runs:
+        go_on_after_pause(board, run, now_s)
+    if isinstance(item, Program | TaskRun):
+        waiting = item.actions() if isinstance(item, Program) else iter(item.actions.values())
+        for run in waiting:
+            if run.state is ActionState.FAILED and not run.is_settled:
+                retry(board, run, now_s)
+
+
+def _end(board: Board, item: Item, trigger: Trigger, now_s: float) -> None:
+    """Skips or aborts; an abort is followed by the mission's `on_failure`."""
+    manoeuvres.dismiss(board)
+    if isinstance(item, Program):
+        was_open = item.is_open
+        board.end_all(item, trigger, now_s, _BY_OPERATOR)
+        board.move(item, trigger, now_s, _BY_OPERATOR)
+        if trigger is Trigger.ABORT and was_open:
+            _follow_abort(board, item, now_s, is_whole=True)
+        return
+    assert isinstance(item, TaskRun | ActionRun)
+    program = item.program if isinstance(item, TaskRun) else item.task.program
+    board.end(item, trigger, now_s, _BY_OPERATOR)
+    if trigger is Trigger.ABORT and program.is_open:
+        _follow_abort(board, program, now_s, is_whole=False)
+    elif isinstance(item, ActionRun):
+        reopen(board, item.task, now_s)
+
+
+def _follow_abort(board: Board, program: Program, now_s: float, *, is_whole: bool) -> None:
+    on_failure = program.mission.policies.on_failure
+    if board.has_pilot or not (is_whole or on_failure in MANOEUVRES):
+        return
+    policy = resolved(Policy.ABORT, on_failure)
+    manoeuvres.apply(board, policy, f"abort {_BY_OPERATOR}", now_s, Trigger.ABORT)

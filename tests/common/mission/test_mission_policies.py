@@ -1,0 +1,528 @@
+"""Each policy is carried out as the mission says, the most severe one wins, and the pilot goes before all of them."""
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.mission.board import Condition
+from gloc3.mission.requests import Grant
+from gloc3.mission.states import ActionState
+from gloc3.platform import Platform
+
+from .executor_rig import Rig
+
+MISSION = """\
+mission: test
+frame: hold
+on_failure: hold
+on_link_loss: hold
+on_low_battery: return
+on_pose_lost: land
+hold_s: 30
+tasks:
+  depart:
+    actions:
+      climb:  {take_off: {height_m: 1.5}}
+  sweep:
+    after: [depart]
+    actions:
+      wall:   {follow_waypoints: {waypoints_m: [[2, 1, 2], [16, 1, 2]]}}
+      photos: {record_images: {camera: ground, every_m: 0.5}, until: wall}
+  recover:
+    after: [sweep]
+    actions:
+      home:   {return_home: {}}
+      down:   {land: {}, after: [home]}
+"""
+
+
+def flying(platform: Platform, text: str = MISSION) -> Rig:
+    """In the middle of the sweep."""
+    rig = Rig(platform, text)
+    rig.start()
+    rig.fly()
+    rig.done("depart.climb")
+    return rig
+
+
+@pytest.fixture
+def rig(pelican: Platform) -> Rig:
+    return flying(pelican)
+
+
+# failures
+
+
+@pytest.mark.parametrize("level", ["action", "task"])
+def test_retry_starts_what_failed_again_and_then_goes_by_the_next_level(pelican: Platform, level: str) -> None:
+    text = (
+        MISSION.replace("[16, 1, 2]]}}", "[16, 1, 2]]}, retries: 2}")
+        if level == "action"
+        else MISSION.replace("    after: [depart]", "    after: [depart]\n    on_failure: retry\n    retries: 2")
+    )
+    rig = flying(pelican, text)
+    for attempt in (1, 2):
+        rig.failed("sweep.wall")
+        assert rig.running() == ["sweep.photos", "sweep.wall"], attempt
+        assert rig.state("sweep") == "running"
+    rig.failed("sweep.wall")
+    assert rig.state("sweep.wall") == "failed"
+    assert rig.executor.policy == "hold"
+
+
+def test_skip_counts_what_failed_as_skipped_and_goes_on(pelican: Platform) -> None:
+    rig = flying(pelican, MISSION.replace("[16, 1, 2]]}}", "[16, 1, 2]]}, on_failure: skip}"))
+    rig.failed("sweep.wall")
+    assert rig.state("sweep.wall") == "skipped"
+    assert rig.state("sweep.photos") == "done"
+    assert rig.state("sweep") == "done"
+    assert rig.running() == ["recover.home"]
+
+
+def test_a_task_that_skips_ends_all_that_is_in_it(pelican: Platform) -> None:
+    rig = flying(pelican, MISSION.replace("    after: [depart]", "    after: [depart]\n    on_failure: skip"))
+    rig.failed("sweep.photos")
+    assert [rig.state("sweep"), rig.state("sweep.wall"), rig.state("sweep.photos")] == ["skipped"] * 3
+    assert rig.running() == ["recover.home"]
+
+
+def test_continue_leaves_what_failed_as_failed_and_goes_on(pelican: Platform) -> None:
+    rig = flying(pelican, MISSION.replace("until: wall", "until: wall, on_failure: continue"))
+    rig.failed("sweep.photos")
+    assert rig.state("sweep.photos") == "failed"
+    assert rig.running() == ["sweep.wall"]
+    rig.done("sweep.wall")
+    assert rig.state("sweep") == "done"
+    rig = flying(pelican, MISSION.replace("on_failure: hold", "on_failure: continue"))
+    rig.failed("sweep.photos")
+    assert rig.running() == ["sweep.wall"]
+    rig.done("sweep.wall")
+    assert rig.state("sweep") == "failed"
+    assert rig.running() == ["recover.home"]
+    rig.done("recover.home")
+    rig.done("recover.down")
+    assert rig.state() == "done"
+
+
+def test_hold_waits_for_an_operator_and_then_lands(rig: Rig) -> None:
+    rig.failed("sweep.wall")
+    assert rig.state() == "paused"
+    assert rig.state("sweep.wall") == "failed"
+    assert rig.state("sweep.photos") == "paused"
+    assert rig.grant.action_id == "hold"
+    rig.pass_s(29.9)
+    assert rig.executor.policy == "hold"
+    rig.pass_s(0.2)
+    assert rig.executor.policy == "land"
+    assert rig.running() == ["policy.land"]
+    assert rig.state() == "failed"
+    assert rig.executor.mission is not None
+    assert rig.executor.mission.reason == ("sweep failed: wall failed: no luck; nobody acted for 30 s: land")
+
+
+@pytest.mark.parametrize("verb", ["resume", "retry", "skip"])
+def test_an_operator_who_acts_ends_the_hold(rig: Rig, verb: str) -> None:
+    rig.failed("sweep.wall")
+    rig.pass_s(10)
+    if verb == "resume":
+        rig.steer("resume")
+    else:
+        rig.steer(verb, "sweep.wall")
+        rig.pass_s(100)
+        assert rig.state() == "paused"
+        rig.steer("resume")
+    assert rig.running() == (["recover.home"] if verb == "skip" else ["sweep.photos", "sweep.wall"])
+    assert rig.state() == "running"
+
+
+def test_land_and_return_end_the_mission_as_failed(pelican: Platform) -> None:
+    rig = flying(pelican, MISSION.replace("on_failure: hold", "on_failure: land"))
+    rig.failed("sweep.photos")
+    assert rig.state() == "failed"
+    assert rig.running() == ["policy.land"]
+    rig = flying(pelican, MISSION.replace("on_failure: hold", "on_failure: return"))
+    rig.failed("sweep.photos")
+    assert rig.running() == ["policy.return_home"]
+    assert rig.grant.action_id == rig.id_of("policy.return_home")
+    rig.done("policy.return_home")
+    assert rig.executor.policy == "land"
+    rig.done("policy.land")
+    assert rig.executor.policy == ""
+    assert rig.state("sweep.wall") == "aborted"
+    assert rig.state("sweep.photos") == "failed"
+
+
+def test_abort_means_the_mission_s_on_failure(pelican: Platform) -> None:
+    text = MISSION.replace("until: wall", "until: wall, on_failure: abort").replace(
+        "on_failure: hold", "on_failure: return"
+    )
+    rig = flying(pelican, text)
+    rig.failed("sweep.photos")
+    assert rig.running() == ["policy.return_home"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (MISSION.replace("[16, 1, 2]]}}", "[16, 1, 2]]}, deadline_s: 10, on_failure: skip}"), "skipped"),
+        (MISSION.replace("    after: [depart]", "    after: [depart]\n    deadline_s: 10\n    on_failure: skip"), "skipped"),
+        (MISSION.replace("    after: [depart]", "    after: [depart]\n    deadline_s: 10\n    on_failure: continue"), "failed"),
+        (MISSION.replace("hold_s: 30", "hold_s: 30\ndeadline_s: 10"), "aborted"),
+    ],
+)  # fmt: skip
+def test_a_deadline_that_passes_is_a_failure_and_pauses_do_not_count(
+    pelican: Platform, text: str, expected: str
+) -> None:
+    rig = flying(pelican, text)
+    rig.pass_s(6)
+    rig.steer("pause")
+    rig.pass_s(60)
+    rig.steer("resume")
+    rig.pass_s(3.9)
+    assert rig.state("sweep.wall") == "running"
+    rig.pass_s(0.2)
+    assert rig.state("sweep.wall") == expected
+    if "\ndeadline_s" in text:
+        assert rig.state() == "failed"
+        assert rig.executor.policy == "hold"
+    else:
+        assert rig.running() == ["recover.home"]
+
+
+# components
+
+
+def test_a_refused_start_is_a_failure(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION)
+    rig.refusing["flight"] = "not armable"
+    rig.start()
+    assert rig.state("depart.climb") == "failed"
+    assert rig.state() == "paused"
+    assert "depart.climb failed: flight refused to start: not armable" in rig.log
+    assert rig.grant.action_id == ""
+    rig.refusing.clear()
+    rig.steer("resume")
+    assert rig.running() == ["depart.climb"]
+
+
+def test_a_component_that_does_not_answer_or_goes_silent_has_failed(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION)
+    rig.deaf.add("flight")
+    rig.start()
+    rig.pass_s(1.1)
+    assert "depart.climb failed: flight does not answer" in rig.log
+    rig = flying(pelican)
+    rig.deaf.add("waypoints")
+    rig.pass_s(4.9)
+    assert rig.state("sweep.wall") == "running"
+    rig.pass_s(1)
+    assert "sweep.wall failed: waypoints has gone silent" in rig.log
+
+
+def test_a_component_that_turns_faulty_fails_its_actions(rig: Rig) -> None:
+    rig.executor.component_failed("images", "faulty: no camera", rig.now_s)
+    rig.settle()
+    assert "sweep.photos failed: images: faulty: no camera" in rig.log
+    assert rig.executor.policy == "hold"
+
+
+def test_a_standby_has_half_a_second_to_take_over(rig: Rig) -> None:
+    for outage_s, expected in ((0.4, "running"), (0.6, "failed")):
+        rig.executor.available({"follow_waypoints": ("limiter",)}, rig.now_s)
+        rig.pass_s(outage_s)
+        rig.executor.available({}, rig.now_s)
+        assert rig.state("sweep.wall") == expected
+
+
+def test_an_action_waits_two_seconds_for_what_it_needs(pelican: Platform) -> None:
+    for outage_s, expected in ((1.9, "running"), (2.1, "failed")):
+        rig = Rig(pelican, MISSION)
+        rig.start()
+        rig.fly()
+        rig.executor.available({"follow_waypoints": ("limiter",)}, rig.now_s)
+        rig.done("depart.climb")
+        assert rig.state("sweep.wall") == "waiting"
+        assert rig.grant.action_id == "hold"
+        rig.pass_s(outage_s)
+        rig.executor.available({}, rig.now_s)
+        rig.settle()
+        assert rig.state("sweep.wall") == expected
+
+
+def test_a_component_that_forgot_a_paused_action_gets_it_anew(rig: Rig) -> None:
+    rig.report(rig.id_of("sweep.wall"), ActionState.RUNNING, progress=0.6)
+    rig.steer("pause")
+    del rig.under_way[rig.id_of("sweep.wall")]
+    rig.steer("resume")
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+    assert rig.started[-1].progress == 0.6
+
+
+def test_an_action_that_cannot_pause_is_cancelled_and_begun_again(rig: Rig) -> None:
+    rig.refusing["waypoints"] = "not now"
+    rig.steer("pause")
+    assert rig.state("sweep.wall") == "paused"
+    assert rig.grant.action_id == "hold"
+    assert list(rig.under_way.values()) == ["paused"]
+    rig.refusing.clear()
+    rig.steer("resume")
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
+# conditions
+
+
+def test_link_loss_is_noticed_after_the_time_that_the_mission_gives(rig: Rig) -> None:
+    rig.executor.link(4.9, rig.now_s)
+    assert rig.executor.policy == ""
+    rig.executor.link(5.0, rig.now_s)
+    rig.settle()
+    assert rig.executor.policy == "hold"
+    rig.executor.link(0.0, rig.now_s)
+    rig.settle()
+    assert rig.state() == "paused"
+    rig.steer("resume")
+    assert rig.state() == "running"
+
+
+def test_continue_does_nothing_about_a_condition(pelican: Platform) -> None:
+    rig = flying(pelican, MISSION.replace("on_link_loss: hold", "on_link_loss: continue"))
+    rig.arise(Condition.LINK_LOST)
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+    assert "link lost; policy: continue" in rig.log
+
+
+@pytest.mark.parametrize(
+    ("condition", "running"),
+    [
+        (Condition.LOW_BATTERY, ["policy.return_home"]),
+        (Condition.POSE_LOST, ["policy.land"]),
+        (Condition.FENCE_BREACHED, []),
+    ],
+)
+def test_each_condition_has_its_policy(rig: Rig, condition: Condition, running: list[str]) -> None:
+    rig.arise(condition)
+    assert rig.running() == running
+    assert rig.executor.policy == (running[0].removeprefix("policy.").partition("_")[0] if running else "hold")
+
+
+def test_the_most_severe_policy_wins_whatever_the_order(pelican: Platform) -> None:
+    conditions = [Condition.LINK_LOST, Condition.LOW_BATTERY, Condition.POSE_LOST]
+    for order in ((0, 1, 2), (2, 1, 0), (1, 2, 0)):
+        rig = flying(pelican)
+        for index in order:
+            rig.arise(conditions[index])
+        assert rig.running() == ["policy.land"]
+        assert rig.executor.policy == "land"
+
+
+def test_a_return_that_cannot_be_flown_becomes_a_landing(rig: Rig) -> None:
+    rig.executor.available({"return_home": ("pose",)}, rig.now_s)
+    rig.arise(Condition.LOW_BATTERY)
+    assert rig.running() == ["policy.land"]
+    rig = flying(rig.platform)
+    rig.arise(Condition.LOW_BATTERY)
+    rig.failed("policy.return_home")
+    assert rig.running() == ["policy.land"]
+
+
+def test_a_landing_is_tried_until_it_is_done(rig: Rig) -> None:
+    rig.refusing["flight"] = "busy"
+    rig.arise(Condition.POSE_LOST)
+    rig.pass_s(3.5)
+    assert rig.log.count("start policy.land") == 4
+    rig.refusing.clear()
+    rig.pass_s(1)
+    rig.done("policy.land")
+    assert rig.executor.policy == ""
+
+
+def test_a_lost_pose_is_answered_by_its_own_policy_and_not_by_that_for_failures(pelican: Platform) -> None:
+    text = MISSION.replace("on_pose_lost: land", "on_pose_lost: continue").replace(
+        "on_failure: hold", "on_failure: land"
+    )
+    rig = flying(pelican, text)
+    rig.arise(Condition.POSE_LOST)
+    rig.executor.available({"follow_waypoints": ("pose",)}, rig.now_s)
+    rig.pass_s(5)
+    assert rig.state("sweep.wall") == "running"
+    rig.arise(Condition.POSE_LOST, is_on=False)
+    rig.pass_s(1)
+    assert rig.running() == ["policy.land"]
+
+
+def test_conditions_on_the_ground_move_nothing_and_keep_a_mission_from_starting(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION)
+    rig.arise(Condition.LOW_BATTERY)
+    assert rig.state("sweep") == "waiting"
+    assert rig.under_way == {}
+    with pytest.raises(Refused, match="low battery"):
+        rig.start()
+    rig.arise(Condition.LOW_BATTERY, is_on=False)
+    rig.start()
+    assert rig.running() == ["depart.climb"]
+
+
+def test_conditions_count_in_the_air_also_without_a_mission(rig: Rig) -> None:
+    rig.steer("skip")
+    rig.arise(Condition.LOW_BATTERY)
+    assert rig.running() == ["policy.return_home"]
+
+
+# the emergency key
+
+
+def test_the_emergency_key_holds_and_lands_whatever_else_is_going_on(rig: Rig) -> None:
+    rig.arise(Condition.LOW_BATTERY)
+    rig.executor.emergency("hold", "ann", rig.now_s)
+    rig.settle()
+    assert rig.grant.action_id == "hold"
+    assert rig.under_way == {}
+    rig.pass_s(100)
+    assert rig.executor.policy == "hold"
+    rig.executor.emergency("land", "ann", rig.now_s)
+    rig.settle()
+    assert rig.running() == ["policy.land"]
+    assert "emergency land by ann" in rig.log
+
+
+def test_after_an_emergency_hold_the_mission_can_go_on(rig: Rig) -> None:
+    rig.executor.emergency("hold", "ann", rig.now_s)
+    rig.settle()
+    assert rig.state() == "paused"
+    rig.steer("resume")
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
+def test_nothing_moves_the_vehicle_while_a_policy_does(rig: Rig) -> None:
+    rig.arise(Condition.LOW_BATTERY)
+    text = "{mission: c, frame: hold, tasks: {c: {actions: {go: {go_to: {position_m: [1, 1, 1]}}}}}}"
+    with pytest.raises(Refused, match="the policy return is being carried out"):
+        rig.executor.command(rig.read(text), rig.now_s)
+
+
+# the pilot
+
+
+def pilot(rig: Rig, has_control: bool) -> None:
+    rig.executor.pilot(has_control, "mode stabilize", rig.now_s)
+    rig.settle()
+
+
+def test_a_pilot_stops_everything_of_ours_at_once(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    assert rig.state() == "paused"
+    assert rig.executor.mission is not None
+    assert rig.executor.mission.reason == "pilot: mode stabilize"
+    assert rig.grant == Grant(action_id="", component="")
+    assert rig.executor.policy == "pilot"
+    rig.arise(Condition.LINK_LOST)
+    rig.arise(Condition.POSE_LOST)
+    rig.executor.emergency("land", "ann", rig.now_s)
+    rig.pass_s(200)
+    assert rig.running() == []
+    assert rig.grant.action_id == ""
+    for verb, target in (("resume", "sweep"), ("resume", "sweep.wall")):
+        with pytest.raises(Refused, match="the pilot has control"):
+            rig.steer(verb, target)
+
+
+def test_after_a_pilot_only_an_operator_s_resume_goes_on(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    pilot(rig, has_control=False)
+    rig.pass_s(100)
+    assert rig.state() == "paused"
+    assert rig.grant.action_id == ""
+    rig.steer("resume")
+    assert rig.taken_back == 1
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+    assert rig.grant.action_id == rig.id_of("sweep.wall")
+
+
+def test_what_arose_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(Condition.POSE_LOST)
+    rig.arise(Condition.POSE_LOST, is_on=False)
+    rig.steer("resume")
+    assert rig.running() == ["policy.return_home"]
+
+
+def test_a_pilot_ends_a_policy_and_handing_back_holds(rig: Rig) -> None:
+    rig.arise(Condition.LOW_BATTERY)
+    pilot(rig, has_control=True)
+    assert rig.running() == []
+    rig.steer("resume")
+    assert rig.grant.action_id == "hold"
+    assert rig.executor.policy == ""
+
+
+def test_a_mission_whose_vehicle_a_pilot_has_landed_is_not_resumed(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.fly(is_airborne=False)
+    with pytest.raises(Refused, match=r"the vehicle is on the ground, and sweep.wall was paused in the air; abort it"):
+        rig.steer("resume")
+    rig.steer("abort")
+    assert rig.state() == "aborted"
+    assert rig.under_way == {}
+
+
+# restart
+
+
+@pytest.mark.parametrize(
+    ("on_restart", "state", "running"),
+    [
+        ("continue", "running", ["sweep.photos", "sweep.wall"]),
+        ("hold", "paused", []),
+        ("land", "failed", ["policy.land"]),
+    ],
+)
+def test_a_restart_in_flight_goes_by_the_mission_s_policy(
+    pelican: Platform, on_restart: str, state: str, running: list[str]
+) -> None:
+    rig = flying(pelican, MISSION.replace("hold_s: 30", f"hold_s: 30\non_restart: {on_restart}"))
+    rig.report(rig.id_of("sweep.wall"), ActionState.RUNNING, progress=0.5)
+    again = rig.restart(is_airborne=True)
+    assert again.state() == state
+    assert again.running() == running
+    assert again.state("depart.climb") == "done"
+    if on_restart == "continue":
+        assert next(one for one in again.started if one.capability == "follow_waypoints").progress == 0.5
+        assert not set(again.components) & set(rig.components)
+    if on_restart == "hold":
+        assert again.grant.action_id == "hold"
+        again.steer("resume")
+        assert again.running() == ["sweep.photos", "sweep.wall"]
+
+
+def test_a_restart_on_the_ground_moves_nothing(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION.replace("hold_s: 30", "hold_s: 30\non_restart: continue"))
+    rig.start()
+    again = rig.restart(is_airborne=False)
+    assert again.state() == "paused"
+    again.pass_s(100)
+    assert again.under_way == {}
+    again.steer("resume")
+    assert again.running() == ["depart.climb"]
+
+
+def test_a_policy_that_was_being_carried_out_goes_on_after_a_restart(rig: Rig) -> None:
+    rig.arise(Condition.LOW_BATTERY)
+    again = rig.restart(is_airborne=True)
+    assert again.state() == "failed"
+    assert again.running() == ["policy.return_home"]
+    landed = rig.restart(is_airborne=False)
+    assert landed.under_way == {}
+    assert landed.executor.policy == ""
+
+
+def test_a_restart_during_take_off_or_landing_knows_how_it_ended(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION.replace("hold_s: 30", "hold_s: 30\non_restart: continue"))
+    rig.start()
+    again = rig.restart(is_airborne=True)
+    assert again.running() == ["sweep.photos", "sweep.wall"]
+    again.done("sweep.wall")
+    again.done("recover.home")
+    last = again.restart(is_airborne=False)
+    assert last.state("recover.down") == "done"
+    assert last.state() == "done"

@@ -1,13 +1,15 @@
 """A bench for the simulated vehicle: one MAVLink client on a direct link, time moved by hand."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import dist, nan
 from typing import Any
 
-from gloc3.frames import Vector3
+from gloc3.frames import TangentPlane, Vector3
 from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.message import MavlinkMessage
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.mission_client import MissionClient, Transfer
+from gloc3.link.plan import PlanItem, PlanResult, PlanType
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.simulator import Simulator
@@ -18,6 +20,7 @@ POSITION_AND_VELOCITY = 0b100111000000
 POSITION = 0b100111111000
 VELOCITY = 0b100111000111
 ARM, TAKE_OFF, LAND, SET_MODE, REPOSITION = 400, 22, 21, 176, 192
+VEHICLE = Address(1, 1)
 
 
 class Bench:
@@ -154,6 +157,48 @@ class Bench:
             self.sim.advance(begin + (count + 1) / rate_hz)
             errors.append(dist(self.position, (x, y, z)))
         return errors
+
+    def upload(self, items: Sequence[PlanItem], kind: PlanType = PlanType.MISSION) -> PlanResult:
+        """Uploads a plan; gives how that ended."""
+        client = MissionClient(Address(1, 191))
+        transfer = client.upload(VEHICLE, tuple(items), now_s=self.sim.now_s, kind=kind)
+        return self._finish(client, transfer)
+
+    def download(self, kind: PlanType = PlanType.MISSION) -> tuple[PlanItem, ...]:
+        """Reads a plan back."""
+        client = MissionClient(Address(1, 191))
+        transfer = client.download(VEHICLE, now_s=self.sim.now_s, kind=kind)
+        assert self._finish(client, transfer) is PlanResult.ACCEPTED
+        return transfer.items
+
+    def _finish(self, client: MissionClient, transfer: Transfer) -> PlanResult:
+        seen = len(self.heard)
+        while transfer.result is None:
+            for out in client.outgoing():
+                self._receive(self._encoder.encode(out))
+            for heard in self.heard[seen:]:
+                if heard.name in client.handles:
+                    client.receive(heard, VEHICLE, self.sim.now_s)
+            seen = len(self.heard)
+            self.run(0.02)
+            client.tick(self.sim.now_s)
+        for out in client.outgoing():
+            self._receive(self._encoder.encode(out))
+        return transfer.result
+
+    def item(
+        self, command: int, north_m: float = 0.0, east_m: float = 0.0, height_m: float = 3.0, **fields: Any
+    ) -> PlanItem:
+        """A plan item at a place given from home, with its height over home."""
+        place = TangentPlane(self.sim.world.home).geo_from_ned((north_m, east_m, 0.0))
+        values = {
+            "frame": 6,
+            "param4": nan,
+            "x": round(place.latitude_deg * 1e7),
+            "y": round(place.longitude_deg * 1e7),
+            "z": height_m,
+        }
+        return PlanItem(command=command, **{**values, **fields})
 
     def start_streaming(self, place: Vector3) -> None:
         """Enters streamed control, holding a place."""

@@ -232,12 +232,12 @@ class Front:
             return Verdict(Result.DENIED, "no such source set")
         self.autopilot.source_set = number
         self.autopilot.choose_sources()
-        self.say(Severity.INFO, f"EKF3: using source set {number}")
+        self.craft.say(Severity.INFO, f"EKF3: using source set {number}")
         return ACCEPTED
 
     def begin_calibration(self) -> None:
         """A calibration of the gyro: it takes a second and changes nothing."""
-        self.say(Severity.INFO, "Calibrating; do not move the vehicle")
+        self.craft.say(Severity.INFO, "Calibrating; do not move the vehicle")
 
     def set_origin(self, place: GeoPoint) -> Verdict:
         """Fixes the estimator's origin, where there is none yet."""

@@ -68,13 +68,13 @@ class PlanKeeper:
                 continue  # home, whatever it says
             result, reason = checks[kind](stored(item))
             if result is not PlanResult.ACCEPTED:
-                self._front.say(Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}")
+                self._front.craft.say(Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}")
                 return result
         if kind is PlanType.FENCE:
             try:
                 Plans().set_fence(tuple(stored(item) for item in items))
             except ValueError as error:
-                self._front.say(Severity.CRITICAL, f"Fence rejected: {error}")
+                self._front.craft.say(Severity.CRITICAL, f"Fence rejected: {error}")
                 return PlanResult.INVALID
         return PlanResult.ACCEPTED
 

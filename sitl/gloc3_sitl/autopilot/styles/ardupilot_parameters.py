@@ -166,7 +166,7 @@ def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
     tuning.mission_faces_course = ask("WP_YAW_BEHAVIOR") != 0.0
     tuning.return_descend_m = ask("RTL_ALT_FINAL_M")
     tuning.return_near_m = 0.0
-    tuning.disarm_after_landing_s = 0.0
+    tuning.disarm_after_landing_s = 0.1
     tuning.disarm_unflown_s = ask("DISARM_DELAY")
     tuning.disarm_idle_s = ask("DISARM_DELAY") or -1.0
     tuning.gains.speed_up_m_s = max(ask("WP_SPD_UP"), ask("PILOT_SPD_UP"))

@@ -1,0 +1,127 @@
+"""The human pilot: switch, sticks and kill switch win over whatever the vehicle does."""
+
+import pytest
+
+from gloc3_sitl.autopilot.modes import Result
+
+from .bench import Bench
+
+pytestmark = pytest.mark.flight
+
+STYLES = pytest.mark.parametrize(("style", "position"), [("px4", "Position"), ("ardupilot", "LOITER")])
+HERE = (0.0, 0.0, -2.5)
+
+
+@STYLES
+def test_the_mode_switch_takes_over_from_streamed_control(style: str, position: str) -> None:
+    bench = Bench(style)
+    bench.sim.pilot.switch_on()
+    bench.take_off()
+    bench.start_streaming(HERE)
+    bench.sim.pilot.switch_mode(position)
+    bench.stream(lambda _: ((5.0, 0.0, -2.5), (0.0, 0.0, 0.0)), 3.0)
+    assert bench.mode == position
+    assert abs(bench.position[0]) < 0.3
+
+
+@STYLES
+def test_the_sticks_fly_and_letting_go_holds(style: str, position: str) -> None:
+    bench = Bench(style)
+    bench.sim.pilot.switch_on()
+    bench.take_off()
+    bench.sim.pilot.switch_mode(position)
+    bench.run(1.0)
+    bench.sim.pilot.sticks(pitch=-0.5)
+    bench.run(2.0)
+    assert bench.position[0] > 1.0
+    bench.sim.pilot.sticks()
+    bench.run(5.0)
+    stopped = bench.position
+    bench.run(3.0)
+    assert abs(bench.position[0] - stopped[0]) < 0.15
+
+
+def test_moved_sticks_take_over_from_a_mode_of_its_own_in_px4() -> None:
+    bench = Bench()
+    bench.sim.pilot.switch_on()
+    bench.take_off()
+    bench.sim.pilot.sticks(roll=0.5)
+    bench.run(0.1)
+    assert bench.mode == "Position"
+    assert "Pilot took over using sticks" in bench.texts
+
+
+def test_moved_sticks_do_not_take_over_from_offboard_unless_asked_to() -> None:
+    bench = Bench()
+    bench.sim.pilot.switch_on()
+    bench.take_off()
+    bench.start_streaming(HERE)
+    bench.sim.pilot.sticks(roll=0.5)
+    bench.stream(lambda _: (HERE, (0.0, 0.0, 0.0)), 1.0)
+    assert bench.mode == "Offboard"
+    bench.set_parameter("COM_RC_OVERRIDE", 3)
+    bench.stream(lambda _: (HERE, (0.0, 0.0, 0.0)), 0.2)
+    assert bench.mode == "Position"
+
+
+def test_the_arming_switch_is_refused_in_flight_by_px4_and_obeyed_by_ardupilot() -> None:
+    for style, is_armed in (("px4", True), ("ardupilot", False)):
+        bench = Bench(style)
+        bench.sim.pilot.switch_on()
+        bench.take_off()
+        bench.sim.pilot.disarm()
+        bench.run(0.1)
+        assert bench.is_armed is is_armed
+
+
+@STYLES
+def test_the_kill_switch_stops_the_motors(style: str, position: str) -> None:
+    del position
+    bench = Bench(style)
+    bench.take_off()
+    bench.sim.pilot.kill()
+    bench.run(0.1)
+    assert not bench.is_armed
+
+
+def test_a_lost_transmitter_returns_in_flight_by_hand_but_not_in_offboard() -> None:
+    bench = Bench()
+    bench.set_parameter("RTL_RETURN_ALT", 4.0)
+    bench.sim.pilot.switch_on()
+    bench.take_off()
+    bench.start_streaming(HERE)
+    bench.sim.pilot.switch_off()
+    bench.stream(lambda _: (HERE, (0.0, 0.0, 0.0)), 8.0)
+    assert bench.mode == "Offboard"
+    bench.sim.pilot.switch_mode("Position")
+    bench.run(1.0)
+    assert bench.mode == "Position"
+    bench.sim.pilot.switch_off()
+    bench.run_until(lambda: bench.mode == "Return", 7.0)
+
+
+@pytest.mark.parametrize("style", ["px4", "ardupilot"])
+def test_a_pilot_arms_climbs_and_lands_by_hand(style: str) -> None:
+    bench = Bench(style)
+    bench.sim.pilot.switch_on()
+    bench.get_ready()
+    bench.sim.pilot.switch_mode("Altitude" if style == "px4" else "ALT_HOLD")
+    bench.sim.pilot.arm()
+    bench.run(0.5)
+    assert bench.is_armed
+    bench.sim.pilot.sticks(throttle=0.9)
+    bench.run(2.5)
+    bench.sim.pilot.sticks(throttle=0.5)
+    bench.run(3.0)
+    height = -bench.position[2]
+    assert height > 1.5
+    bench.run(2.0)
+    assert abs(-bench.position[2] - height) < 0.3
+    bench.sim.pilot.sticks(throttle=0.2)
+    bench.run_until(lambda: bench.is_landed, 15.0)
+
+
+def test_a_mode_that_needs_a_pilot_is_refused_in_flight_without_one() -> None:
+    bench = Bench()
+    bench.take_off()
+    assert bench.set_mode("Altitude") is Result.TEMPORARILY_REJECTED

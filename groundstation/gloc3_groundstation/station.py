@@ -25,6 +25,7 @@ class Station:
         self.fleet = Fleet()
         self.client: Final = CommandClient(exchange, loop, station, boot)
         self.now_s: Final[Callable[[], float]] = loop.time
+        self.started_s: Final = loop.time()
         self._loop = loop
         self._listeners: list[Listener] = []
         self._tasks: set[asyncio.Task[Any]] = set()

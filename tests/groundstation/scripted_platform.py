@@ -87,6 +87,7 @@ class ScriptedPlatform:
         self.requests: list[AnyBody] = []
         self.answers: dict[type, list[Answer]] = {}
         self.is_deaf = False
+        self.delay_s = 0.05
         self.text = ""
         self.vehicle = VEHICLE
         self.mission = MissionSummary(name="", digest="", state="")
@@ -119,7 +120,7 @@ class ScriptedPlatform:
         self.vehicle = msgspec.structs.replace(self.vehicle, **changes)
         self.say("vehicle", self.vehicle)
 
-    def advance(self, state: str = "running", progress: dict[str, float] | None = None, **tasks: str) -> None:
+    def advance(self, state: str = "running", progress: dict[str, float] | None = None, /, **tasks: str) -> None:
         """Says another state of the mission; `sweep__wall="done"` stands for the action `sweep.wall`."""
         named = {target.replace("__", "."): value for target, value in tasks.items()}
         self.mission = msgspec.structs.replace(
@@ -153,7 +154,7 @@ class ScriptedPlatform:
             reply = self._replies.get(key) or self._carry_out(request)
             self._replies[key] = reply
         if reply is not None:
-            self.loop.call_later(0.05, self.say, "reply", reply)
+            self.loop.call_later(self.delay_s, self.say, "reply", reply)
 
     def _carry_out(self, request: CiRequest) -> CiReply:
         match request.body:

@@ -29,7 +29,7 @@ def script(platform: ScriptedPlatform) -> None:
     later(3.0, lambda: platform.fly(is_armed=True, mode="TAKEOFF", landed="taking_off"))
     later(6.0, lambda: platform.fly(landed="in_air", mode="OFFBOARD", position_m=(0.0, 0.0, 1.5), speed_m_s=0.5))
     later(6.0, lambda: platform.advance(depart="done", depart__climb="done", sweep="running", sweep__wall="running"))
-    later(6.0, lambda: platform.advance(progress={"sweep.wall": 0.1}, sweep__photos="running"))
+    later(6.0, lambda: platform.advance("running", {"sweep.wall": 0.1}, sweep__photos="running"))
     later(8.0, lambda: platform.event("gust of 7 m/s", Severity.NOTICE, "pose"))
     later(8.5, lambda: platform.event("cycle 400", Severity.INFO, "pose"))
     later(9.0, lambda: platform.trouble("ground_camera", "no frame for 1.0 s"))

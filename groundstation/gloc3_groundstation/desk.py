@@ -1,0 +1,144 @@
+"""The operator's desk: what can be asked of a platform now, and doing it with the outcome noted as an event."""
+
+from collections.abc import Awaitable
+from enum import StrEnum
+from typing import Final
+
+from gloc3.ci import EmergencyVerb, Verb
+from gloc3.errors import Gloc3Error
+from gloc3.messages import Severity
+from gloc3.mission.states import ENDED, ActionState, allowed
+from gloc3_groundstation import flights
+from gloc3_groundstation.flights import End, Follower, Plan
+from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.station import Station
+
+PRESSED_AGAIN_S: Final = 20.0
+"""A second press of the emergency key within this time offers more than hold."""
+
+
+class Move(StrEnum):
+    """What the operator can ask for."""
+
+    STREAM = "stream"
+    CONTROL = "control"
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    ABORT = "abort"
+
+
+class Desk:
+    """Asks one platform at a time for what an operator wants; refusals become events, never exceptions."""
+
+    def __init__(self, station: Station, plan: Plan | None = None) -> None:
+        """A desk.
+
+        Args:
+            station: hears and commands the platforms.
+            plan: the mission at hand, checked; None without one.
+        """
+        self.station: Final = station
+        self.plan: Final = plan
+        self._streamed: dict[str, int] = {}
+        self._held_s: dict[str, float] = {}
+
+    def moves(self, platform: PlatformSnapshot) -> frozenset[Move]:
+        """What makes sense to ask of a platform in its present state."""
+        holds_control = platform.control is not None and platform.control.value.holder == self.station.id
+        found = set() if holds_control else {Move.CONTROL}
+        mission = platform.mission.value if platform.mission is not None else None
+        state = mission.state if mission is not None else ""
+        is_under_way = state in (ActionState.RUNNING, ActionState.PAUSED)
+        if self.plan is not None and not is_under_way:
+            found |= {Move.STREAM, Move.START}
+        if state in list(ActionState):
+            found |= {Move(verb.value) for verb in allowed(ActionState(state)) if verb.value in list(Move)}
+        return frozenset(found)
+
+    def has_streamed(self, platform: PlatformSnapshot) -> bool:
+        """Whether the mission at hand was brought to this life of the platform."""
+        return self._streamed.get(platform.name) == platform.boot
+
+    async def stream(self, name: str) -> bool:
+        """Takes control and brings the mission at hand over."""
+        if self.plan is None:
+            return False
+        if not await self._do(name, "stream", flights.stream(self.station, name, self.plan)):
+            return False
+        platform = self.station.fleet.get(name)
+        if platform is not None:
+            self._streamed[name] = platform.boot
+        return True
+
+    async def start(self, name: str) -> Follower | None:
+        """Starts the mission; the one at hand is streamed first if that has not been done, or it has been flown."""
+        platform = self.station.fleet.get(name)
+        state = platform.mission.value.state if platform is not None and platform.mission is not None else ""
+        is_over = state in ENDED
+        if self.plan is not None and platform is not None and (is_over or not self.has_streamed(platform)):
+            if not await self.stream(name):
+                return None
+        elif not await self.take_control(name):
+            return None
+        followers: list[Follower] = []
+
+        async def begin() -> None:
+            followers.append(await flights.start(self.station, name))
+
+        await self._do(name, "start", begin())
+        return followers[0] if followers else None
+
+    async def fly(self, name: str) -> End | None:
+        """Streams, waits until the platform is ready, starts, follows to the end; None where it did not come to that."""
+        if not await self.stream(name):
+            return None
+        lacks = await flights.await_ready(self.station, name)
+        if lacks:
+            self.station.note(name, Severity.WARNING, f"it still lacks {', '.join(lacks)}")
+        follower = await self.start(name)
+        return None if follower is None else await flights.follow(self.station, name, follower)
+
+    async def take_control(self, name: str) -> bool:
+        """Asks for control."""
+        return await self._do(name, "control", flights.take_control(self.station, name))
+
+    async def steer(self, name: str, verb: Verb) -> bool:
+        """Pauses, resumes or aborts the mission."""
+
+        async def ask() -> None:
+            await flights.take_control(self.station, name)
+            await self.station.client.steer(name, verb)
+            self.station.note(name, Severity.INFO, f"{verb}: accepted")
+
+        return await self._do(name, verb.value, ask())
+
+    def armed_in_our_control(self) -> list[str]:
+        """The platforms that would miss this station."""
+        return [
+            platform.name
+            for platform in self.station.fleet
+            if platform.vehicle is not None
+            and platform.vehicle.value.is_armed
+            and platform.control is not None
+            and platform.control.value.holder == self.station.id
+        ]
+
+    def was_just_held(self, name: str) -> bool:
+        """Whether the emergency key has just been pressed for this platform, so that a further press means more."""
+        return self.station.now_s() - self._held_s.get(name, float("-inf")) < PRESSED_AGAIN_S
+
+    async def emergency(self, name: str, verb: EmergencyVerb, confirmation: str = "") -> bool:
+        """Hold, land or disarm, without asking who is in control."""
+        self._held_s[name] = self.station.now_s()
+        self.station.note(name, Severity.NOTICE, f"emergency {verb}")
+        work = self.station.client.emergency(name, verb, confirmation)
+        return await self._do(name, f"emergency {verb}", work)
+
+    async def _do(self, name: str, what: str, work: Awaitable[None]) -> bool:
+        try:
+            await work
+        except Gloc3Error as error:
+            self.station.note(name, Severity.ERROR, f"{what}: {error}")
+            return False
+        return True

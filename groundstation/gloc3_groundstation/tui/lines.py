@@ -1,0 +1,78 @@
+"""What panels show: lines of spans, each with a tone. Made without Textual, so that tests read them as text."""
+
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+
+class Tone(StrEnum):
+    """What a span means; the theme gives it a colour. No tone is needed to read a line: the words say it too."""
+
+    TEXT = "text"
+    DIM = "dim"
+    STRONG = "strong"
+    GOOD = "good"
+    BUSY = "busy"
+    """Something goes on."""
+    WARN = "warn"
+    BAD = "bad"
+    ALARM = "alarm"
+    STALE = "stale"
+    """No longer to be taken for what is so."""
+
+
+class Span(NamedTuple):
+    """Some text in one tone."""
+
+    text: str
+    tone: Tone = Tone.TEXT
+
+
+Line = tuple[Span, ...]
+
+EMPTY: Final[Line] = ()
+
+
+def text_of(line: Line) -> str:
+    """A line without its tones."""
+    return "".join(span.text for span in line)
+
+
+def faded(line: Line) -> Line:
+    """The same line, shown as stale."""
+    return tuple(Span(span.text, Tone.STALE) for span in line)
+
+
+def spread(left: Line, right: Line, width: int) -> Line:
+    """Two parts at both ends of a line; the right one goes when there is no room."""
+    gap = width - len(text_of(left)) - len(text_of(right))
+    return (*left, Span(" " * gap), *right) if gap >= 2 else left
+
+
+def joined(parts: list[Span], gap: str = "   ") -> Line:
+    """Spans with a gap between them."""
+    found: list[Span] = []
+    for part in parts:
+        if found:
+            found.append(Span(gap))
+        found.append(part)
+    return tuple(found)
+
+
+def bar(share: float, width: int) -> str:
+    """A bar of `width` characters, filled to `share` of it."""
+    filled = round(max(0.0, min(1.0, share)) * width)
+    return "━" * filled + "╌" * (width - filled)
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Text in lines of at most `width` characters, broken at spaces where possible."""
+    lines: list[str] = []
+    for paragraph in text.splitlines() or [""]:
+        rest = paragraph
+        while len(rest) > width > 0:
+            cut = rest.rfind(" ", 1, width + 1)
+            cut = cut if cut > 0 else width
+            lines.append(rest[:cut].rstrip())
+            rest = rest[cut:].lstrip()
+        lines.append(rest)
+    return lines

@@ -1,0 +1,73 @@
+"""What the operator is asked before something that can hurt."""
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
+
+from gloc3.ci import EmergencyVerb
+
+
+class Question(ModalScreen[bool]):
+    """Yes or no; anything but yes is no."""
+
+    BINDINGS = [Binding("y", "answer(True)", "Yes"), Binding("n,escape", "answer(False)", "No")]
+
+    def __init__(self, question: str, yes: str) -> None:
+        super().__init__()
+        self._question = question
+        self._yes = yes
+
+    def compose(self) -> ComposeResult:
+        """The question and the two keys."""
+        with Vertical(classes="question"):
+            yield Static(self._question, markup=False)
+            yield Static(f"y  {self._yes}\nn  leave it", classes="choices", markup=False)
+
+    def action_answer(self, answer: bool) -> None:
+        """Closes with the answer."""
+        self.dismiss(answer)
+
+
+class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
+    """What more than hold: land, or disarm after the platform's name has been typed."""
+
+    BINDINGS = [
+        Binding("space", "choose('hold')", "Hold"),
+        Binding("l", "choose('land')", "Land"),
+        Binding("d", "type", "Disarm"),
+        Binding("escape", "leave", "Leave"),
+    ]
+
+    def __init__(self, platform: str) -> None:
+        super().__init__()
+        self._platform = platform
+
+    def compose(self) -> ComposeResult:
+        """The choices."""
+        with Vertical(classes="question"):
+            yield Static(f"Emergency: {self._platform}", markup=False)
+            choices = "space  hold again\nl      land here\nd      DISARM: the motors stop, in flight it falls\nesc    leave it"
+            yield Static(choices, classes="choices", markup=False)
+
+    def action_choose(self, verb: str) -> None:
+        """Closes with hold or land."""
+        self.dismiss((EmergencyVerb(verb), ""))
+
+    def action_type(self) -> None:
+        """Asks for the platform's name."""
+        if not self.query(Input):
+            self.query_one(Vertical).mount(Input(placeholder=f"type {self._platform} and press enter to disarm"))
+            self.query_one(Vertical).call_after_refresh(lambda: self.query_one(Input).focus())
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Disarms if the name is right."""
+        if event.value.strip() == self._platform:
+            self.dismiss((EmergencyVerb.DISARM, self._platform))
+        else:
+            event.input.value = ""
+
+    def action_leave(self) -> None:
+        """Closes without doing anything."""
+        self.dismiss(None)

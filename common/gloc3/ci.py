@@ -295,6 +295,12 @@ class ControlState(Message, frozen=True):
     requested_by: str = ""
 
 
+class StationHeard(Message, frozen=True):
+    """Onboard: something has just been heard of a station."""
+
+    station: str
+
+
 class CiEvent(Message, frozen=True):
     """An event of the platform, for its stations."""
 

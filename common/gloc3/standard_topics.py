@@ -11,6 +11,7 @@ from gloc3.ci import (
     ComponentTrouble,
     ControlState,
     MissionSummary,
+    StationHeard,
     Summary,
     VehicleSummary,
 )
@@ -56,6 +57,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "motion/take_over": TopicRow(TakeOver),
     # the command interface server, towards the stations
     "ci/request": TopicRow(CiRequest),
+    "ci/heard": TopicRow(StationHeard, is_logged=False),
     "ci/reply": TopicRow(CiReply),
     "ci/summary": TopicRow(Summary, 2.0, downlink_every=1),
     "ci/table": TopicRow(ComponentTable),

@@ -1,0 +1,98 @@
+"""What the server knows of the vehicle: where home is, whether it flies, and which conditions hold."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import msgspec
+
+from gloc3.frames import GeoPoint, Vector3
+from gloc3.messages import Envelope
+from gloc3.mission.board import Condition
+from gloc3.mission.fence import Fence
+from gloc3.platform import Platform
+from gloc3.vehicle import AutopilotState, DriverState, LandedState, Pose
+
+POSE_SILENT_S: Final = 0.2
+"""A pose that is older counts as lost: three periods, and the wait for the next cycle."""
+AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
+
+
+class KeptHome(msgspec.Struct, frozen=True, array_like=True):
+    """Where the vehicle was armed, as it is kept on disk."""
+
+    position_ned_m: Vector3
+    origin_geo: tuple[float, float, float] | None
+
+
+class VehicleFacts:
+    """The latest of the vehicle, and what follows from it."""
+
+    def __init__(self, platform: Platform, home: KeptHome | None) -> None:
+        self.autopilot: AutopilotState | None = None
+        self.driver: DriverState | None = None
+        self.pose: Pose | None = None
+        self.home = home
+        self.is_home_new = False
+        """Home was just set, and is to be put on disk."""
+        self._reserve: Final = platform.power.reserve if platform.power is not None else 0.0
+        self._pose_s = float("-inf")
+        self._was_armed: bool | None = None
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the autopilot answers."""
+        return self.autopilot is not None and self.autopilot.is_connected
+
+    @property
+    def is_airborne(self) -> bool:
+        """Whether the vehicle is in the air, or on its way up or down."""
+        return self.autopilot is not None and self.autopilot.is_armed and self.autopilot.landed in AIRBORNE
+
+    @property
+    def origin(self) -> GeoPoint | None:
+        """The origin of NED."""
+        origin = self.pose.origin_geo if self.pose is not None else None
+        return GeoPoint(*origin) if origin is not None else None
+
+    @property
+    def home_ned_m(self) -> Vector3 | None:
+        """Where the vehicle was armed, or stands."""
+        return self.home.position_ned_m if self.home is not None else None
+
+    @property
+    def home_altitude_m(self) -> float | None:
+        """Of home, above mean sea level."""
+        origin, home = self.origin, self.home_ned_m
+        return None if origin is None or home is None else origin.altitude_m - home[2]
+
+    def is_pose_fresh(self, now_s: float) -> bool:
+        """Whether there is a valid pose that is not too old."""
+        return self.pose is not None and self.pose.is_valid and now_s - self._pose_s <= POSE_SILENT_S
+
+    def see_pose(self, envelope: Envelope[Pose]) -> None:
+        """Takes a pose in; until the vehicle is armed, home is where it stands."""
+        self.pose, self._pose_s = envelope.payload, envelope.t_s
+        if self.pose.is_valid and self._was_armed is False:
+            self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)
+
+    def see_autopilot(self, state: AutopilotState) -> None:
+        """Takes the autopilot's state in; arming fixes home."""
+        self.autopilot = state
+        if not state.is_connected:
+            return
+        if state.is_armed and self._was_armed is False:
+            self.is_home_new = True
+        self._was_armed = state.is_armed
+
+    def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[Condition, bool, str]]:
+        """Every condition, whether it holds, and why."""
+        is_lost = self.is_airborne and not self.is_pose_fresh(now_s)
+        reason = "no pose comes" if self.pose is None or self.pose.is_valid else self.pose.reason
+        yield Condition.POSE_LOST, is_lost, reason
+        left = self.autopilot.battery_remaining if self.autopilot is not None else -1.0
+        yield Condition.LOW_BATTERY, 0.0 <= left < self._reserve, f"{left:.0%} is left"
+        is_out, by_m = False, 0.0
+        if fence is not None and self.is_airborne and self.pose is not None and self.is_pose_fresh(now_s):
+            by_m = -fence.clearance_m(self.pose.position_ned_m)
+            is_out = by_m > 0.0
+        yield Condition.FENCE_BREACHED, is_out, f"{by_m:.1f} m outside"

@@ -1,0 +1,296 @@
+"""Carries out what stations ask for: authority and checks here, the work in the executor and the components."""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
+
+from gloc3.ci import (
+    AnyBody,
+    CallFunction,
+    CiReply,
+    CiRequest,
+    CommandComponent,
+    Control,
+    Emergency,
+    EmergencyVerb,
+    Hello,
+    LoadMission,
+    Outcome,
+    Query,
+    ReadMission,
+    RequestAction,
+    RequestTask,
+    Steer,
+    Verb,
+)
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.host import CREATE
+from gloc3.lci import OPERATING, Command, transition
+from gloc3.messages import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
+from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.executor import MissionExecutor
+from gloc3.mission.model import Mission
+from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.journal import Journal
+from gloc3_onboard.command_server.site import Site
+
+ANSWER_S: Final = 8.0
+"""A component that has not answered within this time leaves its request's outcome unknown."""
+OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
+"""What a station may ask for without holding control."""
+TAKES_AWAY: Final = (Command.GOQUIET, Command.STOP, Command.FINISH, Command.SHUTDOWN)
+
+Say = Callable[[Severity, str], None]
+
+
+class ForComponent(NamedTuple):
+    """A message for a component."""
+
+    component: str
+    message: CommandRequest | FunctionRequest
+
+
+class _Open(NamedTuple):
+    request: CiRequest
+    until_s: float
+
+
+class RequestHandler:
+    """One for each life of the server. `handle` answers now, or later through `replied`."""
+
+    def __init__(
+        self, site: Site, facts: VehicleFacts, book: ComponentBook, authority: ControlAuthority, say: Say
+    ) -> None:
+        self.executor: MissionExecutor | None = None
+        """None until what the process before has left is taken up again."""
+        self.mission_text = ""
+        self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
+        self._journal = Journal(site.journal)
+        self._open: dict[str, _Open] = {}
+        self._count = 0
+        self.for_components: list[ForComponent] = []
+        self.wants_everything = False
+        """A station asked for the full state."""
+
+    # --- requests ---
+
+    def handle(self, request: CiRequest, now_s: float) -> CiReply | None:
+        """Carries out a request that has not been carried out yet; None if the answer comes later."""
+        self._authority.hear(request.sender, now_s)
+        if isinstance(request.body, Query):
+            return self._query(request, request.body)
+        known = self._journal.begin(request)
+        if not known.is_new:
+            return known.reply
+        try:
+            reply = self._carry_out(request, now_s)
+        except Gloc3Error as refusal:
+            reply = _answer(request, Outcome.REFUSED, str(refusal))
+        if reply is not None:
+            self._journal.end(reply)
+        return reply
+
+    def _query(self, request: CiRequest, body: Query) -> CiReply:
+        outcome, reply = self._journal.query(request.sender, body.boot, body.sequence)
+        if reply is not None:
+            return _answer(request, outcome, reply.reason, text=reply.text, result=reply.result)
+        return _answer(request, outcome, "nothing is known of that request")
+
+    def _carry_out(self, request: CiRequest, now_s: float) -> CiReply | None:
+        body: AnyBody = request.body
+        if not isinstance(body, OPEN_TO_ALL):
+            self._authority.require(request.sender)
+        executor = self.executor
+        if executor is None:
+            raise Refused("the platform is starting; the autopilot has not answered yet")
+        match body:
+            case LoadMission():
+                return self._load(request, body, executor, now_s)
+            case ReadMission():
+                if executor.mission is None:
+                    raise Refused("no mission is loaded")
+                return _answer(request, text=executor.mission.mission.text)
+            case Steer():
+                self._steer(body, executor, now_s)
+                return _answer(request)
+            case RequestTask():
+                return self._single(request, body.text, executor, now_s)
+            case RequestAction():
+                return self._single(request, self._as_mission(body, executor), executor, now_s)
+            case CommandComponent():
+                return self._command(request, body, executor, now_s)
+            case CallFunction():
+                return self._call(request, body, now_s)
+            case Control():
+                after_s = executor.board.policies.link_loss_after_s
+                return _answer(request, reason=self._authority.handle(request.sender, body, after_s, now_s))
+            case Emergency():
+                return self._emergency(request, body, executor, now_s)
+            case Hello():
+                self.wants_everything = True
+                return _answer(request)
+        raise Refused("a query is answered elsewhere")
+
+    # --- missions ---
+
+    def circumstances(self) -> Circumstances:
+        """What missions are checked against onboard.
+
+        Raises:
+            Refused: it is not known yet where the vehicle is.
+        """
+        facts = self._facts
+        if facts.pose is None or facts.origin is None or facts.home_ned_m is None:
+            raise Refused("it is not known yet where the vehicle is")
+        return Circumstances(
+            platform=self._site.platform,
+            origin=facts.origin,
+            home_altitude_m=facts.home_altitude_m,
+            home_ned_m=facts.home_ned_m,
+            start_ned_m=facts.pose.position_ned_m if facts.is_airborne else None,
+        )
+
+    def read_again(self, text: str) -> Mission:
+        """A mission that was checked before the process ended; raises `InputError` where it cannot be read."""
+        return check_text(text, "kept mission", self.circumstances()).flyable()
+
+    def _load(self, request: CiRequest, body: LoadMission, executor: MissionExecutor, now_s: float) -> CiReply:
+        report = check_text(body.text, body.name, self.circumstances())
+        findings = "\n".join(str(finding) for finding in report.findings)
+        if not report.is_ok:
+            count = sum(not finding.is_warning for finding in report.findings)
+            return _answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
+        executor.load(report.flyable(), now_s)
+        return _answer(request, text=findings)
+
+    def _steer(self, body: Steer, executor: MissionExecutor, now_s: float) -> None:
+        if body.verb is Verb.CLEAR:
+            executor.clear(now_s)
+            return
+        if body.verb is Verb.START and not self._facts.is_connected:
+            raise Refused("the autopilot does not answer")
+        executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)
+
+    def _single(self, request: CiRequest, text: str, executor: MissionExecutor, now_s: float) -> CiReply:
+        report = check_text(text, "command", self.circumstances())
+        if not report.is_ok:
+            first = next(finding for finding in report.findings if not finding.is_warning)
+            findings = "\n".join(str(finding) for finding in report.findings)
+            return _answer(request, Outcome.REFUSED, first.message, text=findings)
+        name = executor.command(report.flyable(), now_s)
+        return _answer(request, reason=name)
+
+    def _as_mission(self, body: RequestAction, executor: MissionExecutor) -> str:
+        frames = list(self._site.platform.frames)
+        geo_keys = ("waypoints", "position", "at")
+        frame = "geo" if not frames or any(key in body.arguments for key in geo_keys) else frames[0]
+        name = executor.free_name()
+        action = {body.capability: body.arguments}
+        return json.dumps({"mission": name, "frame": frame, "tasks": {name: {"actions": {body.capability: action}}}})
+
+    def _emergency(self, request: CiRequest, body: Emergency, executor: MissionExecutor, now_s: float) -> CiReply:
+        author = body.author or f"station {request.sender}"
+        match body.verb:
+            case EmergencyVerb.HOLD:
+                executor.emergency("hold", author, now_s)
+            case EmergencyVerb.LAND:
+                executor.emergency("land", author, now_s)
+            case EmergencyVerb.DISARM:
+                if body.confirmation != self._site.platform.platform:
+                    raise Refused(f"to disarm, type the platform's name: {self._site.platform.platform}")
+                raise Refused("this platform's driver does not disarm; use the transmitter")
+        return _answer(request, reason=f"emergency {body.verb} by {author}")
+
+    # --- components ---
+
+    def _command(
+        self, request: CiRequest, body: CommandComponent, executor: MissionExecutor, now_s: float
+    ) -> CiReply | None:
+        row = self._book.rows.get(body.component)
+        if row is None:
+            raise Refused(f"there is no component {body.component!r}; there are: {', '.join(self._book.rows)}")
+        state = self._book.state(body.component, now_s)
+        if body.command != CREATE:
+            try:
+                command = Command(body.command)
+            except ValueError:
+                raise Refused(f"{body.command!r} is no command; known: {', '.join(Command)}, {CREATE}") from None
+            if state is None:
+                raise Refused(f"{command} is not accepted: the component is absent; accepted: {CREATE}")
+            transition(state, command)
+            if command in TAKES_AWAY and state in OPERATING:
+                self._refuse_if_needed(body, executor, now_s)
+        self._count += 1
+        request_id = f"ci-{self._count}"
+        self._open[request_id] = _Open(request, now_s + ANSWER_S)
+        message = CommandRequest(request_id=request_id, command=body.command, settings=body.settings)
+        self.for_components.append(ForComponent(body.component, message))
+        self._say(Severity.INFO, f"station {request.sender}: {body.command} {body.component}")
+        return None
+
+    def _refuse_if_needed(self, body: CommandComponent, executor: MissionExecutor, now_s: float) -> None:
+        row = self._book.rows[body.component]
+        topics = tuple(topic for port in row.load_class().outputs for topic in row.topics(port))
+        users = executor.in_use(body.component, topics)
+        if not users:
+            return
+        if not body.is_forced:
+            raise Refused(f"{', '.join(users)} needs {body.component}; pause or abort it first, or force the command")
+        executor.component_failed(body.component, f"taken away by {body.command}, forced", now_s)
+
+    def _call(self, request: CiRequest, body: CallFunction, now_s: float) -> CiReply | None:
+        if body.component not in self._book.rows:
+            raise Refused(f"there is no component {body.component!r}; there are: {', '.join(self._book.rows)}")
+        if body.function.startswith("action."):
+            raise Refused("actions are requested from the platform, not from its components")
+        self._count += 1
+        request_id = f"ci-{self._count}"
+        self._open[request_id] = _Open(request, now_s + ANSWER_S)
+        message = FunctionRequest(request_id=request_id, function=body.function, arguments=body.arguments)
+        self.for_components.append(ForComponent(body.component, message))
+        return None
+
+    def replied(self, reply: CommandReply | FunctionReply) -> CiReply | None:
+        """A component has answered; None if that was not asked for by a station."""
+        entry = self._open.pop(reply.request_id, None)
+        if entry is None:
+            return None
+        outcome = Outcome.ACCEPTED if reply.is_accepted else Outcome.REFUSED
+        result: Mapping[str, Any] = (
+            reply.result if isinstance(reply, FunctionReply) else {"state": reply.state or "absent"}
+        )
+        answer = _answer(entry.request, outcome, reply.reason, result=dict(result))
+        self._journal.end(answer)
+        return answer
+
+    def expire(self, now_s: float) -> list[CiReply]:
+        """The answers to requests whose component has not answered."""
+        late = [request_id for request_id, entry in self._open.items() if now_s > entry.until_s]
+        answers = []
+        for request_id in late:
+            request = self._open.pop(request_id).request
+            answer = _answer(request, Outcome.UNKNOWN, f"the component has not answered within {ANSWER_S:g} s")
+            self._journal.end(answer)
+            answers.append(answer)
+        return answers
+
+
+def _answer(
+    request: CiRequest,
+    outcome: Outcome = Outcome.ACCEPTED,
+    reason: str = "",
+    *,
+    text: str = "",
+    result: dict[str, Any] | None = None,
+) -> CiReply:
+    return CiReply(
+        sender=request.sender,
+        boot=request.boot,
+        sequence=request.sequence,
+        outcome=outcome,
+        reason=reason,
+        text=text,
+        result=result or {},
+    )

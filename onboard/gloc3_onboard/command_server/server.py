@@ -1,0 +1,326 @@
+"""CI: the platform's command interface server: the one path from stations to components, and the mission's executor."""
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from gloc3.ci import (
+    CiEvent,
+    CiReply,
+    CiRequest,
+    ComponentTable,
+    ComponentTrouble,
+    ControlState,
+    MissionSummary,
+    StationHeard,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.component import CommandInterface
+from gloc3.lci import State
+from gloc3.messages import (
+    CommandReply,
+    CommandRequest,
+    ComponentStatus,
+    Envelope,
+    Event,
+    FunctionReply,
+    FunctionRequest,
+    Severity,
+)
+from gloc3.mission.executor import MissionExecutor, Verb
+from gloc3.mission.messages import ActionStatus
+from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
+from gloc3.mission.restore import restore
+from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
+from gloc3.settings import Bounds, Settings
+from gloc3.vehicle import AutopilotState, DriverState, FlightMode, Home, MotionGrant, MotionLimits, Pose, TakeOver
+from gloc3_onboard.command_server.availability import Availability
+from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.requests import RequestHandler
+from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.summaries import mission_summary, vehicle_summary
+
+OURS = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
+"""Modes in which a vehicle that a former life of this process flew may be taken up again."""
+
+
+class ServerSettings(Settings, frozen=True):
+    """Settings of the command interface server."""
+
+    summary_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
+    """How often the components and the vehicle are summarised."""
+    grant_period_s: Annotated[float, Bounds(0.02, 1.0)] = 0.2
+    """How often the owner of motion is repeated."""
+    settle_s: Annotated[float, Bounds(0.0, 60.0)] = 1.0
+    """After a restart: how long the autopilot is listened to before what was kept is taken up."""
+    event_severity: Annotated[int, Bounds(0, 7)] = 5
+    """Events of components that are at least so severe (MAV_SEVERITY) go to the stations."""
+
+
+class CommandServer(CommandInterface[ServerSettings]):
+    """Checks authority, claims and states; runs missions; supervises; summarises."""
+
+    settings_type = ServerSettings
+    loggable = ("holder", "policy")
+
+    request = Input(CiRequest, Keep.ALL)
+    heard = Input(StationHeard, Keep.ALL)
+    status = Input(ComponentStatus, Keep.ALL, depth=512)
+    reply = Input(CommandReply, Keep.ALL)
+    function_reply = Input(FunctionReply, Keep.ALL)
+    event = Input(Event, Keep.ALL, depth=256)
+    action_status = Input(ActionStatus, Keep.ALL, depth=256)
+    autopilot = Input(AutopilotState)
+    pose = Input(Pose)
+    driver = Input(DriverState)
+
+    ci_reply = Output(CiReply)
+    summary = Output(Summary)
+    table = Output(ComponentTable)
+    trouble = Output(ComponentTrouble)
+    vehicle = Output(VehicleSummary)
+    mission = Output(MissionSummary)
+    control = Output(ControlState)
+    ci_event = Output(CiEvent)
+    command = Output(CommandRequest)
+    function = Output(FunctionRequest)
+    grant = Output(MotionGrant)
+    limits = Output(MotionLimits)
+    home = Output(Home)
+    take_over = Output(TakeOver)
+
+    def __init__(self, site: Site) -> None:
+        self.holder = self.policy = ""
+        self._site = site
+        self._settings = ServerSettings()
+
+    def initialize(self, settings: ServerSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def start(self) -> None:
+        """Reads what the process before has left; it is taken up when the autopilot has told its state."""
+        platform = self._site.platform
+        self._snapshot, home = self._site.load()
+        self._facts = VehicleFacts(platform, home)
+        self._book = ComponentBook(platform.components)
+        self._authority = ControlAuthority()
+        self._availability = Availability(platform)
+        self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._say)
+        self._executor: MissionExecutor | None = None
+        self._granted = Grant(action_id="", component="")
+        self._waiting: dict[str, tuple[str, Verb]] = {}
+        self._events: list[CiEvent] = []
+        self._told_mission: MissionSummary | None = None
+        self._told_control: ControlState | None = None
+        self._told_table: ComponentTable | None = None
+        self._told_limits: MotionLimits | None = None
+        self._connected_s: float | None = None
+        self._count = 0
+        self._due = dict.fromkeys(("summary", "grant", "slow"), float("-inf"))
+        self._now_s = 0.0
+        if self._site.problem:
+            self._say(Severity.ERROR, self._site.problem)
+
+    # --- the cycle ---
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Takes everything in, decides, and says what follows."""
+        self._now_s = now_s
+        results: list[Result] = []
+        self._observe(now_s, inbox)
+        if self._executor is None:
+            results += self._try_to_begin(now_s)
+        for request in inbox.new(self.request):
+            answer = self._requests.handle(request.payload, now_s)
+            results += [] if answer is None else [answer]
+        for reply in inbox.new(self.reply):
+            results += self._replied(reply.payload, now_s)
+        for function_reply in inbox.new(self.function_reply):
+            results += self._replied(function_reply.payload, now_s)
+        results += self._requests.expire(now_s)
+        if self._executor is not None:
+            self._inform(self._executor, now_s, inbox)
+            self._executor.tick(now_s)
+            for ask in self._executor.take(now_s):
+                results += self._carry_out(ask)
+        for component, message in self._requests.for_components:
+            port = self.command if isinstance(message, CommandRequest) else self.function
+            results.append(port.report(message, key=component))  # type: ignore[arg-type] # each port has its own type
+        self._requests.for_components.clear()
+        if self._facts.is_home_new and self._facts.home is not None:
+            self._facts.is_home_new = False
+            self._site.keep_home(self._facts.home)
+        return [*results, *self._report(now_s)]
+
+    def _observe(self, now_s: float, inbox: Inbox) -> None:
+        for status in inbox.new(self.status):
+            self._book.hear(status.payload, status.t_s)
+        for heard in inbox.new(self.heard):
+            self._authority.hear(heard.payload.station, now_s)
+        for pose in inbox.new(self.pose):
+            self._facts.see_pose(pose)
+        for state in inbox.new(self.autopilot):
+            self._facts.see_autopilot(state.payload)
+        for driver in inbox.new(self.driver):
+            self._facts.driver = driver.payload
+        for event in inbox.new(self.event):
+            self._forward(event)
+
+    def _try_to_begin(self, now_s: float) -> list[Result]:
+        """Takes up what was kept, once it is known whether the vehicle flies."""
+        if not self._facts.is_connected:
+            return []
+        if self._connected_s is None:
+            self._connected_s = now_s
+        kept = self._snapshot
+        if kept is None or not kept.programs:
+            self._executor = MissionExecutor(self._site.platform)
+        else:
+            is_placed = self._facts.pose is not None and self._facts.home is not None
+            if now_s - self._connected_s < self._settings.settle_s or not is_placed:
+                return []
+            read = self._requests.read_again
+            self._executor = restore(self._site.platform, kept, read, self._facts.is_airborne, now_s)
+        self._requests.executor = self._executor
+        autopilot = self._facts.autopilot
+        is_ours = kept is not None and autopilot is not None and autopilot.is_armed and autopilot.mode in OURS
+        return [TakeOver(is_resumed=True)] if is_ours else []
+
+    def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
+        """Tells the executor the facts."""
+        facts = self._facts
+        for row in self._book.rows.values():
+            status = self._book.status(row.name)
+            if status is not None and self._book.state(row.name, now_s) in (State.FAULTY, None):
+                executor.component_failed(row.name, status.cause or "it has left", now_s)
+        for action in inbox.new(self.action_status):
+            executor.reported(action.payload, now_s)
+        executor.available(self._availability.missing(self._book, facts, now_s), now_s)
+        if facts.is_connected:
+            executor.vehicle(facts.is_airborne, now_s)
+        if facts.driver is not None:
+            executor.pilot(facts.driver.has_pilot_control, facts.driver.pilot_reason, now_s)
+        fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
+        for condition, is_on, reason in facts.conditions(fence, now_s):
+            executor.condition(condition, is_on, reason, now_s)
+        executor.link(self._authority.silent_s(now_s), now_s)
+
+    def _replied(self, reply: CommandReply | FunctionReply, now_s: float) -> list[Result]:
+        waiting = self._waiting.pop(reply.request_id, None)
+        if waiting is not None and self._executor is not None:
+            action_id, verb = waiting
+            self._executor.replied(action_id, verb, reply.is_accepted, reply.reason, now_s)
+            return []
+        answer = self._requests.replied(reply)
+        return [] if answer is None else [answer]
+
+    # --- what the executor asks for ---
+
+    def _carry_out(self, ask: Request) -> list[Result]:
+        match ask:
+            case Persist(snapshot=snapshot):
+                self._site.keep_snapshot(snapshot)
+            case Grant():
+                self._granted = ask
+                return [self._grant_message()]
+            case Start(progress=progress):
+                arguments = {"capability": ask.capability, "arguments": ask.arguments, "progress": progress}
+                return [self._ask(ask.component, ask.action_id, "start", arguments)]
+            case Pause():
+                return [self._ask(ask.component, ask.action_id, "pause", {})]
+            case Resume():
+                return [self._ask(ask.component, ask.action_id, "resume", {})]
+            case Cancel():
+                return [self._ask(ask.component, ask.action_id, "cancel", {})]
+            case TakeBack():
+                return [TakeOver(is_resumed=True)]
+            case Told():
+                self._say(ask.severity, ask.text)
+        return []
+
+    def _ask(self, component: str, action_id: str, verb: Verb, more: dict[str, Any]) -> Report:
+        self._count += 1
+        request_id = f"action-{self._count}"
+        self._waiting[request_id] = (action_id, verb)
+        message = FunctionRequest(
+            request_id=request_id, function=f"action.{verb}", arguments={"action_id": action_id, **more}
+        )
+        return self.function.report(message, key=component)
+
+    # --- reports ---
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self._events.append(CiEvent(severity=severity, source="mission", text=text, t_s=self._now_s))
+
+    def _forward(self, envelope: Envelope[Event]) -> None:
+        event = envelope.payload
+        if event.severity <= self._settings.event_severity:
+            self._events.append(
+                CiEvent(severity=event.severity, source=envelope.source.component, text=event.text, t_s=envelope.t_s)
+            )
+
+    def _is_due(self, what: str, period_s: float, now_s: float) -> bool:
+        if now_s - self._due[what] < period_s - 1e-6:
+            return False
+        self._due[what] = now_s
+        return True
+
+    def _report(self, now_s: float) -> list[Result]:
+        results: list[Result] = [*self._book.new_troubles(), *self._events]
+        self._events.clear()
+        if self._requests.wants_everything:
+            self._requests.wants_everything = False
+            self._told_mission = self._told_control = self._told_table = None
+        self._authority.tick(now_s)
+        is_slow = self._is_due("slow", 1.0, now_s)
+        results += self._changes(now_s, is_slow)
+        if self._is_due("grant", self._settings.grant_period_s, now_s):
+            results.append(self._grant_message())
+        if self._is_due("summary", self._settings.summary_period_s, now_s):
+            results += [self._book.summary(now_s), vehicle_summary(self._site.platform, self._facts, now_s)]
+        return results
+
+    def _changes(self, now_s: float, is_slow: bool) -> list[Result]:
+        """What is told when it has changed, and once a second besides."""
+        results: list[Result] = []
+        self.holder = self._authority.holder
+        self.policy = self._executor.policy if self._executor is not None else ""
+        mission = mission_summary(self._executor)
+        if is_slow or mission != self._told_mission:
+            self._told_mission = mission
+            results.append(mission)
+        control = self._authority.state()
+        if is_slow or control != self._told_control:
+            self._told_control = control
+            results.append(control)
+        table = self._book.table()
+        if table != self._told_table:
+            self._told_table = table
+            results.append(table)
+        limits = self._limits()
+        if is_slow or limits != self._told_limits:
+            self._told_limits = limits
+            results.append(limits)
+        if is_slow and self._facts.home is not None:
+            results.append(Home(position_ned_m=self._facts.home.position_ned_m))
+        return results
+
+    def _grant_message(self) -> MotionGrant:
+        return MotionGrant(action_id=self._granted.action_id, component=self._granted.component)
+
+    def _limits(self) -> MotionLimits:
+        limits = self._site.platform.limits
+        executor = self._executor
+        fence = executor.mission.mission.fence if executor is not None and executor.mission is not None else None
+        return MotionLimits(
+            speed_m_s=limits.speed_m_s,
+            climb_m_s=limits.climb_m_s,
+            acceleration_m_s2=limits.acceleration_m_s2,
+            height_min_m=limits.height_min_m,
+            height_max_m=limits.height_max_m,
+            fence=fence,
+            fence_margin_m=limits.fence_margin_m,
+        )

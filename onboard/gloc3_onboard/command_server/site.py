@@ -1,0 +1,61 @@
+"""What the command interface server is given: its platform, and where it keeps what must survive the process."""
+
+from typing import Final
+
+import msgspec
+
+from gloc3.mission.snapshot import Snapshot
+from gloc3.platform import Platform
+from gloc3_onboard.command_server.facts import KeptHome
+from gloc3_onboard.command_server.journal import Store
+
+
+class _Kept(msgspec.Struct, frozen=True):
+    """The last record of the file."""
+
+    snapshot: Snapshot | None
+    home: KeptHome | None
+
+
+class Site:
+    """The platform and two files: the journal of requests, and the executor's progress with home.
+
+    Args:
+        platform: the platform file.
+        journal: for the requests of stations.
+        progress: for missions and home.
+    """
+
+    def __init__(self, platform: Platform, journal: Store, progress: Store) -> None:
+        self.platform: Final = platform
+        self.journal: Final = journal
+        self.problem = ""
+        """Why what was kept cannot be used; empty if it can, or nothing was kept."""
+        self._progress = progress
+        self._snapshot: Snapshot | None = None
+        self._home: KeptHome | None = None
+
+    def load(self) -> tuple[Snapshot | None, KeptHome | None]:
+        """What the process before has left."""
+        records = self._progress.load()
+        if records:
+            try:
+                kept = msgspec.msgpack.decode(records[-1], type=_Kept)
+            except (msgspec.DecodeError, msgspec.ValidationError) as error:
+                self.problem = f"the kept progress cannot be read: {error}"
+            else:
+                self._snapshot, self._home = kept.snapshot, kept.home
+        return self._snapshot, self._home
+
+    def keep_snapshot(self, snapshot: Snapshot) -> None:
+        """Puts the executor's progress on disk."""
+        self._snapshot = snapshot
+        self._write()
+
+    def keep_home(self, home: KeptHome) -> None:
+        """Puts home on disk."""
+        self._home = home
+        self._write()
+
+    def _write(self) -> None:
+        self._progress.rewrite([msgspec.msgpack.encode(_Kept(self._snapshot, self._home))])

@@ -1,0 +1,77 @@
+"""The vehicle and the mission at a glance, for the stations."""
+
+import math
+from hashlib import blake2s
+
+from gloc3.ci import MissionSummary, VehicleSummary
+from gloc3.frames import TangentPlane, yaw_of
+from gloc3.mission.executor import MissionExecutor
+from gloc3.platform import Platform
+from gloc3_onboard.command_server.facts import VehicleFacts
+
+
+def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
+    """The loaded mission and how far it is."""
+    if executor is None:
+        return MissionSummary(name="", digest="", state="")
+    states = {target: str(state) for target, state in executor.states().items()}
+    progress = {target: round(share, 2) for target, share in executor.progress().items()}
+    program = executor.mission
+    if program is None:
+        return MissionSummary(name="", digest="", state="", tasks=states, progress=progress, policy=executor.policy)
+    return MissionSummary(
+        name=program.mission.name,
+        digest=digest_of(program.mission.text),
+        state=str(program.state),
+        reason=program.reason,
+        tasks=states,
+        progress=progress,
+        policy=executor.policy,
+    )
+
+
+def digest_of(text: str) -> str:
+    """A short digest of a mission's text."""
+    return blake2s(text.encode(), digest_size=6).hexdigest()
+
+
+def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> VehicleSummary:
+    """The vehicle at a glance."""
+    autopilot, pose, driver = facts.autopilot, facts.pose, facts.driver
+    position, geo, frame, speed_m_s, heading_deg = (0.0, 0.0, 0.0), None, "", 0.0, 0
+    if pose is not None:
+        frame, position = _local(platform, pose.position_ned_m, pose.origin_geo)
+        if facts.origin is not None:
+            place = TangentPlane(facts.origin).geo_from_ned(pose.position_ned_m)
+            geo = (round(place.latitude_deg, 7), round(place.longitude_deg, 7), round(place.altitude_m, 2))
+        speed_m_s = round(math.hypot(*pose.velocity_ned_m_s), 2)
+        heading_deg = round(math.degrees(yaw_of(pose.ned_from_frd))) % 360
+    return VehicleSummary(
+        t_s=round(now_s, 3),
+        mode=autopilot.mode_name if autopilot is not None else "",
+        is_armed=autopilot.is_armed if autopilot is not None else False,
+        landed=str(autopilot.landed) if autopilot is not None else "unknown",
+        battery_percent=round(100.0 * autopilot.battery_remaining)
+        if autopilot is not None and autopilot.battery_remaining >= 0.0
+        else -1,
+        position_m=position,
+        speed_m_s=speed_m_s,
+        heading_deg=heading_deg,
+        is_pose_valid=facts.is_pose_fresh(now_s),
+        has_pilot_control=driver.has_pilot_control if driver is not None else False,
+        is_autopilot_connected=facts.is_connected,
+        frame=frame,
+        geo=geo,
+    )
+
+
+def _local(
+    platform: Platform, position_ned_m: tuple[float, float, float], origin: tuple[float, float, float] | None
+) -> tuple[str, tuple[float, float, float]]:
+    """The position in the platform's local frame whose origin is that of NED; else as north, west, height."""
+    for name, row in platform.frames.items():
+        if row.origin.geo == origin:
+            x, y, height = row.frame().from_ned(position_ned_m)
+            return name, (round(x, 2), round(y, 2), round(height, 2))
+    north, east, down = position_ned_m
+    return "", (round(north, 2), round(-east, 2), round(-down, 2))

@@ -31,6 +31,8 @@ RUN: Final = "gloc3"
 """The metadata record that every log begins with: the recorder's metadata, `utc_offset_ns`, `time`, `version`."""
 MISSION: Final = "mission"
 """The metadata record of a loaded mission: `name`, `text`."""
+PLATFORM_FILE: Final = "platform.yaml"
+"""The attachment with the platform file, the effective configuration of the run."""
 REQUESTED_PATH: Final = "requested_path"
 """The metadata record of the path that a mission asks for: `points_ned_m`, JSON `[[north, east, down], ...]`."""
 

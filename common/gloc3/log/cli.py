@@ -16,7 +16,9 @@ from gloc3.log.info import render, require_topic, summarize
 from gloc3.log.plot import plot_flight
 from gloc3.log.reader import LogReader
 from gloc3.log.recover import recover
+from gloc3.log.replay import render_comparisons, replay
 from gloc3.log.timeline import plot_timelines, read_timelines
+from gloc3.record import PLATFORM_FILE
 from gloc3.topics import TopicTable
 
 app = App(name="gloc3 log", help="Inspect, plot, recover and replay logs.", version_flags=[])
@@ -92,6 +94,34 @@ def recover_(file: Path, out: Path | None = None, /) -> int:
         print(f"lost: {loss}", file=sys.stderr)  # noqa: T201
     print(f"{target}: {report.messages:,} messages")  # noqa: T201
     return DONE
+
+
+@app.command(name="replay")
+def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
+    """Run a component again on its recorded inputs, and compare its outputs with the recorded ones.
+
+    The exit code is 1 where they differ by more than rounding.
+
+    Args:
+        file: the log.
+        component: its name on the platform.
+        platform: the platform, by name or file; by default the platform file in the log.
+    """
+    from gloc3.platform import load_platform, read_platform
+
+    topics = TopicTable.installed()
+    with LogReader(file, topics.types) as reader:
+        attached = reader.attachments.get(PLATFORM_FILE)
+        if platform:
+            found = load_platform(platform)
+        elif attached is not None:
+            found = read_platform(attached, f"{file.name}/{PLATFORM_FILE}")
+        else:
+            raise Gloc3Error(f"{file} holds no platform file: name the platform with --platform")
+        comparisons = replay(reader, found, component, topics)
+        _warn(reader)
+    print(render_comparisons(comparisons))  # noqa: T201
+    return DONE if all(comparison.is_same for comparison in comparisons) else IMPERFECT
 
 
 def _warn(reader: LogReader) -> None:

@@ -28,7 +28,7 @@ class FlightPath(msgspec.Struct, frozen=True):
     requested: list[Vector3]
     """Empty where no mission was flown."""
     home: Vector3 | None = None
-    """Where the vehicle stood when it was armed first."""
+    """Where the vehicle stood when it was armed first; without word of that, where the flight began."""
     fence: Fence | None = None
     mission: str = ""
     """The mission's name."""
@@ -40,12 +40,11 @@ def read_flight_path(reader: LogReader) -> FlightPath:
     flown: list[Vector3] = []
     home: Vector3 | None = None
     fence: Fence | None = None
-    for entry in reader.entries(source, "autopilot", "motion/limits"):
+    for entry in reader.entries(source, "motion/home", "motion/limits"):
         payload = entry.envelope.payload
         match entry.envelope.topic.partition("/")[2]:
-            case "autopilot":
-                if home is None and flown and value_of(payload, "is_armed"):
-                    home = flown[-1]
+            case "motion/home":
+                home = home or next(_positions(entry), None)
             case "motion/limits":
                 fence = _fence(payload) or fence
             case _:

@@ -18,7 +18,7 @@ from gloc3.mission.fence import Area, Fence
 from gloc3.record import Recorder
 from gloc3.standard_topics import TOPICS
 from gloc3.topics import TopicTable
-from gloc3.vehicle import AutopilotState, HeightAboveGround, MotionLimits, Pose
+from gloc3.vehicle import HeightAboveGround, Home, MotionLimits, Pose
 from gloc3.wire import type_name
 
 NUMBERS = (0.0, -0.0, 0.1 + 0.2, -1e-9, 1.0, 123456.789, 1e300, 5e-324, 2.0 / 3.0)
@@ -138,7 +138,7 @@ FENCE = Fence(
 
 
 def flight_log() -> bytes:
-    """A short flight along `REQUESTED`: poses, armed at 0.5 s, one component faulty from 2 s to 3 s, one quiet."""
+    """A short flight along `REQUESTED`: poses, home at 0.5 s, one component faulty from 2 s to 3 s, one quiet."""
     log = LogInMemory()
     log.recorder.write_metadata("mission", {"name": "round", "text": "mission: round"})
     log.recorder.write_metadata("requested_path", {"points_ned_m": msgspec.json.encode(REQUESTED).decode()})
@@ -156,7 +156,8 @@ def flight_log() -> bytes:
         place: Any = tuple(a + (b - a) * share for a, b in zip(here, there, strict=True))
         pose = Pose(position_ned_m=place, velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=(1.0, 0.0, 0.0, 0.0))
         log.send("pose", pose, t_s, POSE, "ned")
-        log.send("autopilot", AutopilotState(is_connected=True, is_armed=index > 5), t_s, server)
+        if index == 5:
+            log.send("motion/home", Home(position_ned_m=(0.0, 0.1, 0.0)), t_s, server)
         if index == 2:
             for source, state in ((POSE, State.WORKING), (server, State.QUIET), (camera, State.WORKING)):
                 _status(log, source, state, t_s)

@@ -32,7 +32,7 @@ def test_the_flight_is_what_the_log_tells(reader: LogReader) -> None:
     assert path.requested == REQUESTED
     assert len(path.flown) == 81
     assert path.source == "pose"
-    assert path.home == pytest.approx((0.0, 0.0, -0.45))
+    assert path.home == (0.0, 0.1, 0.0)
     assert path.fence == FENCE
     assert path.mission == "round"
 

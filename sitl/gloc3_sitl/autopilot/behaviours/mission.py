@@ -33,7 +33,7 @@ class MissionFlight(Mover):
         self._leg_start: Vector3 | None = None
         self.trajectory.stop()
         progress = craft.mission
-        if progress.state is MissionState.COMPLETE:
+        if progress.state is MissionState.COMPLETE and craft.is_armed:
             progress.restart(craft.first_item)
         progress.is_paused = False
 

@@ -87,6 +87,8 @@ class ExternalOdometry:
 
 
 _GATE_SIGMA: Final = 5.0
+_GYRO_ALONE_S: Final = 3.0
+"""So long the gyro alone keeps the attitude better than a level found from gravity and the vehicle's own accelerations."""
 _BIAS_SHARE: Final = 0.04
 """Part of each tilt correction that goes to the gyro bias: a time constant of 25 s."""
 
@@ -147,11 +149,11 @@ class Estimator:
         if not self.is_aligned:
             return
         inertial = self.inertial
-        if not self.has_horizontal_aid(now_s):
+        if now_s - max(self.fix_state.accepted_s, self.external_state.accepted_s) > _GYRO_ALONE_S:
             # Gravity is the only reference of level; believe it while the vehicle hardly accelerates.
             an, ae, ad = inertial.acceleration_ned_m_s2
             if abs(ad) < 2.0 and an * an + ae * ae < 9.0:
-                share = 0.4 * 0.02 / GRAVITY_M_S2
+                share = 0.2 * 0.02 / GRAVITY_M_S2
                 inertial.turn((-ae * share, an * share, 0.0), 0.02)
         if self.is_landed and now_s - self._rest_s >= 0.1:
             self._rest_s = now_s
@@ -300,10 +302,6 @@ class Estimator:
     def place(self) -> GeoPoint | None:
         """Place on Earth, where the origin is known."""
         return None if self.origin is None else self.origin.geo_from_ned(self.inertial.position_ned_m)
-
-    def has_horizontal_aid(self, now_s: float) -> bool:
-        """Whether a position source was taken in within the last half second."""
-        return now_s - max(self.fix_state.accepted_s, self.external_state.accepted_s) < 0.5
 
     def is_position_good(self, now_s: float) -> bool:
         """Whether the horizontal position may be flown by: aided within the last second, and converged."""

@@ -160,7 +160,7 @@ class Peers(Service[PeerEvent]):
     def tick(self, now_s: float) -> None:
         """Notices who is gone."""
         for peer in self._peers.values():
-            if peer.is_alive and now_s - peer.last_s >= self._gone_after_s:
+            if peer.is_alive and now_s >= peer.last_s + self._gone_after_s:
                 peer.is_alive = False
                 self._events.append(PeerEvent(PeerChange.GONE, peer))
 

@@ -83,7 +83,7 @@ class StatusTextReceiver(Service[StatusText]):
 
     def tick(self, now_s: float) -> None:
         """Passes on what has waited long enough for its missing chunks."""
-        for key in [key for key, text in self._unfinished.items() if now_s - text.last_s >= WAIT_S]:
+        for key in [key for key, text in self._unfinished.items() if now_s >= text.last_s + WAIT_S]:
             self._finish(key)
 
     def next_tick_s(self) -> float | None:

@@ -22,8 +22,10 @@ class QueueLoop:
 
     def run(self, until_s: float, is_done: Callable[[], bool] = lambda: False) -> None:
         """Runs until nothing is left, `is_done`, or a time, whichever is first."""
-        heap = self._heap
+        heap, standing = self._heap, 0
         while heap and heap[0][0] <= until_s and not is_done():
+            standing = standing + 1 if heap[0][0] == self.now_s else 0
+            assert standing < 100_000, f"time stands still at {self.now_s} s"
             self.now_s, _, callback, args = heappop(heap)
             callback(*args)
         if not is_done():

@@ -8,7 +8,7 @@ is on disk within a quarter of a second. In virtual time the same run gives the 
 import asyncio
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal, NamedTuple
 
@@ -19,7 +19,16 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.frames import Quaternion, Vector3
-from gloc3.log.foxglove import MAP_FRAME, MAP_FROM_NED, NED_FRAME, TRANSFORM_SCHEMA, transform
+from gloc3.log.foxglove import (
+    MAP_FRAME,
+    MAP_FROM_NED,
+    NED_FRAME,
+    PATH_SCHEMA,
+    TRANSFORM_SCHEMA,
+    path,
+    timestamp,
+    transform,
+)
 from gloc3.log.payloads import PayloadEncoder
 from gloc3.log.writer import Compression, LogChannel, McapWriter
 from gloc3.messages import Envelope, Message, Source
@@ -96,12 +105,12 @@ class Recorder:
         self._routes: dict[tuple[str, Source, str, str], _Route] = {}
         self._raw: dict[tuple[str, str], tuple[LogChannel, list[int]]] = {}
         self._channels: list[LogChannel] = []
-        self._transforms: LogChannel | None = None
+        self._shown: dict[str, LogChannel] = {}
         self._subscriptions: list[Unsubscribe] = []
         self._timer: asyncio.TimerHandle | None = None
         self._syncing: asyncio.Future[None] | None = None
         self._flushed_s = self._now_s()
-        self.unknown: set[str] = set()
+        self.unknown: list[str] = []
         """The topics that were recorded although they have no row."""
         self.lost = 0
         """Messages that were not recorded."""
@@ -152,6 +161,8 @@ class Recorder:
                 self.problem = "the log is closed"
         if self._is_owner:
             try:
+                if not self._clock.is_virtual:
+                    _sync(self._stream)
                 self._stream.close()
             except OSError as error:
                 self.problem = f"the log cannot be written: {error.strerror}"
@@ -232,7 +243,7 @@ class Recorder:
             encoder = self._encoders[message_type] = PayloadEncoder(message_type)
         row = self._topics.row(envelope.topic)
         if row is None:
-            self.unknown.add(envelope.topic)
+            self.unknown += [] if envelope.topic in self.unknown else [envelope.topic]
         elif not row.is_logged:
             return _Route(envelope, None, encoder)
         metadata = {
@@ -259,14 +270,25 @@ class Recorder:
 
     def write_transform(self, parent: str, child: str, translation_m: Vector3, parent_from_child: Quaternion) -> None:
         """Tells Foxglove where a frame hangs in another, such as a mission's local frame in `ned`."""
+        self._show("frames", TRANSFORM_SCHEMA, transform(parent, child, translation_m, parent_from_child))
+
+    def write_requested_path(self, points_ned_m: Sequence[Vector3]) -> None:
+        """Writes the path that a mission asks for: as metadata, and for Foxglove."""
+        text = msgspec.json.encode(points_ned_m).decode()
+        self.write_metadata(REQUESTED_PATH, {"points_ned_m": text})
+        self._show("requested_path", PATH_SCHEMA, path(points_ned_m))
+
+    def _show(self, topic: str, schema: Mapping[str, Any], values: Mapping[str, Any]) -> None:
+        """Writes something that only Foxglove reads."""
         now_ns = self._offset_ns + round(self._now_s() * 1e9)
-        data = msgspec.json.encode(transform(parent, child, translation_m, parent_from_child, now_ns))
+        data = msgspec.json.encode({"timestamp": timestamp(now_ns), **values})
 
         def write() -> None:
-            if self._transforms is None:
-                schema = ("foxglove.FrameTransform", msgspec.json.encode(TRANSFORM_SCHEMA))
-                self._transforms = self._writer.add_channel("frames", "json", {}, schema)
-            self._writer.append(self._transforms, 0, now_ns, now_ns, data)
+            shown = self._shown.get(topic)
+            if shown is None:
+                described = (schema["title"], msgspec.json.encode(schema))
+                shown = self._shown[topic] = self._writer.add_channel(topic, "json", {}, described)
+            self._writer.append(shown, 0, now_ns, now_ns, data)
 
         self._guarded(write)
 
@@ -279,7 +301,7 @@ class Recorder:
             found[channel.topic] = TopicBytes(before.messages + count, before.bytes + channel.bytes)
         return found
 
-    def _guarded(self, write: Any) -> None:
+    def _guarded(self, write: Callable[[], None]) -> None:
         if self.problem:
             return
         try:

@@ -5,12 +5,12 @@ Foxglove's schemas says the same thing, its fields stand beside them and the cha
 message type gets its view by the fields that it has: any type with `position_ned_m` and `ned_from_frd` is a pose.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.frames import Quaternion, Vector3
+from gloc3.frames import IDENTITY, Quaternion, Vector3
 from gloc3.log.json_schema import Schema
 from gloc3.messages import Envelope, Severity
 
@@ -33,6 +33,11 @@ _QUATERNION: Final[Schema] = {
     "type": "object",
     "title": "foxglove.Quaternion",
     "properties": {"x": _NUMBER, "y": _NUMBER, "z": _NUMBER, "w": _NUMBER},
+}
+_POSE: Final[Schema] = {
+    "type": "object",
+    "title": "foxglove.Pose",
+    "properties": {"position": _VECTOR, "orientation": _QUATERNION},
 }
 _LEVELS: Final = ("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")
 _LEVEL_OF: Final[Mapping[Severity, int]] = {
@@ -105,11 +110,7 @@ def _image(envelope: Envelope[Any]) -> dict[str, Any]:
 _POSE_PROPERTIES: Final = {
     "timestamp": _TIME,
     "frame_id": _TEXT,
-    "pose": {
-        "type": "object",
-        "title": "foxglove.Pose",
-        "properties": {"position": _VECTOR, "orientation": _QUATERNION},
-    },
+    "pose": _POSE,
 }
 _FIX_PROPERTIES: Final = {
     "timestamp": _TIME,
@@ -180,6 +181,17 @@ TRANSFORM_SCHEMA: Final[Schema] = {
 }
 
 
+PATH_SCHEMA: Final[Schema] = {
+    "title": "foxglove.PosesInFrame",
+    "type": "object",
+    "properties": {
+        "timestamp": _TIME,
+        "frame_id": _TEXT,
+        "poses": {"type": "array", "items": _POSE},
+    },
+}
+
+
 def view_of(message_type: type[msgspec.Struct]) -> View | None:
     """Foxglove's view of a message type; None where it has no schema for it."""
     names = {field.encode_name for field in msgspec.structs.fields(message_type)}
@@ -195,14 +207,17 @@ def timestamp(publish_ns: int) -> dict[str, int]:
     return {"sec": seconds, "nsec": nanoseconds}
 
 
-def transform(
-    parent: str, child: str, translation_m: Vector3, parent_from_child: Quaternion, publish_ns: int
-) -> dict[str, Any]:
-    """Where a frame hangs in another, as a `foxglove.FrameTransform`."""
+def transform(parent: str, child: str, translation_m: Vector3, parent_from_child: Quaternion) -> dict[str, Any]:
+    """Where a frame hangs in another, as a `foxglove.FrameTransform` without its time."""
     return {
-        "timestamp": timestamp(publish_ns),
         "parent_frame_id": parent,
         "child_frame_id": child,
         "translation": _vector(translation_m),
         "rotation": _quaternion(parent_from_child),
     }
+
+
+def path(points_ned_m: Sequence[Vector3]) -> dict[str, Any]:
+    """The corners of a path, as a `foxglove.PosesInFrame` without its time."""
+    poses = [{"position": _vector(point), "orientation": _quaternion(IDENTITY)} for point in points_ned_m]
+    return {"frame_id": NED_FRAME, "poses": poses}

@@ -141,7 +141,7 @@ def flight_log() -> bytes:
     """A short flight along `REQUESTED`: poses, home at 0.5 s, one component faulty from 2 s to 3 s, one quiet."""
     log = LogInMemory()
     log.recorder.write_metadata("mission", {"name": "round", "text": "mission: round"})
-    log.recorder.write_metadata("requested_path", {"points_ned_m": msgspec.json.encode(REQUESTED).decode()})
+    log.recorder.write_requested_path(REQUESTED)
     limits = MotionLimits(
         speed_m_s=1.0, climb_m_s=1.0, acceleration_m_s2=1.0, height_min_m=0.3, height_max_m=8.0, fence=FENCE
     )

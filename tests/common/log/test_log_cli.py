@@ -75,6 +75,8 @@ def test_plot_writes_beside_the_log_or_where_it_is_told(file: Path, capsys: pyte
 def test_what_is_not_there_is_said_with_the_nearest(file: Path) -> None:
     with pytest.raises(Refused, match="did you mean 'pose'"):
         run("plot", file, "pos")
+    with pytest.raises(Gloc3Error, match="holds no platform file"):
+        run("replay", file, "pose")
     with pytest.raises(Gloc3Error, match="No such file"):
         run("info", file.with_name("other.mcap"))
 

@@ -14,9 +14,11 @@ import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
+from gloc3.ci import VehicleSummary
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.local import LocalExchange
+from gloc3.log.foxglove import PATH_SCHEMA, TRANSFORM_SCHEMA
 from gloc3.log.json_schema import SCALARS
 from gloc3.log.payloads import PROBLEM, PayloadEncoder
 from gloc3.log.reader import LogReader
@@ -26,7 +28,7 @@ from gloc3.standard_topics import TOPICS
 from gloc3.topics import TopicRow, TopicTable
 from gloc3.vehicle import Image, Pose, Setpoint
 
-from .samples import HEIGHT, POSE, LogInMemory, sample, small_log
+from .samples import HEIGHT, POSE, REQUESTED, LogInMemory, flight_log, sample, small_log
 
 TYPES = list(TopicTable(TOPICS).types)
 
@@ -111,7 +113,7 @@ def test_what_its_row_leaves_out_is_not_recorded_and_what_has_no_row_is(tmp_path
     log.send("camera/front", Image(camera="front", width=2, height=1, data=b"ab"), 1.0, POSE)
     log.send("surprise", Event(severity=Severity.INFO, text="new"), 1.0, POSE)
     assert [envelope.topic for envelope in read(log.close(), tmp_path)] == ["pelican/surprise"]
-    assert log.recorder.unknown == {"pelican/surprise"}
+    assert log.recorder.unknown == ["pelican/surprise"]
 
 
 def test_it_counts_what_it_recorded_by_topic() -> None:
@@ -152,11 +154,36 @@ def test_foxglove_sees_poses_events_and_how_ned_hangs_under_the_map() -> None:
     assert transform["rotation"]["w"] == transform["rotation"]["z"] == 0.0
 
 
+def test_foxglove_sees_the_requested_path() -> None:
+    (path,) = objects(flight_log(), "requested_path")
+    assert [pose["position"]["x"] for pose in path["poses"]] == [north for north, _, _ in REQUESTED]
+    _check_simple(PATH_SCHEMA, is_item=False)
+    _check_simple(TRANSFORM_SCHEMA, is_item=False)
+
+
 def test_foxglove_sees_images_and_places_on_earth() -> None:
-    table = TopicTable({"camera": TopicRow(Image)})
-    log = LogInMemory(table)
+    log = LogInMemory(TopicTable({"camera": TopicRow(Image)}))
     log.send("camera", Image(camera="front", width=2, height=1, data=b"ab"), 1.0, POSE)
-    (image,) = objects(log.close(), "pelican/camera")
+    summary = VehicleSummary(
+        t_s=1.0,
+        mode="HOLD",
+        is_armed=True,
+        landed="in_air",
+        battery_percent=80,
+        position_m=(0.0, 0.0, 1.5),
+        speed_m_s=0.0,
+        heading_deg=0,
+        is_pose_valid=True,
+        has_pilot_control=False,
+        is_autopilot_connected=True,
+    )
+    log.send("ci/vehicle", summary, 1.0, POSE)
+    log.send("ci/vehicle", msgspec.structs.replace(summary, geo=(39.5, 2.625, 3.5)), 1.5, POSE)
+    data = log.close()
+    nowhere, here = objects(data, "pelican/ci/vehicle")
+    assert "latitude" not in nowhere
+    assert (here["latitude"], here["longitude"], here["altitude"]) == (39.5, 2.625, 3.5)
+    (image,) = objects(data, "pelican/camera")
     assert {"encoding": "mono8", "step": 2, "frame_id": "front", "data": "YWI="}.items() <= image.items()
 
 

@@ -150,7 +150,7 @@ class ComponentHost:
             )
 
         words = [request.command, *request.then]
-        known = (*Command, CREATE)
+        known = (*(command.value for command in Command), CREATE)
         for word in words:
             if word not in known:
                 reply(f"{word!r} is no command; {nearest(str(word), known)}")

@@ -110,5 +110,5 @@ def to_mermaid() -> str:
                 if run
                 else f"    {state} --> {to or '[*]'}: {command}"
             )
-    lines += [f"    {state} --> faulty: error" for state in State]
+    lines += [f"    {state} --> faulty: error{' / stop()' if state in OPERATING else ''}" for state in State]
     return "\n".join(lines) + "\n"

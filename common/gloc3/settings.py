@@ -24,7 +24,10 @@ S = TypeVar("S", bound=Settings)
 
 
 def Bounds(low: float, high: float) -> msgspec.Meta:  # noqa: N802 - reads as a type in an annotation
-    """A closed range for a setting, as in `min_m: Annotated[float, Bounds(0.0, 5.0)]`; whole numbers for an `int`."""
+    """A closed range for a setting; of whole numbers for an `int`.
+
+    Used as `min_m: Annotated[float, Bounds(0.0, 5.0)] = 0.2`.
+    """
     return msgspec.Meta(ge=low, le=high)
 
 

@@ -1,0 +1,214 @@
+"""Errors under the host: whatever an author's code does, its component turns faulty and nothing else happens."""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gloc3.lci import State
+from gloc3.messages import Event, Severity
+from gloc3.ports import Actuation, Report
+from gloc3.testing import Bench
+
+from .specimen import Diary, Number, Specimen, row
+
+HARMS = [
+    ValueError("odd"),
+    SystemExit(3),
+    asyncio.CancelledError(),
+    GeneratorExit(),
+    RecursionError("deep"),
+    MemoryError(),
+    StopIteration(),
+]
+
+
+class Unspeakable(Exception):
+    """An error that cannot even be told."""
+
+    def __str__(self) -> str:
+        raise RuntimeError("no words")
+
+
+@pytest.mark.parametrize("method", ["initialize", "start", "goquiet", "resume", "stop", "finish", "work", "scale"])
+@pytest.mark.parametrize("error", [*HARMS, Unspeakable()], ids=repr)
+def test_whatever_a_method_raises_makes_its_component_faulty_and_harms_no_other(
+    method: str, error: BaseException
+) -> None:
+    diary, other = Diary(), Diary()
+    with Bench() as bench:
+        bench.host(row("other", ports={"result": "other"}), lambda: Specimen(other))
+        bench.host(row(begin="idle"), lambda: Specimen(diary))
+        diary.errors[method] = error
+        for command in ("initialize", "start", "goquiet", "resume"):
+            bench.command("specimen", command)
+        bench.run(0.1)
+        bench.call("specimen", "scale", factor=1.0)
+        for command in ("stop", "finish"):
+            if bench.state("specimen") is not State.FAULTY:
+                bench.command("specimen", command)
+        assert bench.state("specimen") is State.FAULTY
+        status = bench.last("components/specimen/status")
+        assert (status.state, status.errors >= 1) == (State.FAULTY, True)
+        assert status.cause.startswith(type(error).__name__)
+        assert bench.state("other") is State.WORKING
+        diary.errors.clear()
+        assert bench.command("specimen", "initialize", None, "start").is_accepted
+        bench.run(0.3)
+        assert bench.last("other").value == pytest.approx(bench.loop.time(), abs=0.11)
+
+
+def test_an_operators_interrupt_goes_through() -> None:
+    diary = Diary()
+    diary.errors["work"] = KeyboardInterrupt()
+    with Bench() as bench, pytest.raises(KeyboardInterrupt):
+        bench.host(row(), lambda: Specimen(diary))
+
+
+@pytest.mark.parametrize(
+    ("results", "cause"),
+    [
+        (None, "no cause"),
+        (5, "TypeError: 'int' object is not iterable"),
+        (Number(value=1.0), "TypeError: 'Number' object is not iterable"),
+        ([None], "Misuse: Specimen reported NoneType, which fits no single output of its class"),
+        ("text", "Misuse: Specimen reported str, which fits no single output of its class"),
+        ([Event(severity=Severity.INFO, text="")], "Misuse: Specimen reported Event, which fits no single output"),
+        ([Report("nowhere", Number(value=1.0))], "Misuse: Specimen has no output 'nowhere'"),
+        ([Report("given", Number(value=1.0))], "Misuse: Specimen has no output 'given'"),
+        ([Report("result", 7)], "Misuse: Specimen.result takes Number, not int"),  # type: ignore[arg-type]
+        ([Report("result", Number(value=1.0), t_s=float("nan"))], "Misuse: Specimen.result: nan is no time of"),
+        ([Report("result", Number(value=1.0), t_s="now")], "Misuse: Specimen.result: 'now' is no time of"),  # type: ignore[arg-type]
+        ([Report("result", Number(value=1.0), key="a")], "Misuse: Specimen.result: 'a' is no key for bench/result"),
+        ([Actuation(1.0)], "Misuse: Specimen is no actuator driver"),
+    ],
+)
+def test_rubbish_from_work_is_a_fault_that_says_what_is_wrong_and_publishes_nothing(results: Any, cause: str) -> None:
+    class Rubbish(Specimen):
+        def work(self, now_s: float, inbox: Any) -> Any:
+            return results
+
+    Rubbish.__name__ = "Specimen"
+    with Bench() as bench:
+        bench.host(row(), lambda: Rubbish(Diary()))
+        bench.run(0.05)
+        assert bench.state("specimen") is State.FAULTY
+        if results is not None:
+            assert bench.last("components/specimen/status").cause.startswith(cause)
+        assert bench.all("result") == []
+
+
+@pytest.mark.parametrize("begin", ["working", "quiet"])
+def test_stop_is_called_once_on_a_fault_and_finish_before_the_initialize_that_leads_out(begin: str) -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(begin=begin), lambda: Specimen(diary))
+        diary.errors["work"] = ValueError("odd")
+        bench.run(1.0)
+        diary.errors.clear()
+        assert diary.methods()[-1] == "stop"
+        assert diary.methods().count("stop") == 1
+        diary.calls.clear()
+        assert bench.command("specimen", "initialize").state is State.STANDBY
+        assert diary.calls == ["finish", "initialize"]
+
+
+@pytest.mark.parametrize("way_out", ["initialize", "finish", "shutdown"])
+def test_what_stop_and_finish_raise_in_and_after_a_fault_is_only_counted(way_out: str) -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(diary))
+        for method in ("work", "stop", "finish"):
+            diary.errors[method] = ValueError(method)
+        bench.run(0.1)
+        assert bench.last("components/specimen/status").cause == "ValueError: work"
+        assert bench.hosts["specimen"].errors.total == 2
+        assert bench.command("specimen", way_out).is_accepted
+        assert list(bench.hosts["specimen"].errors.causes)[1:] == [
+            "stop: ValueError: stop",
+            "finish: ValueError: finish",
+        ]
+
+
+def test_an_error_in_stop_itself_does_not_call_it_again() -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(diary))
+        diary.errors["stop"] = ValueError("odd")
+        assert bench.command("specimen", "stop").reason == "stop failed: ValueError: odd"
+        assert diary.methods().count("stop") == 1
+
+
+def test_an_error_in_goquiet_stops_the_component() -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(diary))
+        diary.errors["goquiet"] = ValueError("odd")
+        bench.command("specimen", "goquiet")
+        assert diary.methods()[-2:] == ["goquiet", "stop"]
+
+
+@pytest.mark.parametrize("method", ["initialize", "start"])
+def test_an_error_outside_of_working_and_quiet_calls_no_stop(method: str) -> None:
+    diary = Diary()
+    diary.errors[method] = ValueError("odd")
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(diary))
+        assert bench.state("specimen") is State.FAULTY
+        assert "stop" not in diary.calls
+
+
+def test_the_error_handler_keeps_cause_count_first_and_last_time_and_tells_the_traceback_once() -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(diary))
+        diary.errors["work"] = ValueError("odd")
+        for _ in range(3):
+            bench.run(1.0)
+            bench.command("specimen", "initialize", None, "start")
+        bench.run(1.0)
+        status = bench.last("components/specimen/status")
+        assert (status.errors, status.cause) == (4, "ValueError: odd")
+        assert (status.cause_first_s, status.cause_last_s) == (0.1, 3.0)
+        told = [e for e in bench.all("components/specimen/event") if e.severity is Severity.ERROR]
+        assert [bool(event.details) for event in told] == [True, False, False, False]
+        assert told[0].details.endswith("ValueError: odd")
+        assert "specimen.py" in told[0].details
+        assert "/" not in told[0].details.replace(" / ", "")
+
+
+def test_a_fault_while_beginning_ends_the_begin() -> None:
+    diary = Diary()
+    diary.errors["initialize"] = ValueError("odd")
+    with Bench() as bench:
+        host = bench.host(row(begin="quiet"), lambda: Specimen(diary))
+        assert not host.is_beginning
+        assert diary.methods() == ["__init__", "initialize"]
+
+
+def test_a_failed_publication_is_the_components_fault() -> None:
+    with Bench() as bench:
+        bench.host(row(begin="standby"), lambda: Specimen(Diary()))
+        publish = bench.exchange.publish
+
+        def refuse_numbers(envelope: Any) -> None:
+            if isinstance(envelope.payload, Number):
+                raise TypeError("cannot be encoded")
+            publish(envelope)
+
+        bench.exchange.publish = refuse_numbers  # type: ignore[method-assign]
+        bench.command("specimen", "start")
+        bench.run(0.1)
+        assert bench.last("components/specimen/status").cause == "TypeError: cannot be encoded"
+
+
+def test_a_message_of_another_type_on_an_input_is_counted_and_told_once() -> None:
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(Diary()))
+        for _ in range(3):
+            bench.send("given", Event(severity=Severity.INFO, text="hello"))
+        bench.run(0.1)
+        assert bench.hosts["specimen"].errors.total == 3
+        told = [e.text for e in bench.all("components/specimen/event") if e.severity is Severity.WARNING]
+        assert told == ["input given takes Number; bench/given brought Event"]
+        assert bench.state("specimen") is State.WORKING

@@ -1,0 +1,140 @@
+"""The data logger and the status notifier under the host."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gloc3.lci import State
+from gloc3.messages import ComponentStatus, Severity
+from gloc3.testing import Bench
+
+from .specimen import Diary, Specimen, row
+
+
+def logged(bench: Bench) -> list[dict[str, Any]]:
+    """What was recorded so far."""
+    return [message.items for message in bench.all("components/specimen/internal")]
+
+
+def test_selected_items_are_recorded_at_the_end_of_every_cycle() -> None:
+    with Bench() as bench:
+        bench.host(row(log=["cycles", "table"]), lambda: Specimen(Diary()))
+        bench.run(0.25)
+        assert logged(bench) == [{"cycles": cycle, "table": {"1": (1.0, 2.0)}} for cycle in (1, 2, 3)]
+
+
+def test_nothing_is_recorded_where_nothing_is_selected() -> None:
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(Diary()))
+        bench.run(0.25)
+        assert logged(bench) == []
+
+
+def test_what_is_recorded_and_whether_can_be_changed_while_working() -> None:
+    with Bench() as bench:
+        bench.host(row(log=["cycles"]), lambda: Specimen(Diary()))
+        assert bench.call("specimen", "set_logging", items=["factor", "factor"]).result == {"items": ["factor"]}
+        bench.run(0.15)
+        assert logged(bench)[-1] == {"factor": 1.0}
+        assert bench.call("specimen", "set_logging", is_enabled=False).result == {"items": []}
+        bench.envelopes.clear()
+        bench.run(0.5)
+        assert logged(bench) == []
+        assert bench.call("specimen", "set_logging").result == {"items": ["factor"]}
+        bench.run(0.5)
+        assert len(logged(bench)) == 5
+
+
+def test_an_item_that_cannot_be_read_is_recorded_as_nothing_and_harms_nobody() -> None:
+    with Bench() as bench:
+        bench.host(row(log=["factor", "broken"]), lambda: Specimen(Diary()))
+        bench.run(1.0)
+        assert logged(bench)[-1] == {"factor": 1.0, "broken": None}
+        status = bench.last("components/specimen/status")
+        assert (status.state, status.cause) == (State.WORKING, "log item broken: ValueError: nothing to see here")
+        warnings = [e for e in bench.all("components/specimen/event") if e.severity is Severity.WARNING]
+        assert len(warnings) == 1
+
+
+def test_the_record_is_a_snapshot_of_plain_data() -> None:
+    class Rich(Specimen):
+        loggable = ("history", "array", "single", "thing")
+
+        def __init__(self, diary: Diary) -> None:
+            super().__init__(diary)
+            self.history: list[float] = []
+
+        @property
+        def array(self) -> Any:
+            return np.eye(2)
+
+        @property
+        def single(self) -> Any:
+            return np.float32(0.5)
+
+        @property
+        def thing(self) -> Any:
+            return object()
+
+        def work(self, now_s: float, inbox: Any) -> Any:
+            self.history.append(now_s)
+            return []
+
+    with Bench() as bench:
+        bench.host(row(log=["history", "array", "single", "thing"]), lambda: Rich(Diary()))
+        bench.run(0.15)
+        first = logged(bench)[0]
+        assert first["history"] == [0.0]
+        assert (first["array"], first["single"]) == ([[1.0, 0.0], [0.0, 1.0]], 0.5)
+        assert first["thing"] == "<object object>"
+
+
+def test_status_comes_at_the_set_period_and_on_every_change() -> None:
+    told: list[tuple[float, ComponentStatus]] = []
+    with Bench() as bench:
+        bench.exchange.subscribe(
+            "bench/components/specimen/status", lambda e: told.append((bench.loop.time(), e.payload))
+        )
+        bench.host(row(status_period_s=0.5), lambda: Specimen(Diary()))
+        assert [status.state for _, status in told] == [State.IDLE, State.STANDBY, State.WORKING]
+        bench.run(1.2)
+        bench.command("specimen", "goquiet")
+        bench.run(0.5)
+        assert [round(t_s, 6) for t_s, _ in told[3:]] == [0.5, 1.0, 1.2, 1.5]
+        assert told[-1][1].state is State.QUIET
+
+
+def test_status_says_what_the_row_says() -> None:
+    with Bench() as bench:
+        bench.host(row(required=True, standby_for="other", begin="quiet"), lambda: Specimen(Diary()))
+        status = bench.last("components/specimen/status")
+        assert (status.name, status.kind, status.is_required, status.standby_for) == ("specimen", "DP", True, "other")
+        assert (status.nominal_rate_hz, status.state) == (10.0, State.QUIET)
+
+
+def test_every_transition_is_told_as_an_event() -> None:
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(Diary()))
+        bench.command("specimen", "goquiet")
+        bench.command("specimen", "shutdown")
+        assert [event.text for event in bench.all("components/specimen/event")] == [
+            "initialize: idle -> standby",
+            "start: standby -> working",
+            "goquiet: working -> quiet",
+            "shutdown: quiet -> absent",
+        ]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_same_run_is_the_same_to_the_byte(seed: int) -> None:
+    def run() -> list[Any]:
+        with Bench(seed=seed, cycle_cost_s=lambda name, now_s: 0.01) as bench:
+            diary = Diary()
+            bench.host(row(log=["cycles"]), lambda: Specimen(diary))
+            bench.run(3.0)
+            diary.errors["work"] = ValueError(object())
+            bench.run(1.0)
+            return bench.envelopes
+
+    assert repr(run()) == repr(run())

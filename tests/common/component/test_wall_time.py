@@ -1,0 +1,196 @@
+"""The host in wall time, with real threads: what virtual time cannot show. Bounds are loose on purpose."""
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from random import Random
+from typing import Any
+
+import pytest
+
+from gloc3.clock import Clock
+from gloc3.context import HostContext
+from gloc3.exchange import LocalExchange, Publisher, request
+from gloc3.host import ComponentHost
+from gloc3.lci import State
+from gloc3.messages import CommandReply, CommandRequest, Envelope
+from gloc3.topics import TopicTable
+
+from .specimen import Diary, Driver, Specimen, row
+
+
+class Site:
+    """Hosts in the running loop, which is a real one."""
+
+    def __init__(self) -> None:
+        loop = asyncio.get_running_loop()
+        self.exchange = LocalExchange()
+        self.context = HostContext("site", self.exchange, Clock(loop), loop, TopicTable(), Random(1))
+        self.hosts: list[ComponentHost] = []
+        self.envelopes: list[Envelope[Any]] = []
+        self.exchange.subscribe("**", self.envelopes.append)
+        self._publisher = Publisher(self.exchange, "site", "test", 0)
+
+    def host(self, create: Callable[[], Any], name: str = "specimen", **entries: Any) -> ComponentHost:
+        """Hosts one more component and begins it."""
+        entries.setdefault("rate_hz", 100.0)
+        host = ComponentHost(row(name, **entries), create, self.context)
+        self.hosts.append(host)
+        host.begin()
+        return host
+
+    async def command(self, command: str, *then: str) -> CommandReply:
+        """Sends a command and waits for the reply."""
+        message = CommandRequest(request_id=command, command=command, then=then)
+        topic = "site/components/specimen/command"
+        reply: CommandReply = await request(self.exchange, self._publisher, topic, message, 10.0)
+        return reply
+
+    async def until(self, happened: Callable[[], bool]) -> None:
+        """Waits until something on the exchange has made a condition true."""
+        changed = asyncio.Event()
+        unsubscribe = self.exchange.subscribe("**", lambda _: changed.set())
+        async with asyncio.timeout(10.0):
+            while not happened():
+                changed.clear()
+                await changed.wait()
+        unsubscribe()
+
+
+@contextmanager
+def site() -> Iterator[Site]:
+    """A site whose hosts are closed at the end."""
+    found = Site()
+    try:
+        yield found
+    finally:
+        for host in found.hosts:
+            host.close()
+
+
+def in_wall_time(main: Callable[[], Awaitable[None]]) -> None:
+    """Runs a test in an ordinary loop."""
+
+    async def run() -> None:
+        await main()
+
+    asyncio.run(run())
+
+
+def test_a_stuck_cycle_is_hung_while_others_run_on_and_its_thread_does_nothing_when_it_comes_back() -> None:
+    async def main() -> None:
+        release = threading.Event()
+        diary, other = Diary(), Diary()
+        with site() as here:
+            host = here.host(lambda: Driver(diary))
+            here.host(lambda: Specimen(other), "other", ports={"result": "other"})
+            await here.until(lambda: len(diary.writes) > 3)
+            diary.acts["work"] = release.wait
+            await here.until(lambda: host.state is State.FAULTY)
+            assert host.errors.last_cause == "hung: a cycle had not ended after 0.2 s"
+            await here.until(lambda: "stop" in diary.calls)
+            assert diary.calls.index("make_safe") < diary.calls.index("stop")
+            cycles = other.calls.count("work")
+            await here.until(lambda: other.calls.count("work") > cycles + 5)
+            del diary.acts["work"]
+            writes = len(diary.writes)
+            release.set()
+            assert (await here.command("initialize", "start")).state is State.WORKING
+            assert diary.made == 2
+            await here.until(lambda: len(diary.writes) > writes + 3)
+            assert all(b > a for a, b in zip(diary.writes, diary.writes[1:], strict=False))
+
+    in_wall_time(main)
+
+
+@pytest.mark.parametrize("command", ["initialize", "stop"])
+def test_a_stuck_method_is_a_time_out_and_its_component_can_be_brought_up_again(command: str) -> None:
+    async def main() -> None:
+        release = threading.Event()
+        diary = Diary()
+        with site() as here:
+            host = here.host(lambda: Specimen(diary), begin="idle", timeout_s=0.1)
+            if command == "stop":
+                await here.command("initialize", "start")
+            diary.acts[command] = release.wait
+            reply = await here.command(command)
+            assert (reply.is_accepted, reply.state) == (False, State.FAULTY)
+            assert reply.reason == f"{command} failed: timeout: {command} took over 0.1 s"
+            diary.acts.clear()
+            assert (await here.command("initialize", "start")).state is State.WORKING
+            assert host.state is State.WORKING
+            release.set()
+
+    in_wall_time(main)
+
+
+def test_a_component_whose_finish_is_stuck_too_can_be_brought_up_at_the_second_try() -> None:
+    async def main() -> None:
+        release = threading.Event()
+        diary = Diary()
+        with site() as here:
+            here.host(lambda: Specimen(diary), timeout_s=0.1)
+            await here.until(lambda: "work" in diary.calls)
+            diary.acts["stop"] = diary.acts["finish"] = release.wait
+            await here.command("stop")
+            reply = await here.command("initialize")
+            assert reply.reason == "initialize failed: timeout: initialize took over 0.1 s"
+            assert (await here.command("initialize", "start")).state is State.WORKING
+            release.set()
+
+    in_wall_time(main)
+
+
+def test_methods_run_off_the_control_path_and_other_commands_are_busy() -> None:
+    async def main() -> None:
+        release = threading.Event()
+        diary, other = Diary(), Diary()
+        diary.acts["initialize"] = release.wait
+        with site() as here:
+            host = here.host(lambda: Specimen(diary))
+            here.host(lambda: Specimen(other), "other", ports={"result": "other"})
+            await here.until(lambda: other.calls.count("work") > 5)
+            assert host.is_beginning
+            assert (await here.command("shutdown")).reason.startswith("busy")
+            release.set()
+            await here.until(lambda: host.state is State.WORKING)
+
+    in_wall_time(main)
+
+
+def test_an_author_who_exits_or_kills_his_thread_harms_only_himself() -> None:
+    async def main() -> None:
+        diary, other = Diary(), Diary()
+        diary.errors["work"] = SystemExit(1)
+        with site() as here:
+            host = here.host(lambda: Specimen(diary))
+            here.host(lambda: Specimen(other), "other", ports={"result": "other"})
+            await here.until(lambda: host.state is State.FAULTY)
+            cycles = other.calls.count("work")
+            await here.until(lambda: other.calls.count("work") > cycles + 3)
+
+    in_wall_time(main)
+
+
+def test_costs_are_measured_in_wall_time() -> None:
+    async def main() -> None:
+        with site() as here:
+            host = here.host(lambda: Specimen(Diary()))
+            await here.until(lambda: host.status().cycles > 3)
+            assert 0.0 < host.status().cycle_mean_s < 0.1
+
+    in_wall_time(main)
+
+
+def test_a_closed_host_leaves_no_thread_behind() -> None:
+    async def main() -> None:
+        with site() as here:
+            host = here.host(lambda: Specimen(Diary()), "leaving")
+            await here.until(lambda: host.status().cycles > 3)
+        for thread in threading.enumerate():
+            if thread.name == "leaving":
+                thread.join(timeout=5.0)
+                assert not thread.is_alive()
+
+    in_wall_time(main)

@@ -116,6 +116,7 @@ class Recorder:
         """Messages that were not recorded."""
         self.problem = ""
         """Why recording has ended early, such as a full disk."""
+        self._is_open = True
         self.write_metadata(
             RUN,
             {
@@ -137,7 +138,7 @@ class Recorder:
 
     def flush(self, now_s: float) -> None:
         """Hands what is in memory to the operating system when it is time; call it every `FLUSH_S`."""
-        if now_s - self._flushed_s >= 0.99 * FLUSH_S and not self.problem:
+        if now_s - self._flushed_s >= 0.99 * FLUSH_S and self._is_open:
             self._flushed_s = now_s
             try:
                 self._writer.flush()
@@ -152,20 +153,19 @@ class Recorder:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        if not self.problem:
+        if self._is_open:
+            self._is_open = False
             try:
                 self._writer.finish()
             except OSError as error:
                 self._fail(error)
-            else:
-                self.problem = "the log is closed"
         if self._is_owner:
             try:
                 if not self._clock.is_virtual:
                     _sync(self._stream)
                 self._stream.close()
             except OSError as error:
-                self.problem = f"the log cannot be written: {error.strerror}"
+                self._fail(error)
 
     def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
         self.flush(self._now_s())
@@ -175,6 +175,7 @@ class Recorder:
             self._syncing = loop.run_in_executor(None, _sync, self._stream)
 
     def _fail(self, error: OSError) -> None:
+        self._is_open = False
         self.problem = f"the log cannot be written: {error.strerror or error}"
 
     # --- messages ---
@@ -192,7 +193,7 @@ class Recorder:
         channel = route.channel
         if channel is None:
             return
-        if self.problem:
+        if not self._is_open:
             self.lost += 1
             return
         offset_ns = self._offset_ns
@@ -207,7 +208,7 @@ class Recorder:
 
     def record_mavlink(self, link: str, direction: Literal["in", "out"], frame: bytes, now_s: float) -> None:
         """Records a raw frame of a MAVLink link on the channel `mavlink/LINK/DIRECTION`."""
-        if self.problem:
+        if not self._is_open:
             self.lost += 1
             return
         found = self._raw.get((link, direction))
@@ -302,7 +303,7 @@ class Recorder:
         return found
 
     def _guarded(self, write: Callable[[], None]) -> None:
-        if self.problem:
+        if not self._is_open:
             return
         try:
             write()

@@ -1,0 +1,145 @@
+"""A MAVLink link to stations: our exchanger's topics in TUNNEL frames, and the heartbeat of component 191."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from gloc3.ci import Health, StationHeard, Summary
+from gloc3.exchange import Publisher
+from gloc3.exchange.base import Exchange
+from gloc3.exchange.mavlink import MavlinkExchange
+from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
+from gloc3.exchange.tunnel.happenings import Happening
+from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
+from gloc3.link import codec
+from gloc3.link.codec import Address, Encoder, MavlinkMessage, Parser
+from gloc3.messages import Envelope
+from gloc3.topics import TopicTable
+from gloc3_onboard.autopilot.link import COMPANION, ByteLink
+
+HEARD_PERIOD_S: Final = 0.5
+ONBOARD_CONTROLLER: Final = 18
+AUTOPILOT_INVALID: Final = 8
+MAV_STATE: Final = {
+    Health.IDLE: 0,
+    Health.STANDBY: 3,
+    Health.WORKING: 4,
+    Health.QUIET: 4,
+    Health.ABSENT: 5,
+    Health.FAULTY: 5,
+}
+"""UNINIT, STANDBY, ACTIVE, CRITICAL."""
+GROUND_STATION: Final = 6
+
+
+def heartbeat(health: Health) -> MavlinkMessage:
+    """The heartbeat that tells the platform's health; the custom mode says which of quiet and working, absent and faulty."""
+    return codec.message(
+        "HEARTBEAT",
+        type=ONBOARD_CONTROLLER,
+        autopilot=AUTOPILOT_INVALID,
+        system_status=MAV_STATE[health],
+        custom_mode=list(Health).index(health),
+        mavlink_version=3,
+    )
+
+
+class HeartbeatSource:
+    """Sends a heartbeat once a second, from the summaries of the supervised work: without these there is none."""
+
+    def __init__(
+        self, exchange: Exchange, platform: str, sends: Callable[[], list[Callable[[MavlinkMessage], None]]]
+    ) -> None:
+        self._sends = sends
+        self._sent_s = float("-inf")
+        self._health: Health | None = None
+        exchange.subscribe(f"{platform}/ci/summary", self._take)
+
+    def _take(self, envelope: Envelope[Summary]) -> None:
+        health = envelope.payload.health
+        if envelope.t_s - self._sent_s < 0.99 and health is self._health:
+            return
+        self._sent_s, self._health = envelope.t_s, health
+        message = heartbeat(health)
+        for send in self._sends():
+            send(message)
+
+
+class StationLink:
+    """One link, with any number of stations on it.
+
+    Args:
+        platform: the platform's name.
+        system_id: of the vehicle.
+        loop: the process's loop.
+        exchange: the platform's middleware.
+        topics: the topics that are known.
+        boot: a random number for this start of the process.
+        budget: what the link carries.
+        tell: takes what happens on the link.
+    """
+
+    def __init__(
+        self,
+        platform: str,
+        system_id: int,
+        loop: asyncio.AbstractEventLoop,
+        exchange: Exchange,
+        topics: TopicTable,
+        boot: int,
+        budget: LinkBudget = RADIO,
+        tell: Callable[[Happening], None] | None = None,
+    ) -> None:
+        self._loop = loop
+        self._endpoint: ByteLink | None = None
+        self._parser = Parser()
+        own = Address(system_id, COMPANION)
+        self._encoder = Encoder(*own)
+        tunnel = TunnelEndpoint(Role.PLATFORM, platform, own, boot, topics, budget)
+        self._exchange = MavlinkExchange(tunnel, loop, self.send)
+        self._tunnel_id = codec.shape("TUNNEL").id
+        self._heartbeat_id = codec.shape("HEARTBEAT").id
+        self._part = self._exchange.bridge(exchange, topics, platform)
+        self._withdraw = self._exchange.declare_alive(platform)
+        self._publisher = Publisher(exchange, platform, "station_link", boot)
+        self._heard_topic = f"{platform}/ci/heard"
+        self._heard_s: dict[str, float] = {}
+        if tell is not None:
+            self._exchange.listen(tell)
+
+    def open(self, endpoint: ByteLink) -> None:
+        """Begins to talk over an endpoint, whose owner passes what it hears to `receive`."""
+        self._parser = Parser(is_datagram=endpoint.is_datagram)
+        self._endpoint = endpoint
+
+    def close(self) -> None:
+        """Says nothing any more."""
+        self._part()
+        self._exchange.close()
+        self._endpoint = None
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends one message as the companion."""
+        if self._endpoint is not None:
+            self._endpoint.send(self._encoder.encode(message))
+
+    def receive(self, data: bytes) -> None:
+        """Takes in what the endpoint has heard."""
+        for frame in self._parser.receive(data):
+            if frame.message_id == self._tunnel_id:
+                message = frame.decode()
+                if message is not None:
+                    self._hear(frame.sender)
+                    self._exchange.receive(message, frame.sender)
+            elif frame.message_id == self._heartbeat_id:
+                message = frame.decode()
+                if message is not None and message.type == GROUND_STATION:
+                    self._hear(frame.sender)
+
+    def _hear(self, sender: Address) -> None:
+        """A station is known by its MAVLink system."""
+        now_s, station = self._loop.time(), str(sender.system)
+        if now_s - self._heard_s.get(station, float("-inf")) >= HEARD_PERIOD_S:
+            self._heard_s[station] = now_s
+            self._publisher.publish(self._heard_topic, StationHeard(station=station), now_s)

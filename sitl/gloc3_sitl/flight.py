@@ -1,0 +1,326 @@
+"""The whole stack in one process on one virtual clock: simulator, onboard process, ground station, and their links.
+
+This is the one place that may import all three applications. A flight reads like a test card:
+
+    async with Flight(FlightPlan(mission="hop")) as flight:
+        await flight.upload_and_start()
+        await flight.await_end(within_s=120)
+"""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from types import TracebackType
+from typing import Any, Final, Self
+
+import msgspec
+
+from gloc3.clock import Clock
+from gloc3.context import HostContext
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import LocalExchange, Publisher
+from gloc3.exchange.mavlink import MavlinkExchange
+from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
+from gloc3.exchange.tunnel.layout import Role
+from gloc3.frames import TangentPlane
+from gloc3.link.codec import Address, Encoder, MavlinkMessage, Parser
+from gloc3.link.heartbeat import Heartbeat
+from gloc3.link.memory import Conditions, MemoryLink
+from gloc3.messages import Envelope, Message
+from gloc3.mission.examples import find_mission
+from gloc3.mission.model import Mission
+from gloc3.mission.reader import Surroundings, load_mission
+from gloc3.platform import Platform, load_platform
+from gloc3.record import Recorder
+from gloc3.topics import TopicTable
+from gloc3.vehicle import Pose
+from gloc3_groundstation import flights
+from gloc3_groundstation.flights import End
+from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.station import Station
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.runner import Onboard
+from gloc3_onboard.station_link import HeartbeatSource, StationLink
+from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
+from gloc3_sitl.flight_messages import SimTruth
+from gloc3_sitl.path_error import Sample
+from gloc3_sitl.sim_camera import NoCamera, SimCamera
+from gloc3_sitl.simulator import LinkKind, Simulator
+from gloc3_sitl.wind import CALM, Wind
+from gloc3_sitl.world import World
+
+STATION_ID: Final = 255
+STATION_COMPONENT: Final = 190
+TRUTH_PERIOD_S: Final = 0.1
+AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
+STATION_RADIO: Final = Conditions(latency_s=0.03)
+
+
+class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
+    """What is flown, and in which circumstances."""
+
+    mission: str
+    """A file, or the name of an example."""
+    platform: str = "pelican"
+    autopilot: str = "px4"
+    seed: int = 0
+    wind: Wind = CALM
+    out: Path | None = None
+    """Folder for the log and the pictures; None keeps nothing."""
+    parameters: dict[str, float] = {}
+    """Of the autopilot, that differ from its defaults."""
+    battery: float = 1.0
+    """Charge at the start, 1 to 0."""
+    is_plain_gps: bool = False
+    station_link: Conditions = STATION_RADIO
+    """Both ways between station and platform."""
+    cycle_cost_s: Callable[[str, float], float] | None = None
+    """The fault model: what a cycle of a component costs at a time."""
+
+
+class GroundSide:
+    """A station at the other end of the radio, as `gloc3 station` is one."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, topics: TopicTable, boot: int, system: int = STATION_ID
+    ) -> None:
+        own = Address(system, STATION_COMPONENT)
+        self._encoder = Encoder(*own)
+        self._parser = Parser(is_datagram=True)
+        self._loop = loop
+        self._endpoint: Any = None
+        self.heartbeat = Heartbeat(own, vehicle_type=6)
+        self.exchange = MavlinkExchange(TunnelEndpoint(Role.STATION, str(system), own, boot, topics), loop, self._send)
+        self.station = Station(self.exchange, loop, str(system), boot)
+        self._timer: asyncio.TimerHandle | None = None
+
+    def open(self, endpoint: Any) -> None:
+        """Begins to talk."""
+        self._endpoint = endpoint
+        endpoint.on_data = self._receive
+        self._beat()
+
+    def close(self) -> None:
+        """Falls silent."""
+        self.station.close()
+        self.exchange.close()
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _beat(self) -> None:
+        self.heartbeat.tick(self._loop.time())
+        for message in self.heartbeat.outgoing():
+            self._send(message)
+        self._timer = self._loop.call_later(0.5, self._beat)
+
+    def _send(self, message: MavlinkMessage) -> None:
+        if self._endpoint is not None:
+            self._endpoint.send(self._encoder.encode(message))
+
+    def _receive(self, data: bytes) -> None:
+        for frame in self._parser.receive(data):
+            message = frame.decode()
+            if message is not None and message.name == "TUNNEL":
+                self.exchange.receive(message, frame.sender)
+
+
+class Flight:
+    """One flight in virtual time; an asynchronous context."""
+
+    def __init__(self, plan: FlightPlan) -> None:
+        self.plan: Final = plan
+        self.platform: Final[Platform] = load_platform(plan.platform)
+        self.mission_file: Final = find_mission(plan.mission)
+        self.mission: Final[Mission] = load_mission(plan.mission, Surroundings.of(self.platform))
+        self.loop: Final = asyncio.get_running_loop()
+        self.clock: Final = Clock(self.loop)
+        self.random: Final = Random(plan.seed)
+        self.topics: Final = TopicTable.installed()
+        self.exchange: Final = LocalExchange()
+        self.samples: Final[list[Sample]] = []
+        """True positions at 10 Hz, in the frame of the pose."""
+        self.onboard: Onboard | None = None
+        self._journal, self._progress = MemoryRecords(), MemoryRecords()
+        self._pictures = PictureFolder(plan.out / "images") if plan.out is not None else NoPictures()
+        self.recorder = self._open_log()
+        world = self._world()
+        self.simulator: Final = Simulator(
+            world,
+            style=plan.autopilot,
+            seed=plan.seed,
+            wind=plan.wind,
+            is_plain_gps=plan.is_plain_gps,
+            battery_remaining=plan.battery,
+            parameters=plan.parameters,
+        )
+        self.camera: Final = self._camera(world)
+        self.cable: Final = MemoryLink(self.loop, Random(plan.seed + 1), AUTOPILOT_CABLE)
+        self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
+        self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
+        self.ground: Final = GroundSide(self.loop, self.topics, self.random.getrandbits(32))
+        self._truth = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
+        self._truth_topic = f"{self.platform.platform}/sim/truth"
+        self._frame: TangentPlane | None = None
+        self._truth_timer: asyncio.TimerHandle | None = None
+        self.exchange.subscribe(f"{self.platform.platform}/pose", self._see_pose)
+
+    # --- setting up ---
+
+    def _open_log(self) -> Recorder | None:
+        if self.plan.out is None:
+            return None
+        self.plan.out.mkdir(parents=True, exist_ok=True)
+        metadata = {"platform": self.platform.platform, "autopilot": self.plan.autopilot, "seed": str(self.plan.seed)}
+        recorder = Recorder(self.plan.out / "log.mcap", self.clock, self.topics, metadata)
+        recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
+        recorder.attach(self.exchange, self.loop)
+        return recorder
+
+    def _world(self) -> World:
+        """The world that the mission's frame belongs to; for missions on Earth open ground at their first place."""
+        if self.mission.frame != "geo":
+            return World.load("hold")
+        from gloc3_sitl.earth import home_of
+
+        return World.load("open", home=home_of(self.mission))
+
+    def _camera(self, world: World) -> NoCamera | SimCamera:
+        """A camera only where a mission uses it: a picture costs as much as everything else together."""
+        if any(action.capability == "record_images" for action in self.mission.actions().values()):
+            return SimCamera(world, self.simulator.truth, lambda: self.simulator.now_s, self.plan.seed)
+        return NoCamera()
+
+    async def __aenter__(self) -> Self:
+        """Starts everything."""
+        self.simulator.start(self.loop)
+        self.start_onboard()
+        self.ground.open(self.radio.a)
+        self._tell_truth()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Ends everything; the log is closed whatever has happened."""
+        if self._truth_timer is not None:
+            self._truth_timer.cancel()
+        self.ground.close()
+        self.kill_onboard()
+        self.simulator.stop()
+        if self.recorder is not None:
+            self.recorder.close()
+
+    def start_onboard(self) -> None:
+        """Starts the onboard process, the first time or after it was killed."""
+        platform, boot = self.platform, self.random.getrandbits(32)
+        self.autopilot_link = AutopilotLink(self.loop, self.clock)
+        self.cable.b.on_data = self.autopilot_link.receive
+        self.station_link = StationLink(platform.platform, 1, self.loop, self.exchange, self.topics, boot)
+        self.radio.b.on_data = self.station_link.receive
+        HeartbeatSource(
+            self.exchange, platform.platform, lambda: [self.station_link.send, self.autopilot_link.send_message]
+        )
+        context = HostContext(
+            platform.platform, self.exchange, self.clock, self.loop, self.topics, self.random, self.plan.cycle_cost_s
+        )
+        devices = {
+            "autopilot": self.autopilot_link,
+            "ground_camera": self.camera,
+            "pictures": self._pictures,
+            "site": Site(platform, self._journal, self._progress),
+        }
+        self.onboard = Onboard(platform, context, devices)
+        self.station_link.open(self.radio.b)
+        self.autopilot_link.open(self.cable.b)
+        self.onboard.begin()
+
+    def kill_onboard(self) -> None:
+        """The onboard process dies: no method is called, nothing is said."""
+        if self.onboard is not None:
+            self.onboard.close()
+            self.autopilot_link.close()
+            self.station_link.close()
+            self.cable.b.on_data = self.radio.b.on_data = None
+            self.onboard = None
+
+    # --- the truth ---
+
+    def _see_pose(self, envelope: Envelope[Pose]) -> None:
+        origin = envelope.payload.origin_geo
+        if self._frame is None and origin is not None:
+            from gloc3.frames import GeoPoint
+
+            self._frame = TangentPlane(GeoPoint(*origin))
+
+    def _tell_truth(self) -> None:
+        now_s = self.loop.time()
+        if self._frame is not None:
+            truth = self.simulator.truth()
+            position = self._frame.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
+            self.samples.append(Sample(truth.t_s, position))
+            message = SimTruth(
+                position_ned_m=position,
+                velocity_ned_m_s=truth.velocity_ned_m_s,
+                ned_from_frd=truth.attitude_wxyz,
+                wind_ned_m_s=truth.wind_ned_m_s,
+            )
+            self._truth.publish(self._truth_topic, message, now_s, "ned")
+        self._truth_timer = self.loop.call_later(TRUTH_PERIOD_S, self._tell_truth)
+
+    # --- the operator ---
+
+    @property
+    def name(self) -> str:
+        """The platform's name."""
+        return self.platform.platform
+
+    @property
+    def station(self) -> Station:
+        """The ground station."""
+        return self.ground.station
+
+    async def upload_and_start(self) -> flights.Follower:
+        """Waits for the platform, takes control, streams the mission, starts it.
+
+        Raises:
+            Gloc3Error: the platform turned something down.
+        """
+        await flights.await_platform(self.station, self.name)
+        lacks = await flights.await_ready(self.station, self.name)
+        if lacks:
+            raise Gloc3Error(f"{self.name} still lacks {', '.join(lacks)}")
+        plan = Plan(name=self.mission_file.name, title=self.mission.name, text=self.mission.text)
+        await flights.stream(self.station, self.name, plan)
+        return await flights.start(self.station, self.name)
+
+    async def await_end(self, follower: flights.Follower, within_s: float) -> End:
+        """Follows the mission to its end.
+
+        Raises:
+            TimeoutError: it has not ended by then.
+        """
+        async with asyncio.timeout(within_s):
+            return await flights.follow(self.station, self.name, follower)
+
+    async def expect(self, topic: str, predicate: Callable[[Any], bool], within_s: float) -> Message:
+        """Waits for a message on a topic (below the platform's name) that fits.
+
+        Raises:
+            TimeoutError: none has come by then; the text names the topic.
+        """
+        found: asyncio.Future[Message] = self.loop.create_future()
+
+        def take(envelope: Envelope[Any]) -> None:
+            if not found.done() and predicate(envelope.payload):
+                found.set_result(envelope.payload)
+
+        unsubscribe = self.exchange.subscribe(f"{self.name}/{topic}", take)
+        try:
+            async with asyncio.timeout(within_s):
+                return await found
+        except TimeoutError:
+            raise TimeoutError(f"nothing fitting came on {topic} within {within_s:g} s") from None
+        finally:
+            unsubscribe()

@@ -177,6 +177,7 @@ class Simulator:
     def _say(self, severity: Severity, text: str) -> None:
         self.texts_said += 1
         self.texts.append((self.now_s, severity, text))
+        self.autopilot.logger.note(text)
         self.front.say(severity, text)
 
     def _raise_ground(self) -> None:

@@ -12,8 +12,10 @@ from gloc3_sitl.autopilot.control.position import PositionController
 from gloc3_sitl.autopilot.control.rates import RateController
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft, Say
-from gloc3_sitl.autopilot.estimator.estimator import Estimator, Fix
+from gloc3_sitl.autopilot.estimator.estimator import Estimator
+from gloc3_sitl.autopilot.estimator.sources import Fix
 from gloc3_sitl.autopilot.failsafe import Failsafes
+from gloc3_sitl.autopilot.flight_log import FlightLogger
 from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.parameters import ParameterStore
 from gloc3_sitl.autopilot.pilot import Pilot
@@ -76,6 +78,7 @@ class Autopilot:
         """Collective thrust asked for, as a fraction of full."""
         self.on_outer: list[Callable[[float], None]] = []
         """Called with the time after each outer period."""
+        self.logger: Final = FlightLogger(self)
         self._mixer = Mixer(airframe.thrust_curve)
         self._rates = RateController(airframe, STEP_S)
         self._attitude = AttitudeController(airframe.attitude_p)

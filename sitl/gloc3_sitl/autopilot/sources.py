@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from gloc3_sitl.autopilot.estimator.estimator import Source
+from gloc3_sitl.autopilot.estimator.sources import Source
 
 Ask = Callable[[str], float]
 

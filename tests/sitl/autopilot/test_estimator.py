@@ -7,7 +7,8 @@ import pytest
 
 from gloc3.frames import GeoPoint, Quaternion, TangentPlane, Vector3, from_euler, rotate_back, to_euler, wrap_pi
 from gloc3_sitl.autopilot.estimator.axis import AxisFilter
-from gloc3_sitl.autopilot.estimator.estimator import DEFAULT_SOURCES, Estimator, ExternalOdometry, Fix, Source
+from gloc3_sitl.autopilot.estimator.estimator import Estimator
+from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdometry, Fix, Source
 
 HOME = GeoPoint(47.0, 8.0, 400.0)
 PLANE = TangentPlane(HOME)

@@ -8,7 +8,7 @@ from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, Vector3, normalize, rotate, yaw_of
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3_sitl.autopilot.commander import Author
-from gloc3_sitl.autopilot.estimator.estimator import ExternalOdometry
+from gloc3_sitl.autopilot.estimator.sources import ExternalOdometry
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
 from gloc3_sitl.autopilot.modes import PILOTED, Behaviour
 

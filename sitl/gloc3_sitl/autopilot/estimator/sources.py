@@ -1,0 +1,82 @@
+"""What corrects the estimate: the sources, their measurements, and how each is doing."""
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Final
+
+from gloc3.frames import GeoPoint, Vector3
+
+
+class Source(IntFlag):
+    """What may correct the inertial solution; each can be switched on and off in flight."""
+
+    FIX = 1
+    """Satellite fix: position, velocity, height."""
+    BAROMETER = 2
+    MAGNETOMETER = 4
+    EXTERNAL_POSITION = 8
+    """Horizontal position of external odometry."""
+    EXTERNAL_HEIGHT = 16
+    EXTERNAL_VELOCITY = 32
+    EXTERNAL_YAW = 64
+    RANGE_HEIGHT = 128
+    """The range finder as height, over flat ground."""
+
+
+DEFAULT_SOURCES: Final = Source.FIX | Source.BAROMETER | Source.MAGNETOMETER
+
+
+@dataclass(slots=True)
+class SourceState:
+    """How a source is doing."""
+
+    accepted_s: float = -1e9
+    """Last time that a measurement was taken in."""
+    refused_since_s: float | None = None
+    """Since when its measurements have failed the gate without a break."""
+    test_ratio: float = 0.0
+    """Last squared innovation over its gate; above 1 it was refused."""
+
+    def judge(self, ratio: float, now_s: float) -> bool:
+        """Books a measurement; true where it passes."""
+        self.test_ratio = ratio
+        if ratio <= 1.0:
+            self.accepted_s = now_s
+            self.refused_since_s = None
+            return True
+        if self.refused_since_s is None:
+            self.refused_since_s = now_s
+        return False
+
+    def is_stuck(self, now_s: float) -> bool:
+        """Refused for so long that the estimate, not the source, must be wrong."""
+        return self.refused_since_s is not None and now_s - self.refused_since_s > 1.5
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class Fix:
+    """A satellite fix, already free of the receiver's own format."""
+
+    t_s: float
+    """Time of validity."""
+    place: GeoPoint
+    velocity_ned_m_s: Vector3
+    horizontal_accuracy_m: float
+    vertical_accuracy_m: float
+    speed_accuracy_m_s: float
+    fix_type: int
+    """As in GPS_RAW_INT: 3 = 3D, 6 = RTK fixed."""
+    satellites: int
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class ExternalOdometry:
+    """Position, velocity and heading from outside, in the estimator's NED (or turned by an unknown heading: then without yaw)."""
+
+    t_s: float
+    position_ned_m: Vector3 | None
+    velocity_ned_m_s: Vector3 | None
+    yaw_rad: float | None
+    position_deviation_m: float
+    velocity_deviation_m_s: float
+    reset_counter: int

@@ -1,0 +1,144 @@
+"""The onboard flight log: one JSON line ten times a second while armed, a file per flight, kept in memory."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from gloc3.frames import Quaternion, Vector3
+
+if TYPE_CHECKING:
+    from gloc3_sitl.autopilot.autopilot import Autopilot
+
+PERIOD_S: Final = 0.1
+_MOST_LOGS: Final = 32
+_MOST_BYTES: Final = 8_000_000
+_encode = msgspec.json.Encoder().encode
+
+
+class LogHeader(msgspec.Struct, frozen=True, kw_only=True):
+    """The first line of a log."""
+
+    log: int
+    """Number of the log, from 1."""
+    style: str
+    begins_s: float
+    """Seconds since boot."""
+    parameters: dict[str, float]
+    """All parameters at the beginning."""
+
+
+class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One line of a log."""
+
+    t_s: float
+    mode: str
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    ned_from_frd: Quaternion
+    thrust: float
+    throttles: tuple[float, float, float, float]
+    is_landed: bool = False
+    failsafe: str = ""
+    battery: float = 1.0
+    texts: Sequence[str] = ()
+    """What was said since the record before."""
+
+
+class FlightLog:
+    """One flight."""
+
+    __slots__ = ("begins_s", "data", "number")
+
+    def __init__(self, number: int, begins_s: float) -> None:
+        self.number: Final = number
+        self.begins_s: Final = begins_s
+        self.data: Final = bytearray()
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return f"flight_{self.number:03d}.jsonl"
+
+    def add(self, line: LogHeader | LogRecord) -> None:
+        """Adds a line; a log that is full takes no more."""
+        if len(self.data) < _MOST_BYTES:
+            self.data.extend(_encode(line))
+            self.data.extend(b"\n")
+
+
+class FlightLogger:
+    """Begins a log at arming and ends it at disarming; the oldest log makes room for a new one."""
+
+    def __init__(self, autopilot: "Autopilot") -> None:
+        self.logs: Final[list[FlightLog]] = []
+        self._autopilot = autopilot
+        self._open: FlightLog | None = None
+        self._count = 0
+        self._next_s = 0.0
+        self._texts: list[str] = []
+        autopilot.on_outer.append(self.tick)
+
+    def note(self, text: str) -> None:
+        """Keeps a text for the next record."""
+        if self._open is not None:
+            self._texts.append(text)
+
+    def erase(self) -> None:
+        """Throws away every log that is not being written."""
+        self.logs[:] = [log for log in self.logs if log is self._open]
+
+    def tick(self, now_s: float) -> None:
+        """Writes what is due."""
+        is_armed = self._autopilot.craft.is_armed
+        if self._open is None:
+            if is_armed:
+                self._begin(now_s)
+            return
+        if not is_armed:
+            self._write(self._open, now_s)
+            self._open = None
+        elif now_s >= self._next_s:
+            self._next_s += PERIOD_S
+            self._write(self._open, now_s)
+
+    def _begin(self, now_s: float) -> None:
+        self._count += 1
+        if len(self.logs) >= _MOST_LOGS:
+            del self.logs[0]
+        log = self._open = FlightLog(self._count, now_s)
+        self.logs.append(log)
+        self._next_s = now_s
+        autopilot = self._autopilot
+        log.add(
+            LogHeader(
+                log=self._count,
+                style=autopilot.style.name,
+                begins_s=round(now_s, 3),
+                parameters={name: autopilot.parameters[name] for name in autopilot.parameters},
+            )
+        )
+
+    def _write(self, log: FlightLog, now_s: float) -> None:
+        autopilot = self._autopilot
+        inertial = autopilot.estimator.inertial
+        n, e, d = inertial.position_ned_m
+        vn, ve, vd = inertial.velocity_ned_m_s
+        w, x, y, z = inertial.ned_from_frd
+        first, second, third, fourth = autopilot.throttles
+        log.add(
+            LogRecord(
+                t_s=round(now_s, 3),
+                mode=autopilot.commander.mode.name,
+                position_ned_m=(round(n, 3), round(e, 3), round(d, 3)),
+                velocity_ned_m_s=(round(vn, 3), round(ve, 3), round(vd, 3)),
+                ned_from_frd=(round(w, 5), round(x, 5), round(y, 5), round(z, 5)),
+                thrust=round(autopilot.thrust, 3),
+                throttles=(round(first, 3), round(second, 3), round(third, 3), round(fourth, 3)),
+                is_landed=autopilot.craft.is_landed,
+                failsafe=autopilot.failsafes.cause,
+                battery=round(autopilot.commander.battery_share, 3),
+                texts=tuple(self._texts),
+            )
+        )
+        self._texts.clear()

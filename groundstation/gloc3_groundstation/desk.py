@@ -9,7 +9,8 @@ from gloc3.errors import Gloc3Error
 from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState, allowed
 from gloc3_groundstation import flights
-from gloc3_groundstation.flights import End, Follower, Plan
+from gloc3_groundstation.flights import End, Follower
+from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 

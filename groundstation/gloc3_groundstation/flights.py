@@ -10,6 +10,7 @@ from gloc3.ci import Health, MissionSummary, Verb
 from gloc3.errors import Refused
 from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState
+from gloc3_groundstation.plans import Plan, recheck
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 
@@ -20,17 +21,6 @@ GRANTED_WITHIN_S: Final = 12.0
 SETTLED_AFTER_S: Final = 3.0
 """An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
 LOOK_EVERY_S: Final = 0.5
-
-
-class Plan(msgspec.Struct, frozen=True, kw_only=True):
-    """A mission that was read and checked, ready to be streamed."""
-
-    name: str
-    """The file's name."""
-    title: str
-    """What the mission calls itself."""
-    text: str
-    warnings: tuple[str, ...] = ()
 
 
 class End(msgspec.Struct, frozen=True, kw_only=True):
@@ -116,7 +106,12 @@ def _holder(station: Station, platform: str) -> str:
 
 
 async def stream(station: Station, platform: str, plan: Plan) -> None:
-    """Takes control and brings the mission over, read back and compared; raises as `CommandClient.carry_out`."""
+    """Checks the mission for its platform, takes control, and brings it over, read back and compared.
+
+    Raises:
+        InputError: it may not fly there; otherwise as `CommandClient.upload`.
+    """
+    plan = recheck(plan, platform)
     await take_control(station, platform)
     started_s = station.now_s()
     await station.client.upload(platform, plan.name, plan.text)

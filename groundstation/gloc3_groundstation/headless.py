@@ -7,8 +7,9 @@ from typing import Final
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import Unsubscribe
 from gloc3_groundstation import flights
-from gloc3_groundstation.flights import End, Plan
+from gloc3_groundstation.flights import End
 from gloc3_groundstation.narration import Line, Narrator
+from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import Fleet
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.wording import duration

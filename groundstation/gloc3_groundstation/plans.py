@@ -2,10 +2,23 @@
 
 from pathlib import Path
 
-from gloc3.errors import InputError
-from gloc3.mission.checker import Circumstances, check_file
+import msgspec
+
+from gloc3.errors import InputError, Refused
+from gloc3.mission.checker import Circumstances, Report, check_file, check_text
+from gloc3.mission.examples import find_mission
 from gloc3.platform import Platform, find_platform, load_platform
-from gloc3_groundstation.flights import Plan
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """A mission that was read and checked, ready to be streamed."""
+
+    name: str
+    """The file's name."""
+    title: str
+    """What the mission calls itself."""
+    text: str
+    warnings: tuple[str, ...] = ()
 
 
 def read_plan(name: str, platform: str | None = None) -> Plan:
@@ -16,20 +29,27 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
         platform: the platform's name; where its file is installed here too the check is as strict as onboard.
 
     Raises:
+        Refused: there is no such file.
         InputError: it may not fly; with everything that is wrong.
     """
-    report = check_file(name, Circumstances(platform=_known(platform)))
-    mission = report.flyable()
-    return Plan(
-        name=Path(report.file).name,
-        title=mission.name,
-        text=mission.text,
-        warnings=tuple(str(finding) for finding in report.findings),
-    )
+    path = find_mission(name)
+    if not path.is_file():
+        raise Refused(f"there is no mission file {name!r}")
+    return _plan(check_file(str(path), Circumstances(platform=known_platform(platform))))
 
 
-def _known(name: str | None) -> Platform | None:
-    """The platform of that name, if its file is here."""
+def recheck(plan: Plan, platform: str) -> Plan:
+    """Checks a mission again for the platform that it goes to, if that one's file is installed here.
+
+    Raises:
+        InputError: it may not fly there; with everything that is wrong.
+    """
+    known = known_platform(platform)
+    return plan if known is None else _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
+
+
+def known_platform(name: str | None) -> Platform | None:
+    """The platform of that name, if its file is installed here."""
     if name is None:
         return None
     try:
@@ -37,3 +57,13 @@ def _known(name: str | None) -> Platform | None:
     except InputError:
         return None
     return load_platform(name)
+
+
+def _plan(report: Report) -> Plan:
+    mission = report.flyable()
+    return Plan(
+        name=Path(report.file).name,
+        title=mission.name,
+        text=mission.text,
+        warnings=tuple(str(finding) for finding in report.findings),
+    )

@@ -80,7 +80,7 @@ Answer = Callable[[CiRequest], CiReply | None]
 class ScriptedPlatform:
     """Answers everything well unless told otherwise; `requests` holds what came."""
 
-    def __init__(self, exchange: LocalExchange, name: str = "pelican", boot: int = 7) -> None:
+    def __init__(self, exchange: LocalExchange, name: str = "heron", boot: int = 7) -> None:
         self.name = name
         self.loop = asyncio.get_running_loop()
         self.publisher = Publisher(exchange, name, "command_server", boot)

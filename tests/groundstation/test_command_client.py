@@ -31,7 +31,7 @@ def with_platform(play: Callable[[CommandClient, ScriptedPlatform], Awaitable[T]
 
 def test_a_request_is_answered() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
-        assert (await client.ask("pelican", Hello())).outcome is Outcome.ACCEPTED
+        assert (await client.ask("heron", Hello())).outcome is Outcome.ACCEPTED
         assert platform.loop.time() == pytest.approx(0.05)
 
     with_platform(play)
@@ -39,7 +39,7 @@ def test_a_request_is_answered() -> None:
 
 def test_an_upload_is_read_back() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
-        await client.upload("pelican", "hold.yaml", MISSION)
+        await client.upload("heron", "hold.yaml", MISSION)
         assert platform.text == MISSION
         assert [type(body) for body in platform.requests] == [LoadMission, ReadMission]
 
@@ -49,7 +49,7 @@ def test_an_upload_is_read_back() -> None:
 def test_a_mission_that_is_read_back_differently_is_not_taken_for_loaded() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
         platform.answer_next(ReadMission, lambda request: reply_to(request, text="mission: cargo hold\nframe: geo\n"))
-        await client.upload("pelican", "hold.yaml", MISSION)
+        await client.upload("heron", "hold.yaml", MISSION)
 
     with pytest.raises(ReadBackDiffers, match="line 2 is 'frame: geo' instead of 'frame: hold'"):
         with_platform(play)
@@ -58,7 +58,7 @@ def test_a_mission_that_is_read_back_differently_is_not_taken_for_loaded() -> No
 def test_a_mission_that_is_cut_short_is_noticed() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
         platform.answer_next(ReadMission, lambda request: reply_to(request, text="mission: cargo hold\n"))
-        await client.upload("pelican", "hold.yaml", MISSION)
+        await client.upload("heron", "hold.yaml", MISSION)
 
     with pytest.raises(ReadBackDiffers, match="1 lines instead of 2"):
         with_platform(play)
@@ -68,7 +68,7 @@ def test_a_refusal_carries_the_reason_and_the_findings() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
         findings = "hold.yaml:2:8: unknown frame 'hold'"
         platform.answer_next(LoadMission, refused("the mission was not accepted", findings))
-        await client.upload("pelican", "hold.yaml", MISSION)
+        await client.upload("heron", "hold.yaml", MISSION)
 
     with pytest.raises(Declined, match=r"the mission was not accepted\nhold\.yaml:2:8: unknown frame"):
         with_platform(play)
@@ -77,7 +77,7 @@ def test_a_refusal_carries_the_reason_and_the_findings() -> None:
 def test_a_start_that_is_refused_says_why() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
         platform.answer_next(Steer, refused("pose is faulty"))
-        await client.steer("pelican", Verb.START)
+        await client.steer("heron", Verb.START)
 
     with pytest.raises(Declined, match="pose is faulty"):
         with_platform(play)
@@ -90,7 +90,7 @@ def test_a_lost_reply_is_asked_for_and_nothing_runs_twice() -> None:
 
         platform.answer_next(Steer, carried_out_but_the_reply_is_lost)
         platform.answer_next(Query, reply_to)
-        await client.steer("pelican", Verb.PAUSE)
+        await client.steer("heron", Verb.PAUSE)
         assert platform.requests == [Steer(verb=Verb.PAUSE), Query(boot=11, sequence=0)]
 
     with_platform(play)
@@ -99,7 +99,7 @@ def test_a_lost_reply_is_asked_for_and_nothing_runs_twice() -> None:
 def test_a_lost_request_is_sent_again_after_the_platform_says_that_it_never_came() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
         platform.answer_next(Steer, lost)
-        await client.steer("pelican", Verb.PAUSE)
+        await client.steer("heron", Verb.PAUSE)
         assert [type(body) for body in platform.requests] == [Steer, Query, Steer]
 
     with_platform(play)
@@ -108,8 +108,8 @@ def test_a_lost_request_is_sent_again_after_the_platform_says_that_it_never_came
 def test_silence_ends_as_unknown_at_the_time_limit() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> float:
         platform.is_deaf = True
-        with pytest.raises(Unanswered, match="pelican has not answered for 10 s"):
-            await client.steer("pelican", Verb.ABORT)
+        with pytest.raises(Unanswered, match="heron has not answered for 10 s"):
+            await client.steer("heron", Verb.ABORT)
         return platform.loop.time()
 
     assert with_platform(play) == pytest.approx(10.0)
@@ -117,7 +117,7 @@ def test_silence_ends_as_unknown_at_the_time_limit() -> None:
 
 def test_the_emergency_key_names_its_author() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
-        await client.emergency("pelican", EmergencyVerb.HOLD)
+        await client.emergency("heron", EmergencyVerb.HOLD)
         (body,) = platform.requests
         assert getattr(body, "author", "") == "station 255"
 

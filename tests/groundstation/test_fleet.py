@@ -28,31 +28,31 @@ TOPICS |= {"Summary": "summary", "ComponentTrouble": "trouble", "ControlState": 
 
 
 def heard(
-    fleet: Fleet, message: Message, now_s: float, *, sequence: int = 0, platform: str = "pelican", boot: int = 1
+    fleet: Fleet, message: Message, now_s: float, *, sequence: int = 0, platform: str = "heron", boot: int = 1
 ) -> Fleet:
     topic = f"{platform}/ci/{TOPICS[type(message).__name__]}"
     source = Source(platform, "command_server", boot)
     return reducers.receive(fleet, Envelope(topic, source, sequence, 0.0, "", type_name(type(message)), message), now_s)
 
 
-def pelican(fleet: Fleet) -> PlatformSnapshot:
-    found = fleet.get("pelican")
+def heron(fleet: Fleet) -> PlatformSnapshot:
+    found = fleet.get("heron")
     assert found is not None
     return found
 
 
 def test_a_platform_appears_with_its_first_message_and_is_incomplete_until_its_table_came() -> None:
     fleet = heard(Fleet(), VEHICLE, 2.0)
-    assert pelican(fleet).is_incomplete
-    assert pelican(fleet).first_heard_s == 2.0
+    assert heron(fleet).is_incomplete
+    assert heron(fleet).first_heard_s == 2.0
     assert [event.text for event in fleet.events] == ["is heard"]
-    assert not pelican(heard(fleet, TABLE, 2.5)).is_incomplete
+    assert not heron(heard(fleet, TABLE, 2.5)).is_incomplete
 
 
 def test_the_snapshot_before_is_not_changed() -> None:
     before = heard(Fleet(), VEHICLE, 0.0)
     heard(before, TABLE, 1.0)
-    assert pelican(before).table is None
+    assert heron(before).table is None
 
 
 def test_components_are_named_by_the_table_and_ordered_by_the_flow_of_data() -> None:
@@ -60,7 +60,7 @@ def test_components_are_named_by_the_table_and_ordered_by_the_flow_of_data() -> 
     lines = [ComponentLine(0, 5, 0, 0, 2, 1), ComponentLine(1, 0, 98, 12, 0, 0)]
     fleet = heard(fleet, Summary(table=3, health=Health.FAULTY, lines=lines), 0.0)
     fleet = heard(fleet, ComponentTrouble(name="driver", cause="no echo", errors=1), 0.1)
-    height, driver = pelican(fleet).components(0.1)
+    height, driver = heron(fleet).components(0.1)
     assert (height.name, height.health, height.rate_percent, height.is_well) == ("height", Health.WORKING, 98, True)
     assert (driver.name, driver.health, driver.cause, driver.errors) == ("driver", Health.FAULTY, "no echo", 1)
 
@@ -69,14 +69,14 @@ def test_a_summary_may_come_in_parts_and_before_its_table() -> None:
     fleet = heard(Fleet(), Summary(table=3, health=Health.WORKING, lines=[ComponentLine(0, 0, 9, 0, 0, 0)]), 0.0)
     line = ComponentLine(1, 1, 9, 0, 0, 0)
     fleet = heard(fleet, Summary(table=3, health=Health.WORKING, lines=[line]), 0.0, sequence=1)
-    assert pelican(fleet).components(0.0) == ()
-    found = pelican(heard(fleet, TABLE, 0.1)).components(0.1)
+    assert heron(fleet).components(0.0) == ()
+    found = heron(heard(fleet, TABLE, 0.1)).components(0.1)
     assert [component.health for component in found] == [Health.QUIET, Health.WORKING]
 
 
 def test_a_summary_of_another_table_asks_for_that_table() -> None:
     fleet = heard(heard(Fleet(), TABLE, 0.0), Summary(table=4, health=Health.WORKING, lines=[]), 0.0)
-    assert pelican(fleet).is_incomplete
+    assert heron(fleet).is_incomplete
 
 
 def test_every_kind_of_status_grows_stale_at_its_own_age() -> None:
@@ -84,7 +84,7 @@ def test_every_kind_of_status_grows_stale_at_its_own_age() -> None:
     fleet = heard(fleet, MissionSummary(name="m", digest="d", state="running"), 0.0)
     fleet = heard(fleet, ControlState(holder="255"), 0.0)
     fleet = heard(fleet, Summary(table=3, health=Health.WORKING, lines=[ComponentLine(0, 0, 9, 0, 0, 0)]), 0.0)
-    platform = pelican(fleet)
+    platform = heron(fleet)
     assert platform.vehicle is not None
     assert platform.mission is not None
     assert [platform.vehicle.is_stale(age_s) for age_s in (4.9, 5.0)] == [False, True]
@@ -94,7 +94,7 @@ def test_every_kind_of_status_grows_stale_at_its_own_age() -> None:
 
 
 def test_a_component_that_was_never_heard_of_has_no_health_and_is_not_called_stale() -> None:
-    (height, _) = pelican(heard(Fleet(), TABLE, 0.0)).components(100.0)
+    (height, _) = heron(heard(Fleet(), TABLE, 0.0)).components(100.0)
     assert (height.health, height.is_stale) == (None, False)
 
 
@@ -102,26 +102,26 @@ def test_gaps_in_the_sequence_are_losses() -> None:
     fleet = Fleet()
     for sequence in range(0, 400, 2):
         fleet = heard(fleet, VEHICLE, sequence / 10, sequence=sequence)
-    link = pelican(fleet).link
+    link = heron(fleet).link
     assert (link.received, link.lost) == (200, 199)
     assert link.loss == pytest.approx(0.5, abs=0.05)
     for sequence in range(400, 500):
         fleet = heard(fleet, VEHICLE, sequence / 10, sequence=sequence)
-    assert pelican(fleet).link.loss < 0.01
+    assert heron(fleet).link.loss < 0.01
 
 
 def test_what_is_older_than_what_is_known_changes_nothing_but_proves_that_the_platform_is_there() -> None:
     fleet = heard(Fleet(), VEHICLE, 0.0, sequence=5)
     fleet = heard(fleet, MissionSummary(name="m", digest="d", state="done"), 0.0, sequence=2)
     again = heard(fleet, MissionSummary(name="m", digest="d", state="running"), 1.0, sequence=1)
-    assert pelican(again).mission == pelican(fleet).mission
-    assert pelican(again).heard_s == 1.0
+    assert heron(again).mission == heron(fleet).mission
+    assert heron(again).heard_s == 1.0
 
 
 def test_a_restarted_platform_is_asked_anew_and_keeps_its_last_position() -> None:
     fleet = heard(heard(Fleet(), TABLE, 0.0), VEHICLE, 0.0, sequence=9)
     fleet = heard(fleet, ControlState(holder=""), 3.0, boot=2)
-    platform = pelican(fleet)
+    platform = heron(fleet)
     assert platform.is_incomplete
     assert platform.vehicle is not None
     assert platform.vehicle.heard_s == 0.0
@@ -148,4 +148,4 @@ def test_events_are_kept_in_a_bounded_ring_and_counted() -> None:
 
 def test_two_platforms_are_kept_apart() -> None:
     fleet = heard(heard(Fleet(), VEHICLE, 0.0), VEHICLE, 5.0, platform="hummingbird")
-    assert [(platform.name, platform.heard_s) for platform in fleet] == [("pelican", 0.0), ("hummingbird", 5.0)]
+    assert [(platform.name, platform.heard_s) for platform in fleet] == [("heron", 0.0), ("hummingbird", 5.0)]

@@ -11,7 +11,8 @@ from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3_groundstation import flights
-from gloc3_groundstation.flights import End, Follower, Plan
+from gloc3_groundstation.flights import End, Follower
+from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot, Timed
 from gloc3_groundstation.station import Station
 
@@ -41,7 +42,7 @@ def snapshot(
     vehicle = msgspec.structs.replace(VEHICLE, is_armed=armed)
     mission = MissionSummary(name="m", digest=digest, state=state, policy=policy, reason="because")
     return PlatformSnapshot(
-        name="pelican",
+        name="heron",
         boot=1,
         first_heard_s=0.0,
         heard_s=heard_s,
@@ -53,8 +54,8 @@ def snapshot(
 def test_a_station_asks_a_new_platform_for_its_full_state() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> None:
         await flights.await_platform(station, None)
-        await flights.stream(station, "pelican", PLAN)
-        known = station.fleet.get("pelican")
+        await flights.stream(station, "heron", PLAN)
+        known = station.fleet.get("heron")
         assert known is not None
         assert len(known.components(station.now_s())) == 13
 
@@ -65,8 +66,8 @@ def test_a_start_waits_for_what_is_missing_and_names_it() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> None:
         platform.states["pose"] = Health.FAULTY
         platform.vehicle = msgspec.structs.replace(VEHICLE, is_pose_valid=False)
-        await flights.await_platform(station, "pelican")
-        assert await flights.await_ready(station, "pelican", 5.0) == ["a valid position", "pose"]
+        await flights.await_platform(station, "heron")
+        assert await flights.await_ready(station, "heron", 5.0) == ["a valid position", "pose"]
         assert station.now_s() == pytest.approx(5.0, abs=0.6)
 
     with_station(play)
@@ -76,7 +77,7 @@ def test_control_that_is_held_is_not_asked_for_again() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> None:
         platform.control = ControlState(holder="255")
         platform.say("control", platform.control)
-        await flights.stream(station, "pelican", PLAN)
+        await flights.stream(station, "heron", PLAN)
         assert not any(isinstance(body, Control) for body in platform.requests)
 
     with_station(play)
@@ -84,7 +85,7 @@ def test_control_that_is_held_is_not_asked_for_again() -> None:
 
 def test_streaming_takes_control_first() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> None:
-        await flights.stream(station, "pelican", PLAN)
+        await flights.stream(station, "heron", PLAN)
         assert platform.control.holder == "255"
         assert platform.text == PLAN.text
 
@@ -93,12 +94,12 @@ def test_streaming_takes_control_first() -> None:
 
 def test_a_mission_is_followed_to_its_end_through_silence() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> End:
-        await flights.stream(station, "pelican", PLAN)
-        follower = await flights.start(station, "pelican")
+        await flights.stream(station, "heron", PLAN)
+        follower = await flights.start(station, "heron")
         platform.loop.call_later(2.0, setattr, platform, "is_deaf", True)
         platform.loop.call_later(300.0, setattr, platform, "is_deaf", False)
         platform.loop.call_later(299.0, lambda: platform.advance("done"))
-        return await flights.follow(station, "pelican", follower)
+        return await flights.follow(station, "heron", follower)
 
     assert with_station(play) == End(state="done")
 
@@ -135,7 +136,7 @@ def test_control_that_another_station_keeps_is_not_taken_for_granted() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> None:
         platform.control = ControlState(holder="254")
         platform.answer_next(Control, lambda request: reply_to(request, reason="station 254 has been asked"))
-        await flights.stream(station, "pelican", PLAN)
+        await flights.stream(station, "heron", PLAN)
 
-    with pytest.raises(Refused, match="control of pelican was asked for and not given: station 254 keeps it"):
+    with pytest.raises(Refused, match="control of heron was asked for and not given: station 254 keeps it"):
         with_station(play)

@@ -11,9 +11,9 @@ from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
 from gloc3_groundstation.command_client import Declined
-from gloc3_groundstation.flights import Plan
 from gloc3_groundstation.headless import Headless
 from gloc3_groundstation.narration import Line
+from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 
 from .scripted_platform import ScriptedPlatform, refused
@@ -53,7 +53,7 @@ def fly(platform_setup: list[str], told: list[Line], refusal: str = "") -> str:
             platform.answer_next(LoadMission, refused("does not fit", "hold.yaml:1:1: no tasks"))
         if refusal == "start":
             platform.answer_next(Steer, refused("battery is at 12 %"))
-        run = Headless(station, told.append, platform="pelican")
+        run = Headless(station, told.append, platform="heron")
         try:
             return (await run.fly(PLAN, wait_s=20.0)).state
         finally:
@@ -79,7 +79,7 @@ def test_what_is_told_is_also_data() -> None:
 
 
 def test_a_platform_that_is_not_heard_is_said_after_the_wait() -> None:
-    with pytest.raises(Gloc3Error, match="pelican was not heard within 20 s; is it running"):
+    with pytest.raises(Gloc3Error, match="heron was not heard within 20 s; is it running"):
         fly(["silent"], [])
 
 

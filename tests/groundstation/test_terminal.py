@@ -11,7 +11,8 @@ from textual.widgets import Input
 from gloc3.ci import ControlState, Emergency, EmergencyVerb, LoadMission, Steer, Verb
 from gloc3.exchange import LocalExchange
 from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.flights import End, Plan
+from gloc3_groundstation.flights import End
+from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.tui.app import StationApp
 from gloc3_groundstation.tui.lines import text_of
@@ -57,7 +58,9 @@ async def scene(
     platform = ScriptedPlatform(exchange)
     platform.delay_s = 0.001
     station = Station(exchange, platform.loop, "255", 11)
-    app = StationApp(Desk(station, plan), waiting_for="udpin://0.0.0.0:14550", is_starting=flies, is_closing=flies)
+    app = StationApp(
+        Desk(station, plan), waiting_for=lambda: "udpin://0.0.0.0:14550", is_starting=flies, is_closing=flies
+    )
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         try:
@@ -96,7 +99,7 @@ async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys(
         here.platform.speak()
         await here.until("events", "is loaded and read back")
         await here.press("s")
-        await here.until("events", "error: pelican: start: pose is faulty")
+        await here.until("events", "error: heron: start: pose is faulty")
         await here.press("s")
         await here.until("events", "the mission is started")
         assert len(here.asked(LoadMission)) == 1
@@ -127,13 +130,13 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
         await here.until("events", "emergency land")
         await here.press("space", "d")
         await here.pilot.pause()
-        for name in ("pelikan", "pelican"):
+        for name in ("herron", "heron"):
             here.app.screen.query_one(Input).value = name
             await here.press("enter")
         await here.until("events", "emergency disarm")
         verbs = [getattr(body, "verb", None) for body in here.asked(Emergency)]
         assert verbs == [EmergencyVerb.HOLD, EmergencyVerb.LAND, EmergencyVerb.DISARM]
-        assert getattr(here.asked(Emergency)[-1], "confirmation", "") == "pelican"
+        assert getattr(here.asked(Emergency)[-1], "confirmation", "") == "heron"
         await here.press("q", "n")
         assert not here.app._exit
         await here.press("q", "y")

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, ControlState, Health, MissionSummary, Summary
 from gloc3.messages import Severity
 from gloc3_groundstation import fleet as reducers
-from gloc3_groundstation.flights import Plan
+from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import Fleet, LinkStatistics, PlatformSnapshot, Timed
 from gloc3_groundstation.tui.components_view import component_lines, components_title
 from gloc3_groundstation.tui.events_view import event_lines
@@ -17,7 +17,7 @@ from .scripted_platform import ROWS, TASKS, VEHICLE
 
 STATES = {"sweep": "running", "sweep.wall": "running", "depart": "done", "depart.climb": "done"}
 PLATFORM = PlatformSnapshot(
-    name="pelican",
+    name="heron",
     boot=1,
     first_heard_s=100.0,
     heard_s=100.0,
@@ -44,15 +44,15 @@ def tones(line: Line) -> set[Tone]:
 
 
 def test_the_title_tells_health_link_and_control() -> None:
-    fleet = Fleet(platforms={"pelican": PLATFORM})
+    fleet = Fleet(platforms={"heron": PLATFORM})
     line = text_of(title_line(fleet, PLATFORM, "255", 90.0, 100.0, 80))
-    assert line == " pelican   working   link ok   this station in control       station 255  00:10 "
+    assert line == " heron   working   link ok   this station in control         station 255  00:10 "
     other = text_of(title_line(fleet, PLATFORM, "254", 90.0, 100.0, 80))
     assert "station 255 in control" in other
 
 
 def test_a_silent_link_is_the_loudest_thing_in_the_title() -> None:
-    line = title_line(Fleet(platforms={"pelican": PLATFORM}), PLATFORM, "255", 90.0, 107.0, 80)
+    line = title_line(Fleet(platforms={"heron": PLATFORM}), PLATFORM, "255", 90.0, 107.0, 80)
     assert "nothing heard for 7 s" in text_of(line)
     assert "was working" in text_of(line)
     assert Tone.ALARM in tones(line)
@@ -60,7 +60,7 @@ def test_a_silent_link_is_the_loudest_thing_in_the_title() -> None:
 
 def test_a_lossy_link_tells_how_much_arrives() -> None:
     lossy = replace(PLATFORM, link=LinkStatistics(loss=0.2))
-    line = text_of(title_line(Fleet(platforms={"pelican": lossy}), lossy, "255", 90.0, 100.0, 120))
+    line = text_of(title_line(Fleet(platforms={"heron": lossy}), lossy, "255", 90.0, 100.0, 120))
     assert "status 80 %" in line
 
 
@@ -142,9 +142,9 @@ def test_a_failed_mission_gives_its_reason_and_policy() -> None:
 
 
 def test_long_events_are_wrapped_never_cut() -> None:
-    fleet = reducers.note(Fleet(), "pelican", Severity.WARNING, "start: " + "word " * 20, 65.0)
+    fleet = reducers.note(Fleet(), "heron", Severity.WARNING, "start: " + "word " * 20, 65.0)
     lines = texts(event_lines(fleet, 0.0, 40))
-    assert lines[0] == " 01:05  warning: pelican: start: word"
+    assert lines[0] == " 01:05  warning: heron: start: word word"
     assert all(len(line) <= 40 for line in lines)
     assert sum(line.count("word") for line in lines) == 20
 

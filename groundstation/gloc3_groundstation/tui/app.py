@@ -1,6 +1,6 @@
 """The station's terminal: a screen with the vehicle, its components, its mission and the events, and the keys."""
 
-from collections.abc import Awaitable, Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from typing import Any, ClassVar, Final
 
 from textual.app import App, ComposeResult, SystemCommand
@@ -49,7 +49,7 @@ class StationApp(App[End | None]):
         desk: Desk,
         *,
         platform: str | None = None,
-        waiting_for: str = "the link",
+        waiting_for: Callable[[], str] = lambda: "the link",
         is_starting: bool = False,
         is_closing: bool = False,
     ) -> None:
@@ -58,7 +58,7 @@ class StationApp(App[End | None]):
         Args:
             desk: where keys lead to; with the mission at hand.
             platform: the one in view; None for the first that is heard.
-            waiting_for: what is told while no platform is heard.
+            waiting_for: what is listened to, told while no platform is heard.
             is_starting: starts the mission at hand without waiting for the key.
             is_closing: closes when that mission has ended, or could not be started.
         """
@@ -105,7 +105,7 @@ class StationApp(App[End | None]):
         title, vehicle, components = panels["title"], panels["vehicle"], panels["components"]
         mission, events = panels["mission"], panels["events"]
         title.show([title_line(fleet, platform, station.id, station.started_s, now_s, title.width)])
-        vehicle.show(vehicle_lines(platform, now_s, self._waiting_for))
+        vehicle.show(vehicle_lines(platform, now_s, self._waiting_for()))
         components.show(component_lines(platform, now_s, components.width), components_title(platform, now_s))
         mission.show(mission_lines(platform, self._desk.plan, now_s, mission.width - 1), mission_title(platform))
         events.show(event_lines(fleet, station.started_s, events.width))

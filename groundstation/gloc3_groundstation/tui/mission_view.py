@@ -2,7 +2,7 @@
 
 from gloc3.mission.states import ActionState
 from gloc3_groundstation import wording
-from gloc3_groundstation.flights import Plan
+from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.lines import Line, Span, Tone, bar, faded, wrapped
 

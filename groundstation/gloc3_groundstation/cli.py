@@ -1,0 +1,95 @@
+"""The command `gloc3 station`: the ground station in a terminal, or without one for scripts."""
+
+import asyncio
+import sys
+from typing import Annotated, Final
+
+import msgspec
+from cyclopts import App, Parameter
+
+from gloc3.errors import InputError, Refused
+from gloc3_groundstation.plans import Plan, read_plan
+
+DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"
+
+app = App(
+    name="gloc3 station",
+    help="""Watch and command vehicles: the terminal, or --headless for scripts.
+
+    The terminal shows the vehicle, its components, its mission and what happens; its keys stand in the last line, and
+    the space bar makes the vehicle hold at once. Without --link it listens on UDP port 14550, where simulators,
+    companions and telemetry routers send.
+
+    EXAMPLES
+
+    gloc3 station                                         watch whoever is heard
+
+    gloc3 station --mission inspection                    bring a mission over; the key s starts it
+
+    gloc3 station --headless --mission my.yaml --json     fly it from a script: stdout is data, stderr is narration
+
+    gloc3 station --link serial:///dev/ttyUSB0:57600      over a telemetry radio
+
+    EXIT CODES: 0 done, 1 the mission failed, was refused or did not pass the check, 2 wrong use, 130 interrupted.""",
+    version_flags=[],
+)
+
+
+@app.default
+def station(
+    *,
+    mission: str | None = None,
+    link: Annotated[list[str] | None, Parameter(negative=())] = None,
+    platform: str | None = None,
+    headless: Annotated[bool, Parameter(negative=())] = False,
+    json: Annotated[bool, Parameter(negative=())] = False,
+    start: Annotated[bool, Parameter(negative=())] = False,
+    exit_when_done: Annotated[bool, Parameter(negative=())] = False,
+    wait: float = 60.0,
+    station_id: int = 255,
+) -> int:
+    """Watch and command vehicles.
+
+    Args:
+        mission: A mission file, or the name of an example; it is checked before anything else, and brought to the
+            platform as soon as that is heard. With --headless it is started too.
+        link: Where MAVLink comes from: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
+            may be given again. Default: udpin://0.0.0.0:14550.
+        platform: The platform to command, by name; otherwise the first that is heard.
+        headless: No terminal: narrate on stderr. Without --mission it watches until Ctrl-C.
+        json: With --headless: one JSON object a line on stdout, for everything that is narrated.
+        start: Start the mission without waiting for the key, once the platform is ready.
+        exit_when_done: Close the terminal when the mission has ended.
+        wait: With --headless: give up when the platform is not heard within so many seconds.
+        station_id: The MAVLink system of this station: 255, and 254, 253 for further ones.
+    """
+    if json and not headless:
+        raise Refused("--json goes with --headless")
+    if (start or exit_when_done) and mission is None:
+        raise Refused("--start and --exit-when-done need a --mission")
+    if not 0.0 < wait < float("inf"):
+        raise Refused("--wait must be above 0 seconds")
+    if not 200 <= station_id <= 255:
+        raise Refused("--station-id must be from 200 to 255")
+    if not headless and not (sys.stdout.isatty() and sys.stdin.isatty()):
+        raise Refused("there is no terminal here; use --headless")
+    plan: Plan | None = None
+    if mission is not None:
+        try:
+            plan = read_plan(mission, platform)
+        except InputError as error:
+            print(f"{error}\nthe mission did not pass the check", file=sys.stderr)  # noqa: T201
+            return 1
+        for warning in plan.warnings:
+            print(warning, file=sys.stderr)  # noqa: T201
+    from gloc3_groundstation.session import Session
+
+    session = Session(link or [DEFAULT_LINK], station_id, platform, plan)
+    if headless:
+        return asyncio.run(session.narrate(wait, data=_print_json if json else None))
+    return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done))
+
+
+def _print_json(line: msgspec.Struct) -> None:
+    sys.stdout.write(msgspec.json.encode(line).decode() + "\n")
+    sys.stdout.flush()

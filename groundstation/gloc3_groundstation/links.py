@@ -1,0 +1,188 @@
+"""The station's MAVLink links: each carries one heartbeat of ours and the command link, joined to the station."""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from gloc3.exchange.base import Exchange
+from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.exchange.tunnel.happenings import Happening, Trouble
+from gloc3.exchange.tunnel.pacing import LinkBudget
+from gloc3.link.codec import Encoder, Parser, enums, shape
+from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, open_endpoint, parse_url
+from gloc3.link.heartbeat import Heartbeat, Peers
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.node import Node
+from gloc3.topics import TopicTable
+
+STATION_COMPONENT: Final = 190
+NETWORK_BIT_S: Final = 2_000_000.0
+"""Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""
+
+Told = Callable[[str], None]
+"""Is told in words what a person should know of a link."""
+
+
+class Link:
+    """One link: frames in and out, without the socket."""
+
+    def __init__(
+        self,
+        send: Callable[[bytes], None],
+        *,
+        loop: asyncio.AbstractEventLoop,
+        exchange: Exchange,
+        topics: TopicTable,
+        system: int,
+        boot: int,
+        told: Told,
+        is_datagram: bool = True,
+        budget: LinkBudget | None = None,
+    ) -> None:
+        """Begins to send heartbeats and to look for platforms.
+
+        Args:
+            send: puts bytes on the link.
+            loop: gives the time and wakes the link.
+            exchange: the station's side; what crosses the link is joined to it.
+            topics: the topics that may cross.
+            system: the station's MAVLink system, 255 and down.
+            boot: a random number for this start of the station.
+            told: is told what a person should know.
+            is_datagram: whether the bytes come in whole frames.
+            budget: what the link carries.
+        """
+        own = Address(system, STATION_COMPONENT)
+        self._loop = loop
+        self._send = send
+        self._told = told
+        self._tunnel_id = shape("TUNNEL").id
+        self._parser = Parser(is_datagram=is_datagram)
+        self._encoder = Encoder(*own)
+        self._peers = Peers(own)
+        self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
+        self._own = own
+        self._has_told_of_double = False
+        end = TunnelEndpoint(Role.STATION, str(system), own, boot, topics, budget or LinkBudget())
+        self._tunnel = MavlinkExchange(end, loop, self._send_message)
+        self._tunnel.listen(self._happened)
+        self._part = self._tunnel.bridge(exchange, topics)
+        self._timer = loop.call_soon(self._tick)
+
+    def receive(self, data: bytes) -> None:
+        """Takes bytes from the link."""
+        now_s = self._loop.time()
+        for frame in self._parser.receive(data):
+            if frame.message_id == self._tunnel_id:
+                message = frame.decode()
+                if message is not None:
+                    self._tunnel.receive(message, frame.sender)
+            elif frame.sender == self._own:
+                self._is_doubled()
+            else:
+                self._node.receive(frame, now_s)
+
+    def heard(self) -> list[str]:
+        """Who is there, told by their heartbeats: `autopilot 1/1`, `system 1/191`."""
+        return [
+            f"{'autopilot' if peer.is_autopilot else 'system'} {peer.address.system}/{peer.address.component}"
+            for peer in self._peers.alive
+        ]
+
+    def close(self) -> None:
+        """Sends and hears nothing more."""
+        self._timer.cancel()
+        self._part()
+        self._tunnel.close()
+
+    def _tick(self) -> None:
+        now_s = self._loop.time()
+        self._node.tick(now_s)
+        for message in self._node.outgoing():
+            self._send_message(message)
+        self._peers.events()
+        next_s = self._node.next_tick_s()
+        self._timer = self._loop.call_at(now_s + 1.0 if next_s is None else max(next_s, now_s + 1e-3), self._tick)
+
+    def _send_message(self, message: MavlinkMessage) -> None:
+        self._send(self._encoder.encode(message))
+
+    def _happened(self, happening: Happening) -> None:
+        if isinstance(happening, Trouble):
+            self._told(happening.text)
+
+    def _is_doubled(self) -> None:
+        if not self._has_told_of_double:
+            self._has_told_of_double = True
+            system = self._own.system
+            self._told(f"somebody else is station {system}, or the link sends back what we send; see --station-id")
+
+
+class Links:
+    """All links of a station with their sockets."""
+
+    def __init__(self) -> None:
+        self._open: list[tuple[Endpoint, Link]] = []
+
+    async def open(
+        self,
+        urls: Sequence[str],
+        *,
+        exchange: Exchange,
+        topics: TopicTable,
+        system: int,
+        boot: int,
+        told: Told,
+    ) -> None:
+        """Opens links; see `Link` for the arguments.
+
+        Raises:
+            Refused: a URL is wrong, or its address cannot be had.
+        """
+        loop = asyncio.get_running_loop()
+        for url in urls:
+            made: list[Link] = []
+            endpoint = await open_endpoint(url, loop, lambda data, made=made: made[0].receive(data) if made else None)  # type: ignore[misc]
+            link = Link(
+                endpoint.send,
+                loop=loop,
+                exchange=exchange,
+                topics=topics,
+                system=system,
+                boot=boot,
+                told=lambda text, url=url: told(f"{url}: {text}"),  # type: ignore[misc]
+                is_datagram=endpoint.is_datagram,
+                budget=budget_of(url),
+            )
+            made.append(link)
+            self._open.append((endpoint, link))
+
+    def describe(self) -> str:
+        """The links, with what is wrong with each or who is heard on it."""
+        parts = []
+        for endpoint, link in self._open:
+            heard = ", ".join(link.heard())
+            aside = (
+                endpoint.problem
+                if endpoint.problem and not endpoint.is_connected
+                else f"{heard} heard"
+                if heard
+                else ""
+            )
+            parts.append(f"{endpoint.url} ({aside})" if aside else endpoint.url)
+        return ", ".join(parts)
+
+    async def close(self) -> None:
+        """Closes all."""
+        for endpoint, link in self._open:
+            link.close()
+            await endpoint.close()
+        self._open.clear()
+
+
+def budget_of(url: str) -> LinkBudget:
+    """What a link carries: a serial line its baud rate, a network what is usual."""
+    wanted = parse_url(url)
+    if wanted.scheme in SERIAL_SCHEMES:
+        return LinkBudget(rate_bit_s=float(wanted.baud))
+    return LinkBudget(rate_bit_s=NETWORK_BIT_S, bits_per_byte=8.0)

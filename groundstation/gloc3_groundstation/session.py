@@ -1,0 +1,154 @@
+"""One run of the station in wall time: opens the links, shows or narrates, and closes everything in order."""
+
+import asyncio
+import secrets
+import signal
+import sys
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Final
+
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import LocalExchange
+from gloc3.messages import Severity
+from gloc3.topics import TopicTable
+from gloc3_groundstation import wording
+from gloc3_groundstation.headless import Headless
+from gloc3_groundstation.links import Links
+from gloc3_groundstation.narration import Line
+from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.station import Station
+
+INTERRUPTED: Final = 128 + signal.SIGINT
+
+
+class Session:
+    """What was asked for on the command line, ready to be run once."""
+
+    def __init__(self, urls: list[str], system: int, platform: str | None, plan: Plan | None) -> None:
+        """A run.
+
+        Args:
+            urls: the links.
+            system: the station's MAVLink system.
+            platform: the one to command; None for the first that is heard.
+            plan: the mission at hand.
+        """
+        self._urls = urls
+        self._system = system
+        self._platform = platform
+        self._plan = plan
+        self._links = Links()
+
+    async def narrate(self, wait_s: float, data: Callable[[Line], None] | None = None) -> int:
+        """Flies the mission at hand, or watches; narrates on stderr.
+
+        Args:
+            wait_s: how long the platform may take to be heard.
+            data: takes the same as data.
+
+        Returns:
+            The exit code.
+        """
+
+        def tell(line: Line) -> None:
+            _say(str(line))
+            if data is not None:
+                data(line)
+
+        async with self._station() as station:
+            run = Headless(station, tell, platform=self._platform)
+            run.say(f"listening on {self._links.describe()}")
+            work = asyncio.ensure_future(run.watch() if self._plan is None else self._fly(run, self._plan, wait_s))
+            loop = asyncio.get_running_loop()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, work.cancel)
+            try:
+                return await work or 0
+            except asyncio.CancelledError:
+                run.say(_farewell(station))
+                return 0 if self._plan is None else INTERRUPTED
+
+    async def show(self, *, is_starting: bool, is_closing: bool) -> int:
+        """Opens the terminal.
+
+        Returns:
+            The exit code.
+        """
+        from gloc3_groundstation.desk import Desk
+        from gloc3_groundstation.tui.app import StationApp
+
+        async with self._station() as station:
+            app = StationApp(
+                Desk(station, self._plan),
+                platform=self._platform,
+                waiting_for=self._links.describe,
+                is_starting=is_starting,
+                is_closing=is_closing,
+            )
+            loop = asyncio.get_running_loop()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, app.exit)
+            end = await app.run_async()
+            for line in _summary(station):
+                _say(line)
+            if end is None:
+                _say(_farewell(station))
+                return 1 if is_closing else 0
+            return 0 if end.is_done else 1
+
+    @staticmethod
+    async def _fly(run: Headless, plan: Plan, wait_s: float) -> int:
+        try:
+            return 0 if (await run.fly(plan, wait_s)).is_done else 1
+        except Gloc3Error as error:
+            run.say(f"error: {error}")
+            return 1
+
+    @asynccontextmanager
+    async def _station(self) -> AsyncIterator[Station]:
+        exchange, topics = LocalExchange(), TopicTable.installed()
+        boot = secrets.randbits(32)
+        station = Station(exchange, asyncio.get_running_loop(), str(self._system), boot)
+        try:
+            await self._links.open(
+                self._urls,
+                exchange=exchange,
+                topics=topics,
+                system=self._system,
+                boot=boot,
+                told=lambda text: station.note("", Severity.WARNING, text),
+            )
+            yield station
+        finally:
+            station.close()
+            await self._links.close()
+
+
+def _farewell(station: Station) -> str:
+    """What becomes of the vehicles when the station goes."""
+    armed = [platform.name for platform in station.fleet if platform.vehicle and platform.vehicle.value.is_armed]
+    if not armed:
+        return "stopped"
+    return f"stopped; {', '.join(armed)} flies on by its mission's policies (on_link_loss)"
+
+
+def _summary(station: Station) -> list[str]:
+    """What is worth reading after the terminal has closed."""
+    lines = [
+        f"{wording.clock(event.heard_s - station.started_s)}  {event.severity.name.lower()}: "
+        f"{event.platform}: {event.source + ': ' if event.source else ''}{event.text}"
+        for event in station.fleet.events
+        if event.severity <= Severity.WARNING
+    ]
+    for platform in station.fleet:
+        if platform.mission is not None and platform.mission.value.state:
+            mission = platform.mission.value
+            reason = f" ({mission.reason})" if mission.reason else ""
+            lines.append(f"{platform.name}: {mission.name!r} is {mission.state}{reason}")
+    return lines
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

@@ -135,12 +135,12 @@ def _farewell(station: Station) -> str:
 
 def _summary(station: Station) -> list[str]:
     """What is worth reading after the terminal has closed."""
-    lines = [
-        f"{wording.clock(event.heard_s - station.started_s)}  {event.severity.name.lower()}: "
-        f"{event.platform}: {event.source + ': ' if event.source else ''}{event.text}"
-        for event in station.fleet.events
-        if event.severity <= Severity.WARNING
-    ]
+    lines = []
+    for event in station.fleet.events:
+        if event.severity <= Severity.WARNING:
+            who = ": ".join(part for part in (event.platform, event.source) if part)
+            clock = wording.clock(event.heard_s - station.started_s)
+            lines.append(f"{clock}  {event.severity.name.lower()}: {who + ': ' if who else ''}{event.text}")
     for platform in station.fleet:
         if platform.mission is not None and platform.mission.value.state:
             mission = platform.mission.value

@@ -35,7 +35,7 @@ def tone_of(severity: Severity) -> Tone:
 
 def _lines(event: FleetEvent, has_many: bool, start_s: float, width: int) -> list[Line]:
     clock = f" {wording.clock(event.heard_s - start_s)}  "
-    who = f"{event.platform}: " if has_many or not event.source else ""
+    who = f"{event.platform}: " if event.platform and (has_many or not event.source) else ""
     who += f"{event.source}: " if event.source else ""
     grade = f"{event.severity.name.lower()}: " if event.severity <= Severity.WARNING else ""
     rows = wrapped(grade + who + event.text, width - len(clock))

@@ -1,0 +1,131 @@
+"""The station over MAVLink: a mission is streamed through a memory link, and exactly one heartbeat leaves."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from random import Random
+from typing import NamedTuple, TypeVar
+
+import pytest
+
+from gloc3.clock import run_virtual
+from gloc3.exchange import LocalExchange
+from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.link.codec import Encoder, Frame, Parser, message
+from gloc3.link.memory import Conditions, MemoryLink
+from gloc3.link.message import Address
+from gloc3.topics import TopicTable
+from gloc3_groundstation import flights
+from gloc3_groundstation.links import Link, Links, budget_of
+from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.station import Station
+
+from .scripted_platform import ScriptedPlatform
+
+T = TypeVar("T")
+TOPICS = TopicTable.installed()
+PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n" + "# a line of a mission\n" * 40)
+
+
+class Scene(NamedTuple):
+    station: Station
+    platform: ScriptedPlatform
+    link: Link
+    heard: list[Frame]
+    """What the platform's end of the link has heard."""
+    inject: Callable[[bytes], None]
+    """Puts bytes on the link from the platform's side."""
+    told: list[str]
+
+
+def over(conditions: Conditions, play: Callable[[Scene], Awaitable[T]]) -> T:
+    async def main() -> T:
+        loop = asyncio.get_running_loop()
+        memory = MemoryLink(loop, Random(3), conditions)
+        here, there = LocalExchange(), LocalExchange()
+        heard: list[Frame] = []
+        told: list[str] = []
+        platform = ScriptedPlatform(there)
+        encoder, parser = Encoder(1, 191), Parser(is_datagram=True)
+        end = TunnelEndpoint(Role.PLATFORM, platform.name, Address(1, 191), 99, TOPICS)
+        tunnel = MavlinkExchange(end, loop, lambda sent: memory.b.send(encoder.encode(sent)))
+        tunnel.bridge(there, TOPICS, platform.name)
+
+        def take(data: bytes) -> None:
+            for frame in parser.receive(data):
+                heard.append(frame)
+                decoded = frame.decode()
+                assert decoded is not None
+                tunnel.receive(decoded, frame.sender)
+
+        memory.b.on_data = take
+        station = Station(here, loop, "255", 11)
+        link = Link(memory.a.send, loop=loop, exchange=here, topics=TOPICS, system=255, boot=11, told=told.append)
+        memory.a.on_data = link.receive
+        platform.loop.call_later(0.3, platform.speak_every, 0.5)
+        try:
+            return await play(Scene(station, platform, link, heard, memory.b.send, told))
+        finally:
+            station.close()
+            link.close()
+            tunnel.close()
+
+    return run_virtual(main())
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_a_mission_is_streamed_and_started_over_mavlink(loss: float) -> None:
+    async def play(scene: Scene) -> None:
+        name = await flights.await_platform(scene.station, None)
+        await flights.stream(scene.station, name, PLAN)
+        await flights.start(scene.station, name)
+        assert scene.platform.text == PLAN.text
+        known = scene.station.fleet.get(name)
+        assert known is not None
+        assert len(known.components(scene.station.now_s())) == 13
+        assert scene.told == []
+
+    over(Conditions(loss=loss, latency_s=0.15, bandwidth_bit_s=57_600, bits_per_byte=10), play)
+
+
+def test_one_heartbeat_a_second_leaves_as_that_of_a_ground_station() -> None:
+    async def play(scene: Scene) -> None:
+        ended: asyncio.Future[None] = scene.platform.loop.create_future()
+        scene.platform.loop.call_later(10.05, ended.set_result, None)
+        await ended
+        beats = [frame for frame in scene.heard if frame.message_id == 0]
+        assert len(beats) == 11
+        (beat,) = {(b.type, b.autopilot) for frame in beats if (b := frame.decode()) is not None}
+        assert beat == (6, 8)
+        assert {frame.sender for frame in scene.heard} == {Address(255, 190)}
+
+    over(Conditions(), play)
+
+
+def test_who_is_heard_is_told_and_a_second_station_of_the_same_id_too() -> None:
+    async def play(scene: Scene) -> None:
+        scene.inject(Encoder(1, 1).encode(message("HEARTBEAT", type=2, autopilot=12)))
+        for _ in range(3):
+            scene.inject(Encoder(255, 190).encode(message("HEARTBEAT", type=6, autopilot=8)))
+        scene.inject(b"\xfd garbage \xfe\xfd")
+        await flights.await_platform(scene.station, None)
+        assert scene.link.heard() == ["autopilot 1/1"]
+        assert scene.told == ["somebody else is station 255, or the link sends back what we send; see --station-id"]
+
+    over(Conditions(), play)
+
+
+def test_a_serial_line_is_used_at_its_rate() -> None:
+    assert budget_of("serial:///dev/ttyUSB0:115200").rate_bit_s == 115_200
+    assert budget_of("udpin://0.0.0.0:14550").rate_bit_s > 1e6
+
+
+@pytest.mark.sockets
+async def test_links_are_opened_described_and_closed() -> None:
+    links = Links()
+    try:
+        await links.open(
+            ["udpin://127.0.0.1:0"], exchange=LocalExchange(), topics=TOPICS, system=255, boot=1, told=lambda text: None
+        )
+        assert links.describe() == "udpin://127.0.0.1:0"
+    finally:
+        await links.close()

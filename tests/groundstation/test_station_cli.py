@@ -1,0 +1,45 @@
+"""The command `gloc3 station`: wrong use is told at once, before any link is opened."""
+
+from pathlib import Path
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3_groundstation.cli import app
+
+
+def run(*arguments: str) -> object:
+    return app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--json"], "--json goes with --headless"),
+        (["--start"], "need a --mission"),
+        (["--headless", "--wait", "0"], "--wait must be above 0"),
+        (["--headless", "--station-id", "1"], "--station-id must be from 200 to 255"),
+        (["--headless", "--mission", "nowhere.yaml"], "there is no mission file 'nowhere.yaml'"),
+        (["--headless", "--link", "udp://1.2.3.4:5"], "use udpin:// to listen or udpout:// to send"),
+        ([], "there is no terminal here; use --headless"),
+    ],
+)
+def test_wrong_use_is_refused_with_the_reason(arguments: list[str], reason: str) -> None:
+    with pytest.raises(Refused, match=reason):
+        run(*arguments)
+
+
+def test_a_mission_that_does_not_pass_the_check_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text("mission: x\nframe: hold\ntasks: {}\n")
+    assert run("--headless", "--mission", str(file)) == 1
+    assert "bad.yaml:3" in capsys.readouterr().err
+
+
+@pytest.mark.sockets
+def test_a_platform_that_never_comes_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--headless", "--mission", "hop", "--link", "udpin://127.0.0.1:0", "--wait", "0.05") == 1
+    told = capsys.readouterr()
+    assert "listening on udpin://127.0.0.1:0" in told.err
+    assert "a platform was not heard" in told.err
+    assert told.out == ""

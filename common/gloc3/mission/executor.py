@@ -97,15 +97,7 @@ class MissionExecutor:
         board = self.board
         steering.refuse_while_unfit(board)
         self._refuse_taken(mission, list(board.programs.values()))
-        for action in mission.actions().values():
-            row = board.rows[action.capability]
-            holder = board.assignments.holder(row)
-            if holder is not None:
-                shared = next(name for name in row.claims if board.assignments.claims.get(name) is holder)
-                raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
-            if action.capability in board.missing:
-                lacking = ", ".join(board.missing[action.capability])
-                raise Refused(f"{action.capability} is not available: it lacks {lacking}")
+        steering.check_readiness(board, mission)
         manoeuvres.dismiss(board)
         name = next(iter(mission.tasks))
         program = board.program(name, mission)

@@ -4,11 +4,13 @@ from gloc3.errors import Refused, nearest
 from gloc3.frames import Vector3
 from gloc3.mission import manoeuvres
 from gloc3.mission.arguments import TakeOff
+from gloc3.mission.assignments import MOTION
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.checker import home_problem
 from gloc3.mission.failures import reopen, retry
 from gloc3.mission.flow import go_on_after_pause
 from gloc3.mission.items import MISSION, ActionRun, Item, Program, TaskRun
+from gloc3.mission.model import Mission
 from gloc3.mission.policy import MANOEUVRES, Policy, resolved
 from gloc3.mission.states import TABLE, ActionState, Trigger
 from gloc3.mission.structure import PartialOrder
@@ -60,6 +62,8 @@ def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m:
         case Trigger.RETRY:
             if not isinstance(item, TaskRun | ActionRun):
                 raise Refused("a mission that has ended is not tried again; load it again")
+            if item.is_settled:
+                raise Refused(f"the mission has gone on without {item.target}")
             manoeuvres.dismiss(board)
             retry(board, item, now_s)
 
@@ -76,7 +80,7 @@ def _start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -
     for condition, reason in board.conditions.items():
         if condition is not Condition.LINK_LOST:
             raise Refused(f"{condition}" + (f": {reason}" if reason else ""))
-    _check_readiness(board, item)
+    check_readiness(board, item.mission)
     if home_ned_m is not None and (problem := home_problem(item.mission, home_ned_m)):
         raise Refused(problem)
     manoeuvres.dismiss(board)
@@ -97,25 +101,28 @@ def refuse_while_unfit(board: Board) -> None:
         raise Refused(f"the policy {manoeuvre.policy} is being carried out ({manoeuvre.cause})")
 
 
-def _check_readiness(board: Board, program: Program) -> None:
-    """A mission starts only if everything that it uses is there, and the vehicle is where its first action needs it."""
-    for run in program.actions():
-        name = run.action.capability
-        if name in board.missing:
-            raise Refused(f"{name} is not available: it lacks {', '.join(board.missing[name])}")
-    order = PartialOrder.of(program.mission)
-    runs = {run.target: run for run in program.actions()}
-    motions = [runs[target] for target in order.targets if runs[target].is_motion]
-    if not motions:
-        return
-    holder = board.assignments.holder(motions[0].row)
-    if holder is not None:
-        raise Refused(f"motion is claimed by {holder.label}; pause or abort it first")
-    takes_off = isinstance(motions[0].action.order, TakeOff)
-    if takes_off and board.is_airborne:
-        raise Refused("the vehicle is in the air already, and the mission begins with a take-off")
-    if not takes_off and not board.is_airborne:
-        raise Refused("the vehicle is on the ground, and the mission does not begin with a take-off")
+def check_readiness(board: Board, mission: Mission) -> None:
+    """A mission starts only if everything that it uses is there, and the vehicle is where its first action needs it.
+
+    Raises:
+        Refused: with the reason.
+    """
+    actions = mission.actions()
+    for action in actions.values():
+        if action.capability in board.missing:
+            lacking = ", ".join(board.missing[action.capability])
+            raise Refused(f"{action.capability} is not available: it lacks {lacking}")
+        row = board.rows[action.capability]
+        holder = board.assignments.holder(row)
+        if holder is not None:
+            shared = next(name for name in row.claims if board.assignments.claims.get(name) is holder)
+            raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
+    targets = PartialOrder.of(mission).targets
+    first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].capability].claims), None)
+    if isinstance(first, TakeOff) and board.is_airborne:
+        raise Refused("the vehicle is in the air already, and take_off comes first")
+    if first is not None and not isinstance(first, TakeOff) and not board.is_airborne:
+        raise Refused("the vehicle is on the ground, and take_off does not come first")
 
 
 def _take_back(board: Board, now_s: float) -> None:

@@ -168,9 +168,10 @@ class Rig:
         board = self.executor.board
         for program in board.programs.values():
             for item in (program, *program.items()):
-                before = self.seen.get(f"{program.name}/{item.target}", ActionState.WAITING)
+                key = f"{program.name}/{item.level}/{item.target}"
+                before = self.seen.get(key, ActionState.WAITING)
                 assert item.state is before or item.state in _reachable(before), f"{item}: {before} -> {item.state}"
-                self.seen[f"{program.name}/{item.target}"] = item.state
+                self.seen[key] = item.state
             for run in program.actions():
                 if run.state is ActionState.RUNNING and not board.has_pilot:
                     after = [run.task.actions[name] for name in run.options.after]

@@ -11,6 +11,8 @@ from gloc3_sitl.autopilot.estimator.inertial import GRAVITY_M_S2, InertialSoluti
 from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdometry, Fix, Source, SourceState
 
 _GATE_SIGMA: Final = 5.0
+_FIRST_MEASUREMENTS: Final = 10
+"""Positions taken in before the estimate may be flown by."""
 _GYRO_ALONE_S: Final = 3.0
 """So long the gyro alone keeps the attitude better than a level found from gravity and the vehicle's own accelerations."""
 _BIAS_SHARE: Final = 0.04
@@ -230,7 +232,8 @@ class Estimator:
     def is_position_good(self, now_s: float) -> bool:
         """Whether the horizontal position may be flown by: aided within the last second, and converged."""
         age = now_s - max(self.fix_state.accepted_s, self.external_state.accepted_s)
-        return age < 1.0 and self._horizontal.position_variance_m2 < 9.0
+        enough = max(self.fix_state.accepted, self.external_state.accepted) >= _FIRST_MEASUREMENTS
+        return enough and age < 1.0 and self._horizontal.position_variance_m2 < 9.0
 
     def is_height_good(self, now_s: float) -> bool:
         """Whether some height source was taken in within the last second."""

@@ -34,6 +34,8 @@ class SourceState:
     """Last time that a measurement was taken in."""
     refused_since_s: float | None = None
     """Since when its measurements have failed the gate without a break."""
+    accepted: int = 0
+    """Measurements taken in so far."""
     test_ratio: float = 0.0
     """Last squared innovation over its gate; above 1 it was refused."""
 
@@ -42,6 +44,7 @@ class SourceState:
         self.test_ratio = ratio
         if ratio <= 1.0:
             self.accepted_s = now_s
+            self.accepted += 1
             self.refused_since_s = None
             return True
         if self.refused_since_s is None:

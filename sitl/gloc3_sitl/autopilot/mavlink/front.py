@@ -90,6 +90,11 @@ class Front:
         """Sends a sentence to everybody."""
         self._texts.say(int(severity), text)
 
+    @property
+    def producible(self) -> list[str]:
+        """Names of the messages that can be streamed or requested."""
+        return list(PRODUCERS)
+
     # -- in -----------------------------------------------------------------------------------------------------------
 
     def _take(self, frame: Frame) -> None:

@@ -63,7 +63,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     def _reset(self) -> None:
         self._autopilot: AutopilotState | None = None
-        self._machine = ManoeuvreMachine(self._settings, self._control.arm_in_mode)
+        self._machine = ManoeuvreMachine(self._settings)
         self._limiter: SetpointLimiter | None = None
         self._now_s = 0.0
         self._owner = ""
@@ -178,7 +178,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 continue
             self._streaming_since_s = None
             self._hold_wanted = False
-            self._machine.begin(envelope.payload, now_s)
+            self._machine.begin(envelope.payload, self._control.arm_in_mode, now_s)
         if self._machine.action_id and self._machine.action_id != self._owner:
             self._machine.abandon("motion was given to somebody else")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None

@@ -42,10 +42,9 @@ class ManoeuvreMachine:
 
     Args:
         settings: time-outs.
-        arm_in_mode: the mode in which this style of autopilot wants to be armed; None for any.
     """
 
-    def __init__(self, settings: DriverSettings, arm_in_mode: FlightMode | None) -> None:
+    def __init__(self, settings: DriverSettings) -> None:
         self.action_id = ""
         self.kind: ManoeuvreKind | None = None
         self.state: ManoeuvreState | None = None
@@ -53,7 +52,6 @@ class ManoeuvreMachine:
         self.ticket = 0
         """Of the command under way; set by the driver when it is written."""
         self._settings = settings
-        self._arm_in_mode = arm_in_mode
         self._steps: list[Write] = []
         self._since_s = 0.0
         self._is_asked = False
@@ -63,14 +61,20 @@ class ManoeuvreMachine:
         """Whether the autopilot is flying, or about to fly, a manoeuvre of ours."""
         return self.state is ManoeuvreState.RUNNING
 
-    def begin(self, manoeuvre: Manoeuvre, now_s: float) -> None:
-        """Takes a manoeuvre up, in place of the one before."""
+    def begin(self, manoeuvre: Manoeuvre, arm_in_mode: FlightMode | None, now_s: float) -> None:
+        """Takes a manoeuvre up, in place of the one before.
+
+        Args:
+            manoeuvre: what is wanted.
+            arm_in_mode: the mode in which this style of autopilot wants to be armed; None for any.
+            now_s: now.
+        """
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
         self._since_s, self._is_asked = now_s, False
         match manoeuvre.kind:
             case ManoeuvreKind.TAKE_OFF:
-                self._steps = [SetMode(self._arm_in_mode)] if self._arm_in_mode else []
+                self._steps = [SetMode(arm_in_mode)] if arm_in_mode else []
                 self._steps += [Arm()] if manoeuvre.may_arm else []
                 self._steps += [Climb(manoeuvre.height_m)]
             case ManoeuvreKind.LAND:

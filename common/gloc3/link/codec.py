@@ -30,6 +30,11 @@ __all__ = [
 ]
 
 
+_PARAMETER_IDS: Final = frozenset({22, 23})
+"""PARAM_VALUE and PARAM_SET: `param_value` is an integer with the field's 32 bits. PX4 puts integers there, and some of
+those are no float that survives being one; `gloc3.link.parameter` reads and writes them."""
+
+
 @cache
 def _dialect() -> Any:
     """ArduPilot's dialect, MAVLink 2 (it contains `common`)."""
@@ -44,6 +49,8 @@ def _describe(number: int) -> Shape | None:
     if kind is None:
         return None
     types = dict(zip(kind.fieldnames, kind.fieldtypes, strict=True))
+    if number in _PARAMETER_IDS:
+        types["param_value"] = "uint32_t"
     columns = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
     fields = [Field(name, types[name], count) for name, count in columns]
     return Shape(kind.msgname, number, kind.crc_extra, fields)

@@ -1,0 +1,161 @@
+"""Parameters: both encodings, lossy links, and what is refused."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gloc3.errors import Refused
+from gloc3.link.codec import message
+from gloc3.link.memory import Conditions
+from gloc3.link.message import Address
+from gloc3.link.parameter import Parameter, ParameterEncoding, ParameterType, parameter, read_parameter
+from gloc3.link.parameter_client import ParameterCall, ParameterClient, ParameterFetch, ParameterResult
+from gloc3.link.parameter_server import ParameterServer
+
+from .pair import STATION, VEHICLE, Pair
+
+PARAMETERS = [
+    parameter("SPEED", 0.1),
+    parameter("GAIN", -2.5),
+    parameter("MODE", 3, ParameterType.INT32),
+    parameter("MASK", -8_388_607, ParameterType.INT32),
+    parameter("SMALL", 200, ParameterType.UINT8),
+    *(parameter(f"P{number:03d}", number, ParameterType.INT32) for number in range(195)),
+]
+
+
+def within_limit(wanted: Parameter) -> None:
+    if wanted.name == "SPEED" and wanted.value > 10.0:
+        raise Refused("too fast")
+
+
+def wired(
+    loss: float = 0.0, encoding: ParameterEncoding = ParameterEncoding.BYTEWISE, seed: int = 1
+) -> tuple[Pair, ParameterServer, ParameterClient]:
+    pair = Pair(seed, Conditions(latency_s=0.02, loss=loss))
+    server = ParameterServer(VEHICLE, PARAMETERS, encoding=encoding, check=within_limit)
+    client = ParameterClient(STATION, encoding)
+    pair.add([server], [client])
+    return pair, server, client
+
+
+def finish(pair: Pair, call: ParameterCall | ParameterFetch) -> ParameterResult | None:
+    pair.run(60.0, lambda: call.result is not None)
+    return call.result
+
+
+@pytest.mark.parametrize("encoding", ParameterEncoding)
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_a_list_is_fetched_whole_over_a_lossy_link(loss: float, encoding: ParameterEncoding) -> None:
+    for seed in range(3):
+        pair, _, client = wired(loss, encoding, seed)
+        fetch = client.fetch(VEHICLE, now_s=0.0)
+        assert finish(pair, fetch) is ParameterResult.DONE
+        assert fetch.parameters == {each.name: each for each in PARAMETERS}
+        assert fetch.progress == 1.0
+        assert pair.now_s < 15.0
+        with pytest.raises(Refused, match="type of NONE is not known"):
+            client.set(VEHICLE, "NONE", 1, now_s=pair.now_s)
+
+
+@pytest.mark.parametrize("encoding", ParameterEncoding)
+def test_a_parameter_is_set_and_read_back(encoding: ParameterEncoding) -> None:
+    pair, server, client = wired(0.2, encoding)
+    assert finish(pair, client.set(VEHICLE, "MODE", -7, ParameterType.INT32, now_s=0.0)) is ParameterResult.DONE
+    assert server["MODE"] == -7
+    assert (
+        finish(pair, client.set(VEHICLE, "SPEED", 0.3, ParameterType.REAL32, now_s=pair.now_s)) is ParameterResult.DONE
+    )
+    (mode, speed) = server.events()
+    assert (mode.parameter.value, mode.before.value, mode.sender) == (-7, 3, STATION)
+    assert speed.parameter.value == pytest.approx(0.3)
+    call = client.read(VEHICLE, "SMALL", now_s=pair.now_s)
+    assert finish(pair, call) is ParameterResult.DONE
+    assert call.value == parameter("SMALL", 200, ParameterType.UINT8)
+    assert finish(pair, client.set(VEHICLE, "SMALL", 7, now_s=pair.now_s)) is ParameterResult.DONE
+
+
+def test_what_the_vehicle_does_not_allow_is_told() -> None:
+    pair, server, client = wired()
+    call = client.set(VEHICLE, "SPEED", 11.0, ParameterType.REAL32, now_s=0.0)
+    assert finish(pair, call) is ParameterResult.REFUSED
+    assert call.value == parameter("SPEED", 0.1)
+    call = client.set(VEHICLE, "MODE", 1.0, ParameterType.REAL32, now_s=pair.now_s)
+    assert finish(pair, call) is ParameterResult.REFUSED
+    assert finish(pair, client.read(VEHICLE, "NONE", now_s=pair.now_s)) is ParameterResult.NO_SUCH
+    call = client.set(VEHICLE, "NONE", 1.0, ParameterType.REAL32, now_s=pair.now_s)
+    assert finish(pair, call) is ParameterResult.NO_SUCH
+    assert server.events() == []
+
+
+def test_nobody_there_is_told() -> None:
+    pair, _, client = wired(loss=1.0)
+    call = client.read(VEHICLE, "MODE", now_s=0.0)
+    with pytest.raises(Refused, match="MODE is being read or set"):
+        client.read(VEHICLE, "MODE", now_s=0.0)
+    fetch = client.fetch(VEHICLE, now_s=0.0)
+    with pytest.raises(Refused, match="being fetched"):
+        client.fetch(VEHICLE, now_s=0.0)
+    assert finish(pair, call) is ParameterResult.NO_ANSWER
+    assert finish(pair, fetch) is ParameterResult.NO_ANSWER
+    assert pair.now_s < 10.0
+
+
+def test_a_change_by_somebody_else_is_told_to_all() -> None:
+    pair, server, client = wired()
+    finish(pair, client.fetch(VEHICLE, now_s=0.0))
+    client.events()
+    server.set("GAIN", 4.0)
+    pair.run(1.0)
+    assert client.events() == [parameter("GAIN", 4.0)]
+    with pytest.raises(Refused, match="no parameter NONE"):
+        server.set("NONE", 1.0)
+
+
+def test_a_list_does_not_flood_the_link() -> None:
+    _, server, _ = wired()
+    server.receive(message("PARAM_REQUEST_LIST", target_system=1), STATION, 0.0)
+    sent = 0
+    for step in range(500):
+        server.tick(step * 0.001)
+        sent += len(server.outgoing())
+    assert 90 <= sent <= 110
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kind"),
+    [
+        ("", 1.0, ParameterType.REAL32),
+        ("A" * 17, 1.0, ParameterType.REAL32),
+        ("A", 1.5, ParameterType.INT32),
+        ("A", 256, ParameterType.UINT8),
+        ("A", 1e300, ParameterType.REAL32),
+        ("A", math.nan, ParameterType.INT32),
+        ("A", math.inf, ParameterType.INT32),
+    ],
+)
+def test_values_that_do_not_fit_are_refused(name: str, value: float, kind: ParameterType) -> None:
+    with pytest.raises(Refused):
+        parameter(name, value, kind)
+
+
+@given(st.integers(-(2**31), 2**31 - 1))
+def test_every_integer_survives_bytewise(value: int) -> None:
+    wanted = parameter("A", value, ParameterType.INT32)
+    bits = wanted.to_bits(ParameterEncoding.BYTEWISE)
+    raw = message("PARAM_VALUE", param_value=bits, param_type=6)
+    read = raw.shape.decode(raw.shape.encode(raw), 0, raw.shape.size)
+    assert read_parameter("A", read.param_value, read.param_type, ParameterEncoding.BYTEWISE) == wanted
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 255), st.sampled_from(ParameterEncoding))
+def test_anything_at_all_may_come(bits: int, kind: int, encoding: ParameterEncoding) -> None:
+    read = read_parameter("A", bits, kind, encoding)
+    assert read is None or read.is_same(read)
+    client, server = ParameterClient(STATION, encoding), ParameterServer(Address(1, 1), PARAMETERS)
+    client.receive(message("PARAM_VALUE", param_id="MODE", param_value=bits, param_type=kind), VEHICLE, 0.0)
+    server.receive(
+        message("PARAM_SET", param_id="MODE", param_value=bits, param_type=kind, target_system=1), STATION, 0.0
+    )

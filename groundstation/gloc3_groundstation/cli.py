@@ -11,6 +11,7 @@ from gloc3.errors import InputError, Refused
 from gloc3_groundstation.plans import Plan, read_plan
 
 DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"
+FLAG: Final = Parameter(negative=(), show_default=False)
 
 app = App(
     name="gloc3 station",
@@ -20,19 +21,18 @@ app = App(
     the space bar makes the vehicle hold at once. Without --link it listens on UDP port 14550, where simulators,
     companions and telemetry routers send.
 
-    EXAMPLES
+    Examples:
 
-    gloc3 station                                         watch whoever is heard
+    - `gloc3 station`: watch whoever is heard
+    - `gloc3 station --mission inspection`: bring a mission over; the key s starts it
+    - `gloc3 station --headless --mission my.yaml --json`: fly it from a script; stdout is data, stderr is narration
+    - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
 
-    gloc3 station --mission inspection                    bring a mission over; the key s starts it
-
-    gloc3 station --headless --mission my.yaml --json     fly it from a script: stdout is data, stderr is narration
-
-    gloc3 station --link serial:///dev/ttyUSB0:57600      over a telemetry radio
-
-    EXIT CODES: 0 done, 1 the mission failed, was refused or did not pass the check, 2 wrong use, 130 interrupted.""",
+    Exit codes: 0 done; 1 the mission failed, was refused or did not pass the check; 2 wrong use; 130 interrupted.""",
+    help_format="markdown",
     version_flags=[],
 )
+app["--help"].group = "Parameters"
 
 
 @app.default
@@ -41,10 +41,10 @@ def station(
     mission: str | None = None,
     link: Annotated[list[str] | None, Parameter(negative=())] = None,
     platform: str | None = None,
-    headless: Annotated[bool, Parameter(negative=())] = False,
-    json: Annotated[bool, Parameter(negative=())] = False,
-    start: Annotated[bool, Parameter(negative=())] = False,
-    exit_when_done: Annotated[bool, Parameter(negative=())] = False,
+    headless: Annotated[bool, FLAG] = False,
+    json: Annotated[bool, FLAG] = False,
+    start: Annotated[bool, FLAG] = False,
+    exit_when_done: Annotated[bool, FLAG] = False,
     wait: float = 60.0,
     station_id: int = 255,
 ) -> int:
@@ -71,7 +71,7 @@ def station(
         raise Refused("--wait must be above 0 seconds")
     if not 200 <= station_id <= 255:
         raise Refused("--station-id must be from 200 to 255")
-    if not headless and not (sys.stdout.isatty() and sys.stdin.isatty()):
+    if not headless and not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
         raise Refused("there is no terminal here; use --headless")
     plan: Plan | None = None
     if mission is not None:
@@ -80,8 +80,6 @@ def station(
         except InputError as error:
             print(f"{error}\nthe mission did not pass the check", file=sys.stderr)  # noqa: T201
             return 1
-        for warning in plan.warnings:
-            print(warning, file=sys.stderr)  # noqa: T201
     from gloc3_groundstation.session import Session
 
     session = Session(link or [DEFAULT_LINK], station_id, platform, plan)

@@ -112,6 +112,8 @@ async def stream(station: Station, platform: str, plan: Plan) -> None:
         InputError: it may not fly there; otherwise as `CommandClient.upload`.
     """
     plan = recheck(plan, platform)
+    for warning in plan.warnings:
+        station.note(platform, Severity.WARNING, warning)
     await take_control(station, platform)
     started_s = station.now_s()
     await station.client.upload(platform, plan.name, plan.text)

@@ -19,6 +19,7 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """What the mission calls itself."""
     text: str
     warnings: tuple[str, ...] = ()
+    """Found against the platform's file; nothing where that is not installed here."""
 
 
 def read_plan(name: str, platform: str | None = None) -> Plan:
@@ -35,7 +36,9 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
     path = find_mission(name)
     if not path.is_file():
         raise Refused(f"there is no mission file {name!r}")
-    return _plan(check_file(str(path), Circumstances(platform=known_platform(platform))))
+    known = known_platform(platform)
+    plan = _plan(check_file(str(path), Circumstances(platform=known)))
+    return plan if known is not None else msgspec.structs.replace(plan, warnings=())
 
 
 def recheck(plan: Plan, platform: str) -> Plan:
@@ -65,5 +68,5 @@ def _plan(report: Report) -> Plan:
         name=Path(report.file).name,
         title=mission.name,
         text=mission.text,
-        warnings=tuple(str(finding) for finding in report.findings),
+        warnings=tuple(str(msgspec.structs.replace(finding, is_warning=False)) for finding in report.findings),
     )

@@ -88,13 +88,13 @@ class Session:
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, app.exit)
+                loop.add_signal_handler(number, app.action_interrupt)
             end = await app.run_async()
             for line in _summary(station):
                 _say(line)
             if end is None:
                 _say(_farewell(station))
-                return 1 if is_closing else 0
+                return app.return_code or int(is_closing)
             return 0 if end.is_done else 1
 
     @staticmethod

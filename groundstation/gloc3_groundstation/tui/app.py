@@ -22,6 +22,8 @@ from gloc3_groundstation.tui.theme import THEME
 from gloc3_groundstation.tui.vehicle_view import title_line, vehicle_lines
 
 REFRESH_HZ: Final = 5.0
+INTERRUPTED: Final = 130
+"""The exit code after Ctrl-C."""
 
 
 class StationApp(App[End | None]):
@@ -41,7 +43,7 @@ class StationApp(App[End | None]):
         Binding("space", "emergency", "HOLD", priority=False),
         Binding("n", "next", "Next vehicle"),
         Binding("q", "leave", "Quit"),
-        Binding("ctrl+c", "leave", show=False, priority=True),
+        Binding("ctrl+c", "interrupt", show=False, priority=True),
     ]
 
     def __init__(
@@ -193,7 +195,7 @@ class StationApp(App[End | None]):
     def action_leave(self) -> None:
         """Closes; asks first while this station holds control of an armed vehicle."""
         armed = self._desk.armed_in_our_control()
-        if not armed or isinstance(self.screen, Question):
+        if not armed:
             self.exit(None)
             return
 
@@ -203,6 +205,10 @@ class StationApp(App[End | None]):
 
         question = f"{', '.join(armed)} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."
         self.push_screen(Question(question, "quit"), answered)
+
+    def action_interrupt(self) -> None:
+        """Closes at once, asking nothing: Ctrl-C, or a signal to the process."""
+        self.exit(None, return_code=INTERRUPTED)
 
     # --- work that takes time ---
 

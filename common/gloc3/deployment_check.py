@@ -159,7 +159,7 @@ def _topic_problems(
 ) -> Iterator[Problem]:
     produced = [topic for row in rows for _, topic in _topics_of(row, classes, "outputs")]
     produced += [f"components/{row.name}/{what}" for row in rows for what in ("status", "reply", "event", "internal")]
-    known = sorted({*produced, *(topic for topic, _ in topics)})
+    known = sorted({*(topic for topic in produced if topics.row(f"platform/{topic}")), *(topic for topic, _ in topics)})
     for index, row in enumerate(rows):
         if row.name not in classes:
             continue

@@ -1,0 +1,191 @@
+"""Deployments: rows as data, and what must hold between rows, classes and topics."""
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from gloc3.component import DataProcessor
+from gloc3.deployment import ComponentRow
+from gloc3.deployment_check import check_deployment, check_row, problems_of
+from gloc3.errors import Gloc3Error
+from gloc3.messages import Event
+from gloc3.ports import Inbox, Input, Output
+from gloc3.topics import TopicRow, TopicTable
+
+from .specimen import Number, Specimen
+
+HERE = __name__
+
+
+class Source(DataProcessor):  # type: ignore[type-arg]
+    """Gives numbers."""
+
+    given = Output(Number)
+
+    def __init__(self, device: object) -> None:
+        self.device = device
+
+    def work(self, now_s: float, inbox: Inbox) -> list[Number]:
+        return []
+
+
+class Listener(DataProcessor):  # type: ignore[type-arg]
+    """Takes numbers and events."""
+
+    given = Input(Number)
+    event = Input(Event)
+
+    def work(self, now_s: float, inbox: Inbox) -> list[Number]:
+        return []
+
+
+class Keyed(DataProcessor):  # type: ignore[type-arg]
+    """Gives numbers to whom it wants."""
+
+    given = Output(Number)
+
+    def work(self, now_s: float, inbox: Inbox) -> list[Number]:
+        return []
+
+
+TOPICS = TopicTable(
+    {"given": TopicRow(Number, 10.0), "result": TopicRow(Number), "news": TopicRow(Event), "to/*": TopicRow(Number)}
+)
+
+
+def source(name: str = "source", **entries: Any) -> ComponentRow:
+    """A good row for a source."""
+    known: dict[str, Any] = {"class": f"{HERE}:Source", "rate_hz": 10.0, "devices": {"device": "d"}}
+    return msgspec.convert({"name": name, **known, **entries}, ComponentRow)
+
+
+def listener(name: str = "listener", **entries: Any) -> ComponentRow:
+    """A good row for a listener."""
+    known: dict[str, Any] = {"trigger": "given", "ports": {"event": "components/source/event"}}
+    return msgspec.convert({"name": name, "class": f"{HERE}:Listener", **known, **entries}, ComponentRow)
+
+
+def found(*rows: ComponentRow) -> list[str]:
+    """What is wrong with a deployment."""
+    return [str(finding) for finding in check_deployment(rows, TOPICS)]
+
+
+def test_a_good_deployment_has_no_findings() -> None:
+    standby = source("spare", standby_for="source", begin="quiet")
+    assert found(source(on_fault={"standby": "spare"}), standby, listener()) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "finding"),
+    [
+        ([source(ports={"gven": "given"})], "ports.gven: Source has no port 'gven' (did you mean 'given'?)"),
+        ([source(ports={"given": []})], "ports.given: bound to no topic (leave the line out for 'given' itself)"),
+        ([source(trigger="given")], "trigger: Source has no input 'given' (none is known)"),
+        ([source(log=["level"])], "log.0: Source cannot log 'level' (none is known)"),
+        ([source(rate_hz=None)], "component source would never work (give rate_hz, or trigger with the name of"),
+        ([source(settings={"level": 1})], "settings: unknown setting 'level' (none is known)"),
+        ([source(devices={})], "devices: Source needs a device 'device' (add it under devices: device: NAME)"),
+        ([source(devices={"devcie": "d"})], "devices.devcie: Source takes no device 'devcie' (did you mean 'device'?)"),
+        ([source(), source()], "name: a second component 'source' (names are unique on a platform)"),
+        ([source(**{"class": "nowhere:Thing"})], "class: component source: cannot load 'nowhere:Thing'"),
+        ([source(**{"class": f"{HERE}:Number"})], "class: component source:"),
+        (
+            [source(), source("spare", standby_for="sorce", begin="quiet")],
+            "standby_for: no other component 'sorce' (did you mean 'source'?)",
+        ),
+        ([source("a", standby_for="a", begin="quiet")], "standby_for: no other component 'a' (none is known)"),
+        (
+            [source(), source("spare", standby_for="source")],
+            "begin: a standby begins quiet (at most one of a primary and its standbys is not quiet)",
+        ),
+        (
+            [
+                source(),
+                source("b", standby_for="source", begin="quiet"),
+                source("c", standby_for="b", begin="quiet"),
+            ],
+            "standby_for: 'b' is itself a standby (name the primary: source)",
+        ),
+        ([source(on_fault={"standby": "spare"})], "on_fault.standby: no other component 'spare' (none is known)"),
+        (
+            [source(on_fault={"standby": "listener"}), listener()],
+            "on_fault.standby: 'listener' is no standby for it (give listener the row entry standby_for: source)",
+        ),
+        (
+            [source(), source("twin")],
+            "ports.given: 'given' is an output of source already (bind 'given' to another topic, or say standby_for:",
+        ),
+        ([source(ports={"given": "givn"})], "ports.given: unknown topic 'givn' (did you mean 'given'?)"),
+        ([source(ports={"given": "news"})], "ports.given: 'news' carries Event, and the port Number"),
+        (
+            [source(), listener(ports={"given": "result", "event": "components/source/event"})],
+            "warning: ports.given: nobody here brings 'result'",
+        ),
+        (
+            [source(), listener(ports={"event": "components/sorce/event"})],
+            "warning: ports.event: nobody here brings 'components/sorce/event' (did you mean 'components/source/event'",
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_deployment_is_found_with_a_hint(rows: list[ComponentRow], finding: str) -> None:
+    findings = found(*rows)
+    assert any(finding in text for text in findings), findings
+
+
+def test_findings_have_their_place_in_the_row() -> None:
+    rows = [source(), listener(log=["x"])]
+    (problem,) = problems_of(rows, TOPICS)
+    assert (problem.row, problem.path, problem.is_warning) == (1, ("log", 0), False)
+
+
+def test_two_standbys_of_one_primary_may_share_its_output() -> None:
+    rows = [source(), *(source(name, standby_for="source", begin="quiet") for name in ("b", "c"))]
+    assert found(*rows) == []
+
+
+def test_an_input_takes_many_topics_by_a_pattern_or_a_list_and_a_key_makes_an_output_of_many() -> None:
+    keyed = ComponentRow(name="keyed", class_name=f"{HERE}:Keyed", rate_hz=1.0, ports={"given": "to/{key}"})
+    for ports in ("to/*", "to/someone", ["to/a", "given"]):
+        rows = [source(), keyed, listener(ports={"given": ports, "event": "components/source/event"})]
+        assert found(*rows) == []
+
+
+def test_topics_that_come_from_elsewhere_can_be_named() -> None:
+    rows = [listener(ports={"event": "news"})]
+    assert len(check_deployment(rows, TOPICS)) == 2
+    assert check_deployment(rows, TOPICS, external=["news", "given"]) == []
+
+
+def test_a_row_is_checked_against_a_class_alone() -> None:
+    (finding,) = check_row(source(ports={"x": "y"}), Source)
+    assert finding.file == "component source"
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [{"name": "Has Space"}, {"rate_hz": 0.0}, {"rate_hz": 1e4}, {"timeout_s": -1.0}, {"begin": "sleeping"}, {"x": 1}],
+)
+def test_a_row_that_makes_no_sense_by_itself_is_refused(entries: dict[str, Any]) -> None:
+    given = {"name": "source", "class": "a:B", **entries}
+    with pytest.raises(msgspec.ValidationError):
+        msgspec.convert(given, ComponentRow)
+
+
+def test_a_class_is_loaded_and_made_with_its_devices() -> None:
+    device = object()
+    made = source().create({"d": device})
+    assert isinstance(made, Source)
+    assert made.device is device
+    with pytest.raises(Gloc3Error, match="the host has no device 'd'; it has \\['e'\\]"):
+        source().create({"e": device})
+    with pytest.raises(Gloc3Error, match="takes other devices"):
+        source(devices={}).create({})
+    with pytest.raises(Gloc3Error, match="is not a component class"):
+        source(**{"class": "gloc3.lci:State"}).load_class()
+
+
+def test_a_port_is_bound_to_its_own_name_if_nothing_else_is_said() -> None:
+    assert listener().topics("given") == ["given"]
+    assert listener().topics("event") == ["components/source/event"]
+    assert Specimen.settings_type is not None

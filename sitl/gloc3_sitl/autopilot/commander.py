@@ -74,6 +74,7 @@ class Commander:
         self.has_flown = False
         self._takeoff_down_m = nan
         self._resets = 0
+        self._jump_ned_m: Vector3 = (0.0, 0.0, 0.0)
 
     # -- arming ---------------------------------------------------------------------------------------------------
 
@@ -279,7 +280,9 @@ class Commander:
         estimator = craft.estimator
         if estimator.reset_count != self._resets:
             self._resets = estimator.reset_count
-            self.activity.on_reset()
+            was, self._jump_ned_m = self._jump_ned_m, estimator.jump_ned_m
+            north, east, down = (now - before for now, before in zip(estimator.jump_ned_m, was, strict=True))
+            self.activity.on_jump((north, east, down))
         if craft.home is None and estimator.origin is not None and estimator.is_position_good(craft.now_s):
             self.set_home()
         self._mind_pilot()

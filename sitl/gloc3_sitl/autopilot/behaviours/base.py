@@ -30,14 +30,14 @@ class Activity(ABC):
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
 
-    def on_reset(self) -> None:  # noqa: B027 # most have nothing to forget
-        """The position estimate has jumped."""
+    def on_jump(self, jump_ned_m: Vector3) -> None:  # noqa: B027 # most have nothing to move
+        """The position estimate has jumped by this; the vehicle has not moved."""
 
 
 class Mover(Activity):
     """Moves a smooth trajectory and a heading; its subclasses say where to."""
 
-    __slots__ = ("_resets", "trajectory", "yaw_rad", "yaw_wanted_rad")
+    __slots__ = ("trajectory", "yaw_rad", "yaw_wanted_rad")
 
     def __init__(self, craft: Craft, limits: TrajectoryLimits | None = None) -> None:
         super().__init__(craft)
@@ -47,10 +47,17 @@ class Mover(Activity):
         )
         self.yaw_rad = craft.estimator.yaw_rad
         self.yaw_wanted_rad = self.yaw_rad
-        self._resets = craft.estimator.reset_count
 
-    def on_reset(self) -> None:
-        """The position estimate has jumped: goes on from where the vehicle now believes to be."""
+    def on_jump(self, jump_ned_m: Vector3) -> None:
+        """The position estimate has jumped: the trajectory and its target jump with it, so that nothing moves."""
+        north, east, down = jump_ned_m
+        n, e, d = self.trajectory.position
+        self.trajectory.position = (n + north, e + east, d + down)
+        n, e, d = self.trajectory.target
+        self.trajectory.go_to((n + north, e + east, d + down))
+
+    def resync(self) -> None:
+        """Goes on from where the vehicle is believed to be."""
         inertial = self.craft.estimator.inertial
         self.trajectory.position = inertial.position_ned_m
         self.trajectory.velocity = inertial.velocity_ned_m_s

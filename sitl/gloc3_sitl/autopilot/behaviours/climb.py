@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from gloc3.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
@@ -22,6 +23,11 @@ class TakeOff(Mover):
         self._start_s = -1.0
         self.is_done = False
 
+    def on_jump(self, jump_ned_m: Vector3) -> None:
+        """The position estimate has jumped: the height to climb to jumps too."""
+        super().on_jump(jump_ned_m)
+        self._target_down_m += jump_ned_m[2]
+
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         craft = self.craft
@@ -31,7 +37,7 @@ class TakeOff(Mover):
         if self._start_s < 0.0:
             self._start_s = craft.now_s
         if craft.is_landed and craft.now_s - self._start_s < _SPIN_UP_S:
-            self.on_reset()
+            self.resync()
             n, e, _ = craft.estimator.inertial.position_ned_m
             self.trajectory.velocity = (0.0, 0.0, 0.0)
             self.trajectory.go_to((n, e, self._target_down_m))

@@ -30,7 +30,7 @@ class Hold(Mover):
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         if self.craft.is_landed:
-            self.on_reset()
+            self.resync()
             return LANDED
         return self.fly()
 

@@ -37,12 +37,17 @@ class MissionFlight(Mover):
             progress.restart(craft.first_item)
         progress.is_paused = False
 
+    def on_jump(self, jump_ned_m: Vector3) -> None:
+        """The position estimate has jumped: the vehicle corrects its way, its places stay where they are on Earth."""
+        del jump_ned_m
+        self.resync()
+
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         craft = self.craft
         progress = craft.mission
         if not craft.is_armed:
-            self.on_reset()
+            self.resync()
             return LANDED
         if progress.is_paused:
             progress.state = MissionState.PAUSED
@@ -76,7 +81,7 @@ class MissionFlight(Mover):
 
     def _rest(self) -> Setpoint:
         if self.craft.is_landed:
-            self.on_reset()
+            self.resync()
             return LANDED
         return self.fly()
 

@@ -53,8 +53,12 @@ class Altitude(Activity):
         self._yaw_rad = craft.estimator.yaw_rad
         self._down_m = craft.estimator.inertial.position_ned_m[2]
 
-    def on_reset(self) -> None:
+    def on_jump(self, jump_ned_m: Vector3) -> None:
         """The position estimate has jumped."""
+        self._down_m += jump_ned_m[2]
+
+    def resync(self) -> None:
+        """Holds the height at which the vehicle is."""
         self._down_m = self.craft.estimator.inertial.position_ned_m[2]
 
     def update(self) -> Setpoint:
@@ -62,7 +66,7 @@ class Altitude(Activity):
         craft = self.craft
         climb, rate = self._climb_m_s(), _stick(craft.pilot.yaw) * _YAW_RATE_RAD_S
         if craft.is_landed and climb <= 0.0:
-            self.on_reset()
+            self.resync()
             self._yaw_rad = craft.estimator.yaw_rad
             return LANDED
         self._yaw_rad = wrap_pi(self._yaw_rad + rate * PERIOD_S)
@@ -104,9 +108,15 @@ class Position(Altitude):
         self._place: Vector3 = inertial.position_ned_m
         self._velocity: Vector3 = inertial.velocity_ned_m_s
 
-    def on_reset(self) -> None:
+    def on_jump(self, jump_ned_m: Vector3) -> None:
         """The position estimate has jumped."""
-        super().on_reset()
+        super().on_jump(jump_ned_m)
+        n, e, d = self._place
+        self._place = (n + jump_ned_m[0], e + jump_ned_m[1], d)
+
+    def resync(self) -> None:
+        """Holds the place where the vehicle is."""
+        super().resync()
         self._place = self.craft.estimator.inertial.position_ned_m
         self._velocity = (0.0, 0.0, 0.0)
 
@@ -115,7 +125,7 @@ class Position(Altitude):
         craft = self.craft
         climb, rate = self._climb_m_s(), _stick(craft.pilot.yaw) * _YAW_RATE_RAD_S
         if craft.is_landed and climb <= 0.0:
-            self.on_reset()
+            self.resync()
             self._yaw_rad = craft.estimator.yaw_rad
             return LANDED
         self._yaw_rad = wrap_pi(self._yaw_rad + rate * PERIOD_S)

@@ -44,6 +44,11 @@ class ReturnHome(Mover):
         self.phase, self._phase_s = phase, self.craft.now_s
         self.trajectory.go_to(target)
 
+    def on_jump(self, jump_ned_m: Vector3) -> None:
+        """The position estimate has jumped: the vehicle corrects its way, its places stay where they are on Earth."""
+        del jump_ned_m
+        self.resync()
+
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         craft = self.craft

@@ -43,6 +43,12 @@ class Guided(Mover):
         self._seen_s = craft.stream.received_s
         self._stopped = True
 
+    def on_jump(self, jump_ned_m: Vector3) -> None:
+        """The position estimate has jumped."""
+        super().on_jump(jump_ned_m)
+        if self._climb is not None:
+            self._climb.on_jump(jump_ned_m)
+
     def take_off(self, target_down_m: float) -> None:
         """Climbs from the ground to a height, as NED down."""
         self._climb = TakeOff(self.craft, target_down_m)
@@ -50,7 +56,7 @@ class Guided(Mover):
     def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan) -> None:
         """Flies to a place and holds there."""
         if not self._stopped:
-            self.on_reset()
+            self.resync()
         self._stopped = True
         self._climb = None
         self.trajectory.go_to(position_ned_m, self.trajectory.position)
@@ -68,7 +74,7 @@ class Guided(Mover):
             self.trajectory.limits = craft.tuning.limits
             self._seen_s = craft.stream.received_s
         if craft.is_landed:
-            self.on_reset()
+            self.resync()
             self._seen_s = craft.stream.received_s
             return LANDED
         stream = craft.stream
@@ -83,7 +89,7 @@ class Guided(Mover):
             return self.fly()
         if not stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
             self._stopped = True
-            self.on_reset()
+            self.resync()
             self.yaw_rad = self.yaw_wanted_rad = craft.estimator.yaw_rad
             self.trajectory.stop()
             return self.fly()

@@ -13,6 +13,7 @@ from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdom
 _GATE_SIGMA: Final = 5.0
 _FIRST_MEASUREMENTS: Final = 10
 """Positions taken in before the estimate may be flown by."""
+_FIX_LOST_S: Final = 0.5
 _GYRO_ALONE_S: Final = 3.0
 """So long the gyro alone keeps the attitude better than a level found from gravity and the vehicle's own accelerations."""
 _BIAS_SHARE: Final = 0.04
@@ -44,6 +45,8 @@ class Estimator:
     external_state: SourceState = field(default_factory=SourceState)
     reset_count: int = 0
     """How often the position has jumped."""
+    jump_ned_m: Vector3 = (0.0, 0.0, 0.0)
+    """By how much it has jumped in all."""
     barometer_altitude_m: float = nan
     _horizontal: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 4e-4))
     _vertical: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 1e-3))
@@ -54,6 +57,7 @@ class Estimator:
     external_resets: int = -1
     """Reset counter of the newest external odometry; -1 before the first."""
     _rest_s: float = 0.0
+    _external_shift: tuple[float, float] = (0.0, 0.0)
 
     # -- inputs -------------------------------------------------------------------------------------------------
 
@@ -134,11 +138,8 @@ class Estimator:
         has_jumped = pose.reset_counter != self.external_resets
         self.external_resets = pose.reset_counter
         if position is not None and self.sources & Source.EXTERNAL_POSITION:
-            if has_jumped or now_s - self.external_state.accepted_s > 1.0:
-                self._place_horizontal(position, now_s, pose.position_deviation_m**2)
-                believed = self.inertial.at(pose.t_s)
-            variance = max(pose.position_deviation_m, 0.01) ** 2
-            self._take_horizontal(self.external_state, position, believed.position_ned_m, variance, now_s)
+            self._take_external_position(pose, position, has_jumped, now_s)
+            believed = self.inertial.at(pose.t_s)
         if position is not None and self.sources & Source.EXTERNAL_HEIGHT:
             if has_jumped:
                 self._place_vertical(position[2], now_s, pose.position_deviation_m**2)
@@ -152,6 +153,23 @@ class Estimator:
             self._correct_vertical(self._vertical.measure_velocity(variance), velocity[2] - vd)
         if pose.yaw_rad is not None and self.sources & Source.EXTERNAL_YAW:
             self._take_heading(wrap_pi(pose.yaw_rad - self.yaw_rad), 0.05, now_s)
+
+    def _take_external_position(
+        self, pose: ExternalOdometry, position: Vector3, has_jumped: bool, now_s: float
+    ) -> None:
+        """Horizontal position from outside; beside a good fix it only learns where it lies, and then takes over."""
+        believed = self.inertial.at(pose.t_s).position_ned_m
+        if self.sources & Source.FIX and now_s - self.fix_state.accepted_s < _FIX_LOST_S:
+            self._external_shift = (believed[0] - position[0], believed[1] - position[1])
+            self.external_state.judge(0.0, now_s)
+            return
+        north, east = self._external_shift
+        measured = (position[0] + north, position[1] + east, position[2])
+        variance = max(pose.position_deviation_m, 0.01) ** 2
+        if has_jumped or now_s - self.external_state.accepted_s > 1.0:
+            self._place_horizontal(measured, now_s, variance)
+            believed = self.inertial.at(pose.t_s).position_ned_m
+        self._take_horizontal(self.external_state, measured, believed, variance, now_s)
 
     def take_barometer(self, altitude_m: float, now_s: float) -> None:
         """Pressure altitude; only its changes count."""
@@ -318,6 +336,9 @@ class Estimator:
 
     def _place_horizontal(self, position: Vector3, now_s: float, variance_m2: float) -> None:
         n, e, _ = position
+        was_n, was_e, _ = self.inertial.position_ned_m
+        north, east, down = self.jump_ned_m
+        self.jump_ned_m = (north + n - was_n, east + e - was_e, down)
         self.inertial.place((n, e, self.inertial.position_ned_m[2]), self.inertial.velocity_ned_m_s)
         self._horizontal.reset(variance_m2, 0.25)
         self._horizontal_s = now_s
@@ -327,6 +348,8 @@ class Estimator:
         n, e, was = self.inertial.position_ned_m
         self.inertial.place((n, e, down), self.inertial.velocity_ned_m_s)
         self._barometer_offset_m += down - was
+        north, east, so_far = self.jump_ned_m
+        self.jump_ned_m = (north, east, so_far + down - was)
         self._vertical.reset(variance_m2, 0.25)
         self._vertical_s = now_s
         self.reset_count += 1

@@ -20,6 +20,7 @@ from gloc3_sitl.autopilot.commander import ACCEPTED, Verdict
 from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
+from gloc3_sitl.autopilot.mavlink.odometry import HeadingOffset
 from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanKeeper
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
 from gloc3_sitl.autopilot.mavlink.telemetry import PRODUCERS
@@ -59,6 +60,8 @@ class Front:
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
         self._calibration: tuple[CommandRequest, float] | None = None
         self._told = (-1, -1)
+        self.heading_offset: Final = HeadingOffset()
+        """Between an odometer's frame and north."""
         self.refused_setpoints = 0
         """Setpoints that the style does not take."""
         self.refusal = ""

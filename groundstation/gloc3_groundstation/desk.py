@@ -90,13 +90,17 @@ class Desk:
         await self._do(name, "start", begin())
         return followers[0] if followers else None
 
-    async def fly(self, name: str) -> End | None:
-        """Streams, waits until the platform is ready, starts, follows to the end; None where it did not come to that."""
-        if not await self.stream(name):
-            return None
+    async def bring(self, name: str) -> bool:
+        """Streams the mission at hand as soon as the platform is ready for one."""
         lacks = await flights.await_ready(self.station, name)
         if lacks:
             self.station.note(name, Severity.WARNING, f"it still lacks {', '.join(lacks)}")
+        return await self.stream(name)
+
+    async def fly(self, name: str) -> End | None:
+        """Brings the mission at hand, starts it and follows it to its end; None where it did not come to that."""
+        if not await self.bring(name):
+            return None
         follower = await self.start(name)
         return None if follower is None else await flights.follow(self.station, name, follower)
 

@@ -117,7 +117,7 @@ class StationApp(App[End | None]):
             self.refresh_bindings()
         if platform is not None and not self._has_begun and self._desk.plan is not None:
             self._has_begun = True
-            self._run(self._fly(platform.name) if self._is_starting else self._desk.stream(platform.name))
+            self._run(self._fly(platform.name) if self._is_starting else self._desk.bring(platform.name))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Greys out the keys that make no sense now."""

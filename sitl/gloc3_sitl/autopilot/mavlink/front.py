@@ -21,6 +21,7 @@ from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
 from gloc3_sitl.autopilot.mavlink.odometry import HeadingOffset
+from gloc3_sitl.autopilot.mavlink.parameter_keeper import ParameterKeeper
 from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanKeeper
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
 from gloc3_sitl.autopilot.mavlink.telemetry import PRODUCERS
@@ -53,8 +54,18 @@ class Front:
         self._texts = StatusTextSender(self.own)
         self._heartbeat = Heartbeat(self.own, vehicle_type=_QUADROTOR, autopilot=autopilot.style.autopilot)
         self.plans: Final = PlanKeeper(self, self.own)
-        services = (self._commands, self._texts, self._heartbeat, self.plans.server, TimeSync(self.own))
-        self._node = Node(self.own, services)
+        self._parameters = ParameterKeeper(autopilot.parameters, self.own, is_bytewise=self.is_px4)
+        self._node = Node(
+            self.own,
+            (
+                self._commands,
+                self._texts,
+                self._heartbeat,
+                self.plans.server,
+                self._parameters.server,
+                TimeSync(self.own),
+            ),
+        )
         self._streams: dict[Link, StreamScheduler] = {}
         self._producers = {codec.shape(name).id: produce for name, produce in PRODUCERS.items()}
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
@@ -117,6 +128,7 @@ class Front:
     def _serve(self) -> None:
         """Runs the commands that have come, and sends what the services have to say."""
         self.plans.tick()
+        self._parameters.tick()
         for request in self._commands.events():
             verdict = commands.handle(self, request)
             if verdict.result is Result.IN_PROGRESS:

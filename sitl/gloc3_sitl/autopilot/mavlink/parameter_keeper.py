@@ -1,0 +1,56 @@
+"""The autopilot's parameters on the wire: what the ground sets is checked, kept and applied; what changes here is told."""
+
+from typing import Final
+
+from gloc3.link.message import Address
+from gloc3.link.parameter import Parameter, ParameterEncoding, ParameterType, parameter
+from gloc3.link.parameter_server import ParameterServer
+from gloc3_sitl.autopilot.parameters import Kind, ParameterStore
+
+_TYPES: Final = {
+    Kind.INT8: ParameterType.INT8,
+    Kind.INT16: ParameterType.INT16,
+    Kind.INT32: ParameterType.INT32,
+    Kind.REAL32: ParameterType.REAL32,
+}
+
+
+class ParameterKeeper:
+    """Keeps the parameter server and the autopilot's store in step.
+
+    Args:
+        store: the autopilot's parameters.
+        own: as whom the server speaks.
+        is_bytewise: whether integers travel as PX4 has them, and not as ArduPilot does.
+    """
+
+    def __init__(self, store: ParameterStore, own: Address, *, is_bytewise: bool) -> None:
+        self._store = store
+        self._is_setting = False
+        self.server: Final = ParameterServer(
+            own,
+            [parameter(row.name, store[row.name], _TYPES[row.kind]) for row in store.rows.values()],
+            encoding=ParameterEncoding.BYTEWISE if is_bytewise else ParameterEncoding.CAST,
+            check=self._check,
+        )
+        store.on_change.append(self._changed)
+
+    def tick(self) -> None:
+        """Forgets what the server tells of changes: they are applied while they are checked."""
+        self.server.events()
+
+    def _check(self, wanted: Parameter) -> None:
+        """Applies a value from the ground.
+
+        Raises:
+            Refused: it is out of its bounds; the old value stays.
+        """
+        self._is_setting = True
+        try:
+            self._store.set(wanted.name, wanted.value)
+        finally:
+            self._is_setting = False
+
+    def _changed(self, name: str, value: float) -> None:
+        if not self._is_setting:  # what the ground sets the server keeps and tells by itself
+            self.server.set(name, value)

@@ -22,7 +22,10 @@ from gloc3.exchange.base import Exchange, Publisher
 from gloc3.messages import Envelope
 from gloc3_groundstation.requests import SLOWEST_BYTES_S, Requests
 
-TIMEOUT_S: Final = 10.0
+TIMEOUT_S: Final = 16.0
+"""Longer than the link goes on trying, so that nothing is carried out after the operator was told *unknown*."""
+EMERGENCY_TIMEOUT_S: Final = 6.0
+"""The same for emergencies, which the link gives up sooner."""
 
 
 class Unanswered(Gloc3Error):
@@ -134,7 +137,8 @@ class CommandClient:
     async def emergency(self, platform: str, verb: EmergencyVerb, confirmation: str = "") -> None:
         """What the emergency key asks for; needs no control."""
         author = f"station {self.station}"
-        await self.carry_out(platform, Emergency(verb=verb, author=author, confirmation=confirmation))
+        body = Emergency(verb=verb, author=author, confirmation=confirmation)
+        await self.carry_out(platform, body, EMERGENCY_TIMEOUT_S)
 
     async def hello(self, platform: str) -> None:
         """Asks for the full state, which comes on the platform's topics."""

@@ -66,7 +66,7 @@ class Session:
             try:
                 return await work or 0
             except asyncio.CancelledError:
-                run.say(_farewell(station))
+                run.say(wording.farewell(station.fleet))
                 return 0 if self._plan is None else INTERRUPTED
 
     async def show(self, *, is_starting: bool, is_closing: bool) -> int:
@@ -93,7 +93,7 @@ class Session:
             for line in _summary(station):
                 _say(line)
             if end is None:
-                _say(_farewell(station))
+                _say(wording.farewell(station.fleet))
                 return app.return_code or int(is_closing)
             return 0 if end.is_done else 1
 
@@ -123,14 +123,6 @@ class Session:
         finally:
             station.close()
             await self._links.close()
-
-
-def _farewell(station: Station) -> str:
-    """What becomes of the vehicles when the station goes."""
-    armed = [platform.name for platform in station.fleet if platform.vehicle and platform.vehicle.value.is_armed]
-    if not armed:
-        return "stopped"
-    return f"stopped; {', '.join(armed)} flies on by its mission's policies (on_link_loss)"
 
 
 def _summary(station: Station) -> list[str]:

@@ -3,7 +3,7 @@
 from typing import Final, NamedTuple
 
 from gloc3.ci import MissionSummary, VehicleSummary
-from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
 LOSS_WORTH_TELLING: Final = 0.05
 
@@ -106,3 +106,12 @@ def holder(platform: PlatformSnapshot, station: str) -> str:
     if not held_by:
         return "nobody in control"
     return "this station in control" if held_by == station else f"station {held_by} in control"
+
+
+def farewell(fleet: Fleet) -> str:
+    """What becomes of the vehicles when the station goes."""
+    armed = [platform.name for platform in fleet if platform.vehicle and platform.vehicle.value.is_armed]
+    if not armed:
+        return "stopped"
+    fly = "flies" if len(armed) == 1 else "fly"
+    return f"stopped; {', '.join(armed)} {fly} on by the mission's policies (on_link_loss)"

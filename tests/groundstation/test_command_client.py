@@ -8,7 +8,15 @@ import pytest
 from gloc3.ci import EmergencyVerb, Hello, LoadMission, Outcome, Query, ReadMission, Steer, Verb
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
-from gloc3_groundstation.command_client import CommandClient, Declined, ReadBackDiffers, Unanswered
+from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_PATIENCE_S
+from gloc3_groundstation.command_client import (
+    EMERGENCY_TIMEOUT_S,
+    TIMEOUT_S,
+    CommandClient,
+    Declined,
+    ReadBackDiffers,
+    Unanswered,
+)
 
 from .scripted_platform import ScriptedPlatform, lost, refused, reply_to
 
@@ -108,11 +116,16 @@ def test_a_lost_request_is_sent_again_after_the_platform_says_that_it_never_came
 def test_silence_ends_as_unknown_at_the_time_limit() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> float:
         platform.is_deaf = True
-        with pytest.raises(Unanswered, match="heron has not answered for 10 s"):
+        with pytest.raises(Unanswered, match="heron has not answered for 16 s"):
             await client.steer("heron", Verb.ABORT)
         return platform.loop.time()
 
-    assert with_platform(play) == pytest.approx(10.0)
+    assert with_platform(play) == pytest.approx(16.0)
+
+
+def test_nothing_that_was_given_up_is_carried_out_later_by_the_link() -> None:
+    assert TIMEOUT_S > REQUEST_PATIENCE_S
+    assert EMERGENCY_TIMEOUT_S > EMERGENCY_PATIENCE_S
 
 
 def test_the_emergency_key_names_its_author() -> None:

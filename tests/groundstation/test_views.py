@@ -12,6 +12,7 @@ from gloc3_groundstation.tui.events_view import event_lines
 from gloc3_groundstation.tui.lines import Line, Tone, bar, text_of, wrapped
 from gloc3_groundstation.tui.mission_view import mission_lines, mission_title
 from gloc3_groundstation.tui.vehicle_view import title_line, vehicle_lines
+from gloc3_groundstation.wording import farewell
 
 from .scripted_platform import ROWS, TASKS, VEHICLE
 
@@ -156,3 +157,10 @@ def test_text_is_wrapped_also_where_it_has_no_spaces() -> None:
 
 def test_a_bar_never_overflows() -> None:
     assert [bar(share, 4) for share in (-1.0, 0.0, 0.5, 1.0, 7.0)] == ["╌╌╌╌", "╌╌╌╌", "━━╌╌", "━━━━", "━━━━"]
+
+
+def test_a_vehicle_in_flight_is_left_to_its_policies() -> None:
+    flying = replace(PLATFORM, vehicle=Timed(replace(VEHICLE, is_armed=True), 100.0))
+    assert farewell(Fleet(platforms={"heron": PLATFORM})) == "stopped"
+    said = farewell(Fleet(platforms={"heron": flying, "egret": PLATFORM}))
+    assert said == "stopped; heron flies on by the mission's policies (on_link_loss)"

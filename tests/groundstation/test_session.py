@@ -1,0 +1,29 @@
+"""A run of the station in wall time: Ctrl-C ends it cleanly and says what becomes of the vehicle."""
+
+import asyncio
+import os
+import signal
+
+import pytest
+
+from gloc3_groundstation.narration import Line
+from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.session import Session
+
+URL = "udpin://127.0.0.1:0"
+PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+
+
+@pytest.mark.sockets
+@pytest.mark.parametrize(("plan", "code"), [(None, 0), (PLAN, 130)])
+def test_ctrl_c_ends_it_with_a_word(plan: Plan | None, code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    told: list[Line] = []
+
+    def tell(line: Line) -> None:
+        told.append(line)
+        if "listening" in line.text:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert asyncio.run(Session([URL], 255, None, plan).narrate(10.0, tell)) == code
+    assert told[-1].text == "stopped"
+    assert capsys.readouterr().err.count("\n") == len(told)

@@ -114,10 +114,11 @@ def test_components_that_were_not_heard_of_lately_are_shown_as_what_they_were() 
     lines = component_lines(PLATFORM, 110.0, 60)
     assert text_of(lines[0]).rstrip() == " SS autopilot         was working"
     assert {tone for line in lines for tone in tones(line)} == {Tone.STALE}
+    assert components_title(PLATFORM, 110.0) == "components, as last heard"
 
 
 def test_the_mission_shows_each_task_with_its_actions() -> None:
-    assert mission_title(PLATFORM) == "hold: running"
+    assert [mission_title(PLATFORM, now_s) for now_s in (100.0, 110.0)] == ["hold: running", "hold: was running"]
     lines = texts(mission_lines(PLATFORM, None, 100.0, 39))
     assert lines[2:5] == [
         " ► sweep                        running",
@@ -138,7 +139,7 @@ def test_a_failed_mission_gives_its_reason_and_policy() -> None:
     assert PLATFORM.mission is not None
     mission = replace(PLATFORM.mission.value, state="failed", reason="pose lost", policy="land")
     failed = replace(PLATFORM, mission=Timed(mission, 100.0))
-    assert mission_title(failed) == "hold: failed, policy land"
+    assert mission_title(failed, 100.0) == "hold: failed, policy land"
     assert texts(mission_lines(failed, None, 100.0, 60))[-1] == " pose lost"
 
 

@@ -109,7 +109,7 @@ class StationApp(App[End | None]):
         title.show([title_line(fleet, platform, station.id, station.started_s, now_s, title.width)])
         vehicle.show(vehicle_lines(platform, now_s, self._waiting_for()))
         components.show(component_lines(platform, now_s, components.width), components_title(platform, now_s))
-        mission.show(mission_lines(platform, self._desk.plan, now_s, mission.width - 1), mission_title(platform))
+        mission.show(mission_lines(platform, self._desk.plan, now_s, mission.width - 1), mission_title(platform, now_s))
         events.show(event_lines(fleet, station.started_s, events.width))
         moves = self._desk.moves(platform) if platform is not None else frozenset()
         if moves != self._moves:

@@ -17,6 +17,8 @@ def components_title(platform: PlatformSnapshot | None, now_s: float) -> str:
     components = platform.components(now_s) if platform is not None else ()
     if not components:
         return "components"
+    if all(component.is_stale for component in components):
+        return "components, as last heard"
     unwell = [component.name for component in components if not component.is_well]
     if not unwell:
         return f"components: all {len(components)} well"

@@ -16,15 +16,19 @@ SIGNS = {
     ActionState.ABORTED: ("■", Tone.BAD),
 }
 BAR_WIDTH = 10
+WIDEST = 60
+"""On wide screens states stay near the names that they belong to."""
 
 
-def mission_title(platform: PlatformSnapshot | None) -> str:
+def mission_title(platform: PlatformSnapshot | None, now_s: float) -> str:
     """The mission's name, state and policy."""
-    mission = platform.mission.value if platform is not None and platform.mission is not None else None
-    if mission is None or not mission.state:
+    timed = platform.mission if platform is not None else None
+    if timed is None or not timed.value.state:
         return "mission"
+    mission = timed.value
     policy = f", policy {mission.policy}" if mission.policy else ""
-    return f"{mission.name}: {mission.state}{policy}"
+    was = "was " if timed.is_stale(now_s) else ""
+    return f"{mission.name}: {was}{mission.state}{policy}"
 
 
 def mission_lines(platform: PlatformSnapshot | None, plan: Plan | None, now_s: float, width: int) -> list[Line]:
@@ -35,7 +39,7 @@ def mission_lines(platform: PlatformSnapshot | None, plan: Plan | None, now_s: f
         hint = " u streams it, s starts it." if plan is not None else " Open the station with --mission FILE."
         return [(Span(at_hand[:width]),), (Span(hint[:width], Tone.DIM),)]
     mission = timed.value
-    lines = [_line(item, width) for item in wording.items(mission)]
+    lines = [_line(item, min(width, WIDEST)) for item in wording.items(mission)]
     if mission.reason:
         lines += [(Span(f" {text}", Tone.WARN),) for text in wrapped(mission.reason, width - 2)]
     if timed.is_stale(now_s):

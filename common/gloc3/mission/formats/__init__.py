@@ -1,0 +1,70 @@
+"""Missions of other programs: `.plan` of QGroundControl and `QGC WPL 110`."""
+
+from pathlib import Path
+from typing import Final
+
+from gloc3.document import load_bytes
+from gloc3.errors import Finding, InputError
+from gloc3.mission.examples import find_mission
+from gloc3.mission.formats.from_mission import from_mission
+from gloc3.mission.formats.items import Plan
+from gloc3.mission.formats.plan import read_plan
+from gloc3.mission.formats.plan_source import MAX_BYTES
+from gloc3.mission.formats.plan_writer import write_plan
+from gloc3.mission.formats.to_mission import to_mission
+from gloc3.mission.formats.wpl import read_wpl, write_wpl
+
+PLAN_SUFFIXES: Final = (".plan",)
+WPL_SUFFIXES: Final = (".waypoints", ".txt", ".wpl", ".mission")
+MISSION_SUFFIXES: Final = (".yaml", ".yml")
+
+__all__ = [
+    "Plan",
+    "from_mission",
+    "load_plan",
+    "mission_text",
+    "read_plan",
+    "read_wpl",
+    "to_mission",
+    "write_plan",
+    "write_wpl",
+]
+
+
+def load_plan(path: Path) -> Plan:
+    """Reads a plan, or a file of waypoints, by its suffix.
+
+    Raises:
+        InputError: it cannot be read; with the reason.
+    """
+    data = load_bytes(path, MAX_BYTES)
+    if path.suffix in PLAN_SUFFIXES:
+        return read_plan(data, str(path))
+    if path.suffix in WPL_SUFFIXES:
+        return read_wpl(data, str(path))
+    known = ", ".join((*PLAN_SUFFIXES, *WPL_SUFFIXES))
+    raise InputError([Finding(file=str(path), message=f"unknown kind of file {path.suffix!r}", hint=f"known: {known}")])
+
+
+def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, str, list[Finding]]:
+    """The text of any mission: an example by name, a mission file, or a plan that is converted.
+
+    Args:
+        name: a path, or the name of an example.
+        speed_limit_m_s: the platform's; plans that want more are flown at this speed.
+
+    Returns:
+        The file's name, the YAML, and warnings about what a conversion left out.
+
+    Raises:
+        InputError: it cannot be read or converted; with the reasons.
+    """
+    path = find_mission(name)
+    if path.suffix in MISSION_SUFFIXES or path.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        try:
+            return str(path), load_bytes(path).decode("utf-8-sig"), []
+        except UnicodeDecodeError as error:
+            finding = Finding(file=str(path), message="not UTF-8 text", hint="save the file as UTF-8")
+            raise InputError([finding]) from error
+    text, warnings = to_mission(load_plan(path), path.stem, str(path), speed_limit_m_s)
+    return str(path), text, warnings

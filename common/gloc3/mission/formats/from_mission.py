@@ -1,0 +1,157 @@
+"""Makes a plan of MAVLink items from a mission of GLOC3, as far as it is a chain in geographic positions."""
+
+from typing import Final
+
+from gloc3.errors import Finding, InputError
+from gloc3.mission.arguments import (
+    Arguments,
+    FollowWaypoints,
+    GoTo,
+    Heading,
+    Hold,
+    Land,
+    LookAt,
+    RecordImages,
+    ReturnHome,
+    TakeOff,
+    Wait,
+)
+from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.model import GEO, AreaFile, Mission, where_of
+from gloc3.mission.placement import HeightAbove
+from gloc3.mission.structure import PartialOrder
+
+_FRAMES: Final = {HeightAbove.SEA: 0, HeightAbove.HOME: 3, HeightAbove.GROUND: 10}
+_NO_PARAMS: Final = (0.0, 0.0, 0.0, None)
+
+
+def from_mission(mission: Mission, file: str) -> tuple[Plan, list[Finding]]:
+    """The plan that flies the same way as a mission.
+
+    Args:
+        mission: what was read.
+        file: what the findings call it.
+
+    Returns:
+        The plan, and warnings about what was left out.
+
+    Raises:
+        InputError: the mission is not in frame geo, or something that moves the vehicle cannot be expressed.
+    """
+    return _Converter(mission, file).plan()
+
+
+class _Converter:
+    """Goes through the actions in the order in which they run."""
+
+    def __init__(self, mission: Mission, file: str) -> None:
+        self._mission, self._file = mission, file
+        self._findings: list[Finding] = []
+        self._items: list[MavItem] = []
+        self._speed_m_s: float | None = None
+        self._looks = False
+        self._returned = False
+
+    def plan(self) -> tuple[Plan, list[Finding]]:
+        mission = self._mission
+        if mission.frame != GEO:
+            self._refuse(
+                "", f"frame {mission.frame} has no place on Earth in a plan", "only frame geo can be converted"
+            )
+            raise InputError(self._findings)
+        actions = mission.actions()
+        for target in PartialOrder.of(mission).targets:
+            self._action(target, actions[target].arguments)
+        fence = self._fence()
+        if any(not finding.is_warning for finding in self._findings):
+            raise InputError(sorted(self._findings))
+        return Plan(entries=tuple(Entry(items=(item,)) for item in self._items), fence=fence), self._findings
+
+    def _note(self, target: str, message: str, hint: str, *, is_warning: bool) -> None:
+        document = self._mission.document
+        if document is None:
+            finding = Finding(file=self._file, message=message, hint=hint, is_warning=is_warning)
+        else:
+            finding = document.finding(where_of(target), message, hint, at_key=True, is_warning=is_warning)
+        self._findings.append(finding)
+
+    def _refuse(self, target: str, message: str, hint: str) -> None:
+        self._note(target, message, hint, is_warning=False)
+
+    def _add(self, command: int, *params: float | None, at: tuple[float, ...] | None = None, frame: int = 2) -> None:
+        p1, p2, p3, p4 = (*params, *_NO_PARAMS[len(params) :])
+        x, y, z = at if at is not None else (0.0, 0.0, 0.0)
+        self._items.append(MavItem(command=command, frame=frame, params=(p1, p2, p3, p4), x=x, y=y, z=z))
+
+    def _action(self, target: str, arguments: Arguments) -> None:
+        match arguments:
+            case TakeOff():
+                self._items.append(
+                    MavItem(command=22, frame=3, params=_NO_PARAMS, x=None, y=None, z=arguments.height_m)
+                )
+            case FollowWaypoints(waypoints=waypoints) if waypoints is not None:
+                self._fly(target, waypoints, arguments.speed_m_s, arguments.heading, arguments.hold_s)
+            case GoTo(position=position) if position is not None:
+                self._fly(target, (position,), arguments.speed_m_s, arguments.heading, arguments.hold_s)
+            case Hold(duration_s=duration_s) if duration_s is not None:
+                self._add(93, duration_s, -1.0, -1.0, -1.0)
+            case Wait(duration_s=duration_s):
+                self._add(93, duration_s, -1.0, -1.0, -1.0)
+            case ReturnHome():
+                self._add(20)
+                self._returned = True
+                return
+            case Land(at=at):
+                if not self._returned:
+                    self._add(21, at=(*at, 0.0) if at is not None else None, frame=3)
+            case RecordImages():
+                self._note(target, "record_images is left out", "add it in QGroundControl", is_warning=True)
+                return
+            case _:
+                self._refuse(target, f"{target} cannot be expressed in a plan", "plans know no such command")
+        if self._returned and not isinstance(arguments, Land):
+            self._refuse(target, f"{target} comes after return_home, which ends a plan with a landing", "put it before")
+
+    def _fly(
+        self,
+        target: str,
+        waypoints: tuple[tuple[float, float, float], ...],
+        speed_m_s: float,
+        heading: Heading,
+        hold_s: float,
+    ) -> None:
+        if speed_m_s != self._speed_m_s:
+            self._add(178, 1.0, speed_m_s, -1.0, 0.0)
+            self._speed_m_s = speed_m_s
+        frame = _FRAMES[self._mission.height_above]
+        yaw_deg: float | None = None
+        looks = isinstance(heading, LookAt)
+        if isinstance(heading, LookAt):
+            self._add(195, 0.0, 0.0, 0.0, 0.0, at=heading.look_at, frame=frame)
+        elif self._looks:
+            self._add(197)
+        if heading == "hold":
+            self._note(target, "heading: hold becomes along", "give it in degrees", is_warning=True)
+        elif isinstance(heading, float | int):
+            yaw_deg = float(heading)
+        self._looks = looks
+        for waypoint in waypoints:
+            self._add(16, hold_s, 0.0, 0.0, yaw_deg, at=waypoint, frame=frame)
+
+    def _fence(self) -> tuple[FenceArea, ...]:
+        geofence = self._mission.geofence
+        if geofence is None:
+            return ()
+        if geofence.ceiling_m is not None:
+            self._note("", "the fence's ceiling has no place in a plan", "set it in the autopilot", is_warning=True)
+        areas = [_area(geofence, is_inclusion=True)]
+        areas += [_area(one, is_inclusion=False) for one in geofence.keep_out]
+        return tuple(area for area in areas if area is not None)
+
+
+def _area(area: AreaFile, *, is_inclusion: bool) -> FenceArea | None:
+    if area.circle is not None:
+        return FenceArea(is_inclusion=is_inclusion, center=area.circle.center, radius_m=area.circle.radius_m)
+    if area.polygon is not None:
+        return FenceArea(is_inclusion=is_inclusion, polygon=area.polygon)
+    return None

@@ -1,0 +1,190 @@
+"""QGroundControl's `.plan` files, read as MAVLink items; `plan_writer` writes them."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from gloc3.document import Where
+from gloc3.errors import InputError
+from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.plan_source import SAVE_AGAIN, Source, is_number, is_whole, number, rows, whole
+
+EXPANDABLE: Final = {"survey": (3, 4, 5), "CorridorScan": (2, 3)}
+"""Complex items that store the items that they stand for, with the versions that are known."""
+
+_OWN_KEYS: Final = ("items", "plannedHomePosition", "cruiseSpeed", "hoverSpeed", "firmwareType", "vehicleType")
+
+
+def read_plan(data: bytes | str, file: str) -> Plan:
+    """Reads a `.plan` file.
+
+    Raises:
+        InputError: it is none, or of a version or with items that cannot be read; each with a reason.
+    """
+    return _Reader(Source(data, file)).plan()
+
+
+class _Reader:
+    """Reads one file, and collects what is wrong in it."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def plan(self) -> Plan:
+        value = self._source.value
+        if not isinstance(value, dict) or value.get("fileType") != "Plan":
+            self._source.refuse(
+                ("fileType",), "this is no plan file: fileType is not 'Plan'", "choose a .plan of QGroundControl"
+            )
+        if value.get("version") != 1:
+            self._source.refuse(
+                ("version",), f"plan files of version {value.get('version')!r} are not known, only 1", SAVE_AGAIN
+            )
+        mission = value.get("mission")
+        if not isinstance(mission, dict):
+            self._source.refuse((), "there is no mission in it", "plan a mission in QGroundControl and save it again")
+        if mission.get("version") != 2:
+            message = f"missions of version {mission.get('version')!r} are not known, only 2"
+            self._source.refuse(("mission", "version"), message, SAVE_AGAIN)
+        items = mission.get("items")
+        if not isinstance(items, list):
+            self._source.refuse(("mission",), "the mission has no list of items", SAVE_AGAIN)
+        entries = [self._entry(item, ("mission", "items", index)) for index, item in enumerate(items)]
+        fence, rally = self._fence(value.get("geoFence")), self._rally(value.get("rallyPoints"))
+        home = self._source.numbers(
+            mission.get("plannedHomePosition"), 3, ("mission", "plannedHomePosition"), is_optional=True
+        )
+        plan = Plan(
+            entries=tuple(entry for entry in entries if entry is not None),
+            fence=fence,
+            rally=rally,
+            home=(home[0], home[1], home[2]) if home else None,
+            cruise_speed_m_s=number(mission, "cruiseSpeed"),
+            hover_speed_m_s=number(mission, "hoverSpeed"),
+            firmware_type=whole(mission, "firmwareType"),
+            vehicle_type=whole(mission, "vehicleType"),
+            raw=_without_own(value),
+        )
+        if self._source.findings:
+            raise InputError(sorted(self._source.findings))
+        return plan
+
+    def _entry(self, item: Any, where: Where) -> Entry | None:
+        number = int(where[-1]) + 1
+        if not isinstance(item, dict):
+            self._source.find(where, f"item {number} is no mapping", SAVE_AGAIN)
+            return None
+        if item.get("type") == "SimpleItem":
+            simple = self._item(item, where)
+            return Entry(items=(simple,), raw=item) if simple is not None else None
+        if item.get("type") != "ComplexItem":
+            self._source.find(where, f"item {number} is of the unknown type {item.get('type')!r}", SAVE_AGAIN)
+            return None
+        return self._complex(item, where, number)
+
+    def _complex(self, item: dict[str, Any], where: Where, number: int) -> Entry | None:
+        kind, version = item.get("complexItemType"), item.get("version")
+        versions = EXPANDABLE.get(kind) if isinstance(kind, str) else None
+        if versions is None:
+            hint = "replace it by a survey or by waypoints"
+            self._source.find(
+                (*where, "complexItemType"), f"item {number}, a {kind}, does not store the items it stands for", hint
+            )
+            return None
+        if version not in versions:
+            message = f"item {number}: a {kind} of version {version!r} is not known, only {_listed(versions)}"
+            self._source.find((*where, "version"), message, SAVE_AGAIN)
+            return None
+        transect = item.get("TransectStyleComplexItem")
+        stored = transect.get("Items") if isinstance(transect, dict) else None
+        if not isinstance(stored, list) or not stored:
+            message = f"item {number}, a {kind}, lacks the items it stands for (TransectStyleComplexItem.Items)"
+            self._source.find(where, message, SAVE_AGAIN)
+            return None
+        inner = (*where, "TransectStyleComplexItem", "Items")
+        items = [self._item(one, (*inner, index)) for index, one in enumerate(stored)]
+        return Entry(items=tuple(one for one in items if one is not None), raw=item)
+
+    def _item(self, item: Any, where: Where) -> MavItem | None:
+        if not isinstance(item, dict):
+            self._source.find(where, "an item is expected here", SAVE_AGAIN)
+            return None
+        command, frame = item.get("command"), item.get("frame")
+        if not is_whole(command, 65_535) or not is_whole(frame, 255):
+            self._source.find(where, "the item's command or frame is no number of MAVLink", SAVE_AGAIN)
+            return None
+        params = item.get("params")
+        if isinstance(params, list) and len(params) == 4 and isinstance(item.get("coordinate"), list):
+            params = [*params, *item["coordinate"]]
+        if not isinstance(params, list) or len(params) != 7 or not all(one is None or is_number(one) for one in params):
+            self._source.find(
+                (*where, "params"), "seven numbers (or null) are expected, or four and a coordinate", SAVE_AGAIN
+            )
+            return None
+        p1, p2, p3, p4, x, y, z = (None if one is None else float(one) for one in params)
+        is_continued = item.get("autoContinue", True)
+        if not isinstance(is_continued, bool):
+            self._source.find((*where, "autoContinue"), "true or false is expected here")
+        return MavItem(
+            command=command, frame=frame, params=(p1, p2, p3, p4), x=x, y=y, z=z, is_continued=bool(is_continued)
+        )
+
+    def _fence(self, fence: Any) -> tuple[FenceArea, ...]:
+        if fence is None:
+            return ()
+        where: Where = ("geoFence",)
+        if not isinstance(fence, dict):
+            self._source.find(where, "the fence is no mapping", SAVE_AGAIN)
+            return ()
+        if fence.get("version") == 1 and not fence.get("polygon"):
+            return ()  # an old file without a fence
+        if fence.get("version") != 2:
+            self._source.find(where, f"fences of version {fence.get('version')!r} are not known, only 2", SAVE_AGAIN)
+            return ()
+        areas: list[FenceArea] = []
+        for index, one in enumerate(rows(fence.get("circles"))):
+            place = (*where, "circles", index)
+            circle = one.get("circle")
+            circle = circle if isinstance(circle, dict) else {}
+            center, radius = self._source.numbers(circle.get("center"), 2, place), circle.get("radius")
+            if not is_number(radius) or radius <= 0.0:
+                self._source.find(place, "the circle has no radius")
+            elif center:
+                inside = one.get("inclusion") is not False
+                areas.append(FenceArea(is_inclusion=inside, center=(center[0], center[1]), radius_m=float(radius)))
+        for index, one in enumerate(rows(fence.get("polygons"))):
+            place = (*where, "polygons", index)
+            corners = [self._source.numbers(corner, 2, place) for corner in one.get("polygon") or ()]
+            if len(corners) < 3:
+                self._source.find(place, "a polygon of the fence has less than three corners")
+            inside = one.get("inclusion") is not False
+            areas.append(FenceArea(is_inclusion=inside, polygon=tuple((c[0], c[1]) for c in corners if c)))
+        return tuple(areas)
+
+    def _rally(self, rally: Any) -> tuple[tuple[float, float, float], ...]:
+        points = rally.get("points") if isinstance(rally, dict) else None
+        if not points:
+            return ()
+        if rally.get("version") not in (1, 2):
+            self._source.find(
+                ("rallyPoints",), f"rally points of version {rally.get('version')!r} are not known", SAVE_AGAIN
+            )
+            return ()
+        if not isinstance(points, list):
+            self._source.find(("rallyPoints",), "the rally points are no list", SAVE_AGAIN)
+            return ()
+        found = [self._source.numbers(point, 3, ("rallyPoints", "points", index)) for index, point in enumerate(points)]
+        return tuple((p[0], p[1], p[2]) for p in found if p)
+
+
+def _without_own(value: dict[str, Any]) -> dict[str, Any]:
+    """What else stands in a file, beside what the model holds."""
+    raw = {key: inner for key, inner in value.items() if key not in ("mission", "geoFence", "rallyPoints", "version")}
+    raw["mission"] = {key: inner for key, inner in value["mission"].items() if key not in _OWN_KEYS}
+    for key, own in (("geoFence", ("circles", "polygons", "version")), ("rallyPoints", ("points", "version"))):
+        if isinstance(value.get(key), dict):
+            raw[key] = {name: inner for name, inner in value[key].items() if name not in own}
+    return raw
+
+
+def _listed(versions: Sequence[int]) -> str:
+    return " and ".join(str(version) for version in versions)

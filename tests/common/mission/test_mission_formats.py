@@ -1,0 +1,308 @@
+"""Plans and waypoint files of other programs are read or refused with a reason, and written back without loss."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gloc3.errors import InputError
+from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.formats import (
+    from_mission,
+    load_plan,
+    mission_text,
+    read_plan,
+    read_wpl,
+    to_mission,
+    write_plan,
+    write_wpl,
+)
+from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.reader import read_mission
+
+FILES = Path(__file__).parents[4] / "shared" / "data" / "missions"
+
+OUTCOMES: dict[str, tuple[int, int, int] | str] = {
+    "mavproxy/cmac-foamy-fence.txt": "1:1: this is a list of fence points, not a mission",
+    "mavproxy/cmac-foamy-mission-ccw.txt": (12, 0, 0),
+    "mavproxy/cmac-foamy-mission-cw.txt": (12, 0, 0),
+    "mavproxy/cmac-foamy-rally.txt": "1:1: this is a list of rally points, not a mission",
+    "mavsdk/mission_planner_sample.txt": (4, 0, 0),
+    "mavsdk/qgroundcontrol_sample.plan": (6, 0, 0),
+    "mavsdk/qgroundcontrol_sample_with_digicam_control.plan": (1, 0, 0),
+    "mavsdk/qgroundcontrol_sample_with_structured_scan.plan": "48:36: item 2, a StructureScan, does not store the items",
+    "mavsdk/qgroundcontrol_sample_with_survey.plan": (13, 0, 0),
+    "mavsdk/qgroundcontrol_sample_with_survey_missing_items.plan": "33:13: item 2, a survey, lacks the items",
+    "mavsdk/qgroundcontrol_sample_with_survey_wrong_version.plan": "303:28: item 2: a survey of version 9 is not known",
+    "mavsdk/qgroundcontrol_sample_without_mission.plan": "1:1: there is no mission in it",
+    "mavsdk/qgroundcontrol_sample_wrong_mission_version.plan": "53:20: missions of version 7 are not known, only 2",
+    "mavsdk/qgroundcontrol_sample_wrong_overall_version.plan": "60:16: plan files of version 42 are not known, only 1",
+    "px4/MC_mission_box.plan": (6, 0, 0),
+    "px4/multicopter_mission_geofence_avoid.plan": (5, 9, 0),
+    "qgc/MissionPlanner.waypoints": (6, 0, 0),
+    "qgc/SectionTest.plan": (5, 0, 0),
+}
+"""Items, fence items and rally points of each file, or why it is refused."""
+
+needs_files = pytest.mark.skipif(not FILES.is_dir(), reason="the real mission files are not on this machine")
+
+
+def refused(read: Any, data: bytes | str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        read(data, "f")
+    return [str(finding) for finding in caught.value.findings]
+
+
+@needs_files
+def test_every_real_file_is_in_the_list() -> None:
+    assert sorted(str(path.relative_to(FILES)) for path in FILES.rglob("*.*")) == sorted(OUTCOMES)
+
+
+@needs_files
+@pytest.mark.parametrize(("name", "counts"), [(n, o) for n, o in OUTCOMES.items() if not isinstance(o, str)])
+def test_real_files_are_read_and_written_without_loss(name: str, counts: tuple[int, int, int]) -> None:
+    plan = load_plan(FILES / name)
+    assert (len(plan.items), len(plan.fence_items()), len(plan.rally_items())) == counts
+    if not name.endswith(".plan"):
+        assert read_wpl(write_wpl(plan), "again") == plan
+        return
+    again = write_plan(plan)
+    assert read_plan(again, "again") == plan
+    if name != "qgc/SectionTest.plan":  # an old file: its fence is written in the present version
+        assert json.loads(again) == json.loads((FILES / name).read_text())
+
+
+@needs_files
+@pytest.mark.parametrize(("name", "reason"), [(n, o) for n, o in OUTCOMES.items() if isinstance(o, str)])
+def test_real_files_that_cannot_be_read_are_refused_with_a_reason_and_advice(name: str, reason: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_plan(FILES / name)
+    assert str(caught.value).startswith(f"{FILES / name}:{reason}")
+    assert all(finding.hint for finding in caught.value.findings)
+
+
+@needs_files
+def test_a_real_plan_becomes_a_mission_that_flies_the_same_way() -> None:
+    _, text, warnings = mission_text(str(FILES / "px4/MC_mission_box.plan"), speed_limit_m_s=3.0)
+    assert [str(warning).partition("plan: ")[2] for warning in warnings] == [
+        "warning: 5 m/s are reduced to the platform's 3 m/s"
+    ]
+    report = check_text(text, "box", Circumstances())
+    assert [str(finding) for finding in report.findings] == []
+    mission = report.flyable()
+    assert list(mission.actions()) == ["fly.take_off", "fly.way", "fly.land"]
+    assert report.estimate is not None
+    assert 50 < report.estimate.duration_s < 70
+
+
+PLAN: dict[str, Any] = {
+    "fileType": "Plan",
+    "version": 1,
+    "groundStation": "test",
+    "geoFence": {
+        "version": 2,
+        "circles": [{"inclusion": False, "version": 1, "circle": {"center": [47.0, 8.0], "radius": 5}}],
+        "polygons": [{"inclusion": True, "version": 1, "polygon": [[46, 7], [48, 7], [48, 9], [46, 9]]}],
+    },
+    "rallyPoints": {"version": 2, "points": [[47.0, 8.001, 20.0]]},
+    "mission": {
+        "version": 2,
+        "firmwareType": 12,
+        "vehicleType": 2,
+        "hoverSpeed": 4,
+        "cruiseSpeed": 15,
+        "plannedHomePosition": [47.0, 8.0, 400.0],
+        "items": [
+            {"type": "SimpleItem", "command": 22, "frame": 3, "params": [0, 0, 0, None, 47.0001, 8, 10], "doJumpId": 1},
+            {"type": "SimpleItem", "command": 16, "frame": 3, "params": [5, 0, 0, 90, 47.0002, 8, 12], "doJumpId": 2},
+            {"type": "SimpleItem", "command": 178, "frame": 2, "params": [1, 2, -1, 0, 0, 0, 0], "doJumpId": 3},
+            {"type": "SimpleItem", "command": 195, "frame": 3, "params": [0, 0, 0, 0, 47, 8, 1], "doJumpId": 4},
+            {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, 47.0003, 8, 12], "doJumpId": 5},
+            {"type": "SimpleItem", "command": 20, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0], "doJumpId": 6},
+        ],
+    },
+}  # fmt: skip
+
+
+def changed(path: str, value: Any) -> str:
+    """The plan with something else at a path."""
+    plan = json.loads(json.dumps(PLAN))
+    *way, last = path.split(".")
+    holder = plan
+    for step in way:
+        holder = holder[int(step) if step.isdigit() else step]
+    holder[int(last) if last.isdigit() else last] = value
+    return json.dumps(plan, indent=1)
+
+
+def test_a_plan_becomes_a_chain_of_actions() -> None:
+    text, warnings = to_mission(read_plan(json.dumps(PLAN), "p"), "p", "p")
+    mission = read_mission(text, "p")
+    assert [(target, action.capability) for target, action in mission.actions().items()] == [
+        ("fly.take_off", "take_off"),
+        ("fly.way", "follow_waypoints"),
+        ("fly.way_2", "follow_waypoints"),
+        ("fly.stay", "hold"),
+        ("fly.way_3", "follow_waypoints"),
+        ("fly.home", "return_home"),
+        ("fly.land", "land"),
+    ]
+    assert "speed_m_s: 2.0" in text
+    assert "look_at: [47.0, 8.0, 1.0]" in text
+    assert "heading: 90.0" in text
+    assert "keep_out" in text
+    assert [str(warning) for warning in warnings] == [
+        "p: warning: the rally points are left out (the mission returns to its home)"
+    ]
+
+
+def test_a_mission_becomes_a_plan_and_comes_back_the_same() -> None:
+    text, _ = to_mission(read_plan(json.dumps(PLAN), "p"), "p", "p")
+    mission = read_mission(text, "p")
+    plan, warnings = from_mission(mission, "p")
+    assert warnings == []
+    assert read_plan(write_plan(plan), "again").items == plan.items
+    again, _ = to_mission(read_plan(write_plan(plan), "again"), "p", "p")
+    assert read_mission(again, "again") == mission
+
+
+def test_a_mission_in_a_local_frame_is_not_made_a_plan() -> None:
+    with pytest.raises(InputError, match="frame hold has no place on Earth in a plan"):
+        from_mission(read_mission("{mission: m, frame: hold, tasks: {t: {actions: {a: {land: }}}}}", "m"), "m")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "reason"),
+    [
+        ("fileType", "Parameters", "this is no plan file: fileType is not 'Plan'"),
+        ("mission.items", None, "the mission has no list of items"),
+        ("mission.items.0", 3, "item 1 is no mapping"),
+        ("mission.items.0.type", "NewItem", "item 1 is of the unknown type 'NewItem'"),
+        ("mission.items.0.command", "fly", "the item's command or frame is no number of MAVLink"),
+        ("mission.items.0.params", [1, 2], "seven numbers (or null) are expected, or four and a coordinate"),
+        ("mission.items.0.params", [1, 2, 3, 4, 5, 6, "7"], "seven numbers (or null) are expected"),
+        ("mission.items.0.autoContinue", "yes", "true or false is expected here"),
+        ("mission.plannedHomePosition", [95, 0, 0], "95, 0 is no latitude and longitude"),
+        ("mission.plannedHomePosition", [5, 0], "here 3 numbers are expected"),
+        ("geoFence.version", 3, "fences of version 3 are not known, only 2"),
+        ("geoFence.polygons.0.polygon", [[1, 2]], "a polygon of the fence has less than three corners"),
+        ("geoFence.circles.0.circle.radius", 0, "the circle has no radius"),
+        ("rallyPoints.version", 9, "rally points of version 9 are not known"),
+        ("rallyPoints.points.0", [1], "here 3 numbers are expected"),
+    ],
+)
+def test_plans_that_cannot_be_read_are_refused_with_the_place(path: str, value: Any, reason: str) -> None:
+    found = refused(read_plan, changed(path, value))
+    assert reason in found[0]
+    assert found[0].startswith("f:")
+    assert found[0].split(":")[1].isdigit()
+
+
+@pytest.mark.parametrize(
+    ("data", "finding"),
+    [
+        (b"{", "f:1:2: not JSON: expecting property name enclosed in double quotes"),
+        (b"\xff", "f: not UTF-8 text (is this a plan file?)"),
+        (b'{"a": NaN}', "f: not usable JSON: NaN is not a finite number"),
+        (b"[" * 100_000, "f: not usable JSON: nested too deeply"),
+        (b'{"fileType": "Plan", "version": ' + b"1" * 5000 + b"}", "f: not usable JSON: "),
+        (b" " * 5_000_001, "f: 5.0 MB are too much: at most 5 MB are read (is this the right file?)"),
+        (b"[]", "f:1:1: this is no plan file"),
+    ],
+    ids=lambda value: repr(value[:12]),
+)
+def test_what_is_no_plan_at_all_is_refused(data: bytes, finding: str) -> None:
+    assert refused(read_plan, data)[0].startswith(finding)
+
+
+@pytest.mark.parametrize(
+    ("items", "reason"),
+    [
+        ([MavItem(command=177, frame=2)], "item 1: command 177 cannot be expressed in a mission"),
+        ([MavItem(command=16, frame=1, x=1.0, y=1.0, z=1.0)], "item 1: frame 1 of its position cannot be expressed"),
+        ([MavItem(command=22, frame=3, z=-1.0)], "item 1: a take-off to -1 m"),
+        (
+            [MavItem(command=16, frame=3, x=1.0, y=1.0, z=1.0), MavItem(command=16, frame=10, x=1.0, y=1.0, z=1.0)],
+            "item 2: its height counts from ground, those before from home",
+        ),
+        ([MavItem(command=206, frame=2)], "there is nothing in it that moves the vehicle"),
+    ],
+)
+def test_what_a_mission_cannot_express_is_told(items: list[MavItem], reason: str) -> None:
+    with pytest.raises(InputError) as caught:
+        to_mission(Plan(entries=tuple(Entry(items=(item,)) for item in items), raw={}), "p", "p")
+    assert any(reason in str(finding) for finding in caught.value.findings)
+
+
+@pytest.mark.parametrize(
+    ("text", "finding"),
+    [
+        ("", "f:1:1: this is no file of waypoints (its first line is 'QGC WPL 110')"),
+        ("QGC WPL 100\n", "f:1:1: WPL version 100 is not known, only 110 (save it as version 110)"),
+        ("QGC WPL 110\n0 1 3\n", "f:2:1: 3 columns, but an item has 12 (index, current, frame"),
+        ("QGC WPL 110\n1 0 3 16 0 0 0 0 1 2 3 1\n", "f:2:1: item 1 stands where item 0 is expected"),
+        ("QGC WPL 110\n0 0 3 16 0 0 0 x 1 2 3 1\n", "f:2:1: 'x' is no number"),
+        ("QGC WPL 110\n0 0 3 16 0 0 0 inf 1 2 3 1\n", "f:2:1: 'inf' is no number"),
+        ("QGC WPL 110\n0 0 3 1.5 0 0 0 0 1 2 3 1\n", "f:2:1: '1.5' is no whole number"),
+        ("QGC WPL 110\n0 0 3 70000 0 0 0 0 1 2 3 1\n", "f:2:1: frame 3 or command 70000 is no number of MAVLink"),
+    ],
+)
+def test_waypoint_files_that_cannot_be_read_are_refused_by_line(text: str, finding: str) -> None:
+    assert refused(read_wpl, text)[0].startswith(finding)
+
+
+NUMBER = st.floats(allow_nan=False, allow_infinity=False, width=64, min_value=-1e9, max_value=1e9)
+DEGREES = st.floats(-90, 90)
+ITEMS = st.builds(
+    MavItem,
+    command=st.integers(0, 65_535),
+    frame=st.integers(0, 21),
+    params=st.tuples(*[st.none() | NUMBER] * 4),
+    x=st.none() | NUMBER,
+    y=st.none() | NUMBER,
+    z=st.none() | NUMBER,
+    is_continued=st.booleans(),
+)
+PLANS = st.builds(
+    lambda items, fence, rally: Plan(entries=tuple(Entry(items=(item,)) for item in items), fence=fence, rally=rally),
+    items=st.lists(ITEMS, max_size=5),
+    fence=st.lists(
+        st.builds(
+            FenceArea, is_inclusion=st.booleans(), center=st.tuples(DEGREES, DEGREES), radius_m=st.floats(1, 1e4)
+        ),
+        max_size=2,
+    ).map(tuple),
+    rally=st.lists(st.tuples(DEGREES, DEGREES, NUMBER), max_size=2).map(tuple),
+)
+
+
+@given(PLANS)
+@settings(max_examples=60, deadline=None)
+def test_any_plan_is_read_as_it_was_written(plan: Plan) -> None:
+    again = read_plan(write_plan(plan), "f")
+    assert (again.items, again.fence, again.rally) == (plan.items, plan.fence, plan.rally)
+    assert read_plan(write_plan(again), "f") == again
+    assert read_wpl(write_wpl(plan), "f").items == plan.items
+
+
+@given(st.binary(max_size=80), st.integers(0, 1500), st.text(alphabet='{}[]",:0-19aen\n\t ', max_size=5))
+@settings(max_examples=150, deadline=None)
+def test_any_bytes_are_read_or_refused(noise: bytes, place: int, middle: str) -> None:
+    text = json.dumps(PLAN)
+    for read, data in (
+        (read_plan, noise),
+        (read_wpl, noise),
+        (read_wpl, b"QGC WPL 110\n" + noise),
+        (read_plan, text[:place] + middle + text[place + len(middle) :]),
+        (read_plan, text[:place]),
+    ):
+        try:
+            read(data, "f")
+        except InputError as error:
+            found = error.findings
+        else:
+            continue
+        assert found

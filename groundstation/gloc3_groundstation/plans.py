@@ -1,12 +1,14 @@
 """A mission file before it goes anywhere: read, and checked as far as the platform is known here."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
 
-from gloc3.errors import InputError, Refused
-from gloc3.mission.checker import Circumstances, Report, check_file, check_text
+from gloc3.errors import Finding, InputError, Refused
+from gloc3.mission.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import find_mission
+from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.platform import Platform, find_platform, load_platform
 
 
@@ -18,6 +20,8 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     title: str
     """What the mission calls itself."""
     text: str
+    converted_from: str = ""
+    """The other program's file that it was made of; empty for a mission file."""
     warnings: tuple[str, ...] = ()
     """Found against the platform's file; nothing where that is not installed here."""
 
@@ -26,7 +30,7 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
     """Reads and checks a mission.
 
     Args:
-        name: a file, or the name of an example.
+        name: a mission file, a `.plan` or a file of waypoints (these are converted), or the name of an example.
         platform: the platform's name; where its file is installed here too the check is as strict as onboard.
 
     Raises:
@@ -37,18 +41,27 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
     if not path.is_file():
         raise Refused(f"there is no mission file {name!r}")
     known = known_platform(platform)
-    plan = _plan(check_file(str(path), Circumstances(platform=known)))
+    file, text, left_out = mission_text(str(path), known.limits.speed_m_s if known is not None else None)
+    plan = _plan(check_text(text, file, Circumstances(platform=known)), left_out)
+    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        plan = msgspec.structs.replace(plan, converted_from=str(path))
     return plan if known is not None else msgspec.structs.replace(plan, warnings=())
 
 
 def recheck(plan: Plan, platform: str) -> Plan:
     """Checks a mission again for the platform that it goes to, if that one's file is installed here.
 
+    A plan of another program is converted again, at the platform's speed.
+
     Raises:
         InputError: it may not fly there; with everything that is wrong.
     """
     known = known_platform(platform)
-    return plan if known is None else _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
+    if known is None:
+        return plan
+    if plan.converted_from:
+        return read_plan(plan.converted_from, platform)
+    return _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
 
 
 def known_platform(name: str | None) -> Platform | None:
@@ -62,11 +75,12 @@ def known_platform(name: str | None) -> Platform | None:
     return load_platform(name)
 
 
-def _plan(report: Report) -> Plan:
+def _plan(report: Report, left_out: Iterable[Finding] = ()) -> Plan:
     mission = report.flyable()
+    warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in (*left_out, *report.findings)]
     return Plan(
         name=Path(report.file).name,
         title=mission.name,
         text=mission.text,
-        warnings=tuple(str(msgspec.structs.replace(finding, is_warning=False)) for finding in report.findings),
+        warnings=tuple(str(warning) for warning in warnings),
     )

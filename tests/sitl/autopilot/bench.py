@@ -113,14 +113,16 @@ class Bench:
 
     def take_off(self, height_m: float = 2.5) -> None:
         """Arms and climbs, as the style wants it."""
-        self.get_ready()
         if self.is_px4:
+            self.get_ready()
             self.set_parameter("MIS_TAKEOFF_ALT", height_m)
             assert self.command(ARM, 1) is Result.ACCEPTED
             assert self.command(TAKE_OFF, nan, 0, 0, nan, nan, nan, nan) is Result.ACCEPTED
             self.run_until(lambda: self.mode == "Hold", 20.0)
         else:
+            self.run_until(lambda: bool(self.autopilot.estimator.is_position_good(self.sim.now_s)), 10.0)
             assert self.set_mode("GUIDED") is Result.ACCEPTED
+            self.get_ready()
             assert self.command(ARM, 1) is Result.ACCEPTED
             assert self.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, height_m) is Result.ACCEPTED
             self.run_until(lambda: abs(self.position[2] + height_m) < 0.2, 20.0)

@@ -105,3 +105,32 @@ def test_the_same_seed_flies_the_same_way_and_another_does_not() -> None:
         places.append(bench.position)
     assert places[0] == places[1]
     assert places[0] != places[2]
+
+
+def test_a_companion_can_take_off_and_land_in_offboard_alone() -> None:
+    bench = Bench()
+    bench.get_ready()
+    bench.stream(lambda _: ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 1.0)
+    assert bench.set_mode("Offboard") is Result.ACCEPTED
+    assert bench.command(ARM, 1) is Result.ACCEPTED
+    bench.stream(lambda t: ((0.0, 0.0, -0.5 * t), (0.0, 0.0, -0.5)), 4.0)
+    assert bench.position[2] < -1.5
+    bench.stream(lambda t: ((0.0, 0.0, -2.0 + 0.4 * t), (0.0, 0.0, 0.4)), 9.0)
+    assert not bench.is_armed
+
+
+@STYLES
+def test_it_flies_again_after_it_has_landed(style: str) -> None:
+    bench = Bench(style)
+    for _ in range(2):
+        bench.take_off()
+        assert bench.command(LAND) is Result.ACCEPTED
+        bench.run_until(lambda: not bench.is_armed, 15.0)
+    assert [log.number for log in bench.autopilot.logger.logs] == [1, 2]
+
+
+def test_home_and_origin_are_told_once_they_are_known() -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.counts["HOME_POSITION"] == 1
+    assert bench.counts["GPS_GLOBAL_ORIGIN"] == 1

@@ -57,7 +57,7 @@ def test_a_companions_link_begins_with_pose_at_25_hertz_in_px4_style() -> None:
 def test_ardupilot_is_silent_until_it_is_asked() -> None:
     bench = Bench("ardupilot")
     bench.run(3.0)
-    assert set(bench.counts) <= {"HEARTBEAT", "STATUSTEXT"}
+    assert set(bench.counts) <= {"HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
     bench.send(
         "REQUEST_DATA_STREAM", target_system=1, target_component=1, req_stream_id=6, req_message_rate=5, start_stop=1
     )

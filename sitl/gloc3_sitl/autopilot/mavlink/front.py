@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from gloc3.errors import Refused
-from gloc3.frames import GeoPoint
+from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.link import codec
 from gloc3.link.command import CommandRequest, CommandResult, CommandServer
 from gloc3.link.heartbeat import Heartbeat
@@ -17,6 +17,7 @@ from gloc3.link.timesync import TimeSync
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.commander import ACCEPTED, Verdict
+from gloc3_sitl.autopilot.craft import Home
 from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
@@ -71,6 +72,8 @@ class Front:
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
         self._calibration: tuple[CommandRequest, float] | None = None
         self._told = (-1, -1)
+        self._home_told: Home | None = None
+        self._origin_told: TangentPlane | None = None
         self.heading_offset: Final = HeadingOffset()
         """Between an odometer's frame and north."""
         self.refused_setpoints = 0
@@ -149,6 +152,7 @@ class Front:
         self._node.tick(now_s)
         self._serve()
         self._tell_mission()
+        self._tell_places()
         made: dict[int, MavlinkMessage | None] = {}
         for link, streams in self._streams.items():
             for number in streams.due(now_s):
@@ -185,6 +189,16 @@ class Front:
             self.router.send(codec.message("MISSION_ITEM_REACHED", seq=index))
         reached.clear()
         self.send_now("MISSION_CURRENT")
+
+    def _tell_places(self) -> None:
+        """Home and origin, when they have changed."""
+        home, origin = self.craft.home, self.autopilot.estimator.origin
+        if home is not self._home_told:
+            self._home_told = home
+            self.send_now("HOME_POSITION")
+        if origin is not self._origin_told:
+            self._origin_told = origin
+            self.send_now("GPS_GLOBAL_ORIGIN")
 
     def send_now(self, name: str) -> None:
         """Sends a message to everybody out of turn."""
@@ -265,7 +279,6 @@ class Front:
         if estimator.origin is not None:
             return Verdict(self.commander.style.refused, "the origin is set already")
         estimator.set_origin(place)
-        self.send_now("GPS_GLOBAL_ORIGIN")
         return ACCEPTED
 
     def station_heard(self, system: int) -> None:

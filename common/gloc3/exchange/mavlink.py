@@ -7,6 +7,7 @@ stay in the clock of the platform that stamped them; `clock_offset_s` tells how 
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -46,6 +47,7 @@ class MavlinkExchange:
         self._own_tokens: dict[str, int] = {}
         self._peer_tokens: dict[str, list[Unsubscribe]] = {}
         self._listeners: list[Callable[[Happening], None]] = []
+        self._happened: deque[Happening] = deque()
         self._timer: asyncio.Handle | None = None
         self._is_due = False
         self._is_open = True
@@ -158,9 +160,21 @@ class MavlinkExchange:
 
     def _run(self) -> None:
         self._is_due = False
-        now_s, endpoint = self._loop.time(), self.endpoint
-        endpoint.tick(now_s)
-        for system, component, payload in endpoint.outgoing(now_s):
+        try:
+            self._work(self._loop.time())
+        finally:  # a subscriber's error ends neither the link nor what else was to be told
+            if self._happened:
+                self._wake()
+            elif self._is_open and not self._is_due:
+                when_s = max(self.endpoint.next_tick_s(), self._loop.time() + SMALLEST_WAIT_S)
+                self._timer = self._loop.call_at(when_s, self._run)
+
+    def _work(self, now_s: float) -> None:
+        self.endpoint.tick(now_s)
+        self._happened.extend(self.endpoint.happenings())
+        while self._happened:  # first, so that nothing is acknowledged that was not handed over
+            self._tell(self._happened.popleft())
+        for system, component, payload in self.endpoint.outgoing(now_s):
             self._send(
                 make(
                     "TUNNEL",
@@ -171,11 +185,6 @@ class MavlinkExchange:
                     payload=payload,
                 )
             )
-        for happening in endpoint.happenings():
-            self._tell(happening)
-        if self._is_open and not self._is_due:
-            when_s = max(endpoint.next_tick_s(), now_s + SMALLEST_WAIT_S)
-            self._timer = self._loop.call_at(when_s, self._run)
 
     def _tell(self, happening: Happening) -> None:
         match happening:

@@ -8,20 +8,18 @@ are meant for, so that a restarted process does not take what was meant for its 
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
 
 import msgspec
 
-from gloc3.exchange.tunnel.layout import HEADER, VERSION, FrameKind, Role, header
+from gloc3.exchange.tunnel.layout import HEADER, SEALED, VERSION, FrameKind, Role, header, seal, unseal
 from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
 from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
 
 _HELLO: Final = struct.Struct("<BHIH")
 _ECHO: Final = struct.Struct("<BBIH")
 _PART: Final = struct.Struct("<BBH")
-_CHECK: Final = struct.Struct("<I")
 
 MAX_NAME_BYTES: Final = 32
 MAX_TOKENS: Final = 12
@@ -59,12 +57,11 @@ class Hello(msgspec.Struct, frozen=True):
             _ECHO.pack(e.system, e.component, e.sent_ms & 0xFFFFFFFF, e.held_ms) for e in self.echoes
         )
         body += bytes((len(self.tokens),)) + b"".join(varint(token) for token in self.tokens)
-        body += self.name.encode()
-        return body + _CHECK.pack(zlib.crc32(body))
+        return seal(body + self.name.encode())
 
     @classmethod
     def decode(cls, reader: Reader) -> Hello:
-        """Reads what `encode` wrote; `decode` below has tested the check sum."""
+        """Reads what `encode` wrote."""
         role, table_size, low, high = reader.take(_HELLO)
         if role not in (Role.PLATFORM, Role.STATION):
             raise FrameError(f"unknown role {role}")
@@ -80,7 +77,7 @@ class Table(msgspec.Struct, frozen=True):
 
     def encode(self, boot: int) -> bytes:
         """The frame."""
-        return header(FrameKind.TABLE, boot) + self.rows
+        return seal(header(FrameKind.TABLE, boot) + self.rows)
 
     @classmethod
     def decode(cls, reader: Reader) -> Table:
@@ -95,7 +92,7 @@ class Ask(msgspec.Struct, frozen=True):
 
     def encode(self, boot: int) -> bytes:
         """The frame."""
-        return header(FrameKind.ASK, boot) + b"".join(varint(number) for number in self.numbers)
+        return seal(header(FrameKind.ASK, boot) + b"".join(varint(number) for number in self.numbers))
 
     @classmethod
     def decode(cls, reader: Reader) -> Ask:
@@ -197,10 +194,9 @@ def decode(payload: bytes) -> tuple[int, TunnelFrame]:
     decoder = _DECODERS.get(kind)
     if decoder is None:
         raise FrameError(f"unknown kind of frame {kind}")
-    if (
-        kind == FrameKind.HELLO
-    ):  # a greeting can make a peer forget everything, so it is trusted only with a check sum of its own
-        if len(payload) < HEADER.size + _CHECK.size or zlib.crc32(payload[:-4]) != _CHECK.unpack(payload[-4:])[0]:
-            raise FrameError("a greeting is damaged")
-        reader = Reader(payload[:-4], HEADER.size)
+    if kind in SEALED:
+        frame = unseal(payload)
+        if frame is None or len(frame) < HEADER.size:
+            raise FrameError("the check sum of a frame is wrong")
+        reader = Reader(frame, HEADER.size)
     return boot, decoder(reader)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from enum import IntEnum
 from typing import Final
 
@@ -16,6 +17,9 @@ HEADER: Final = struct.Struct("<BBI")
 """Version, kind, and the boot number of the process that sends."""
 ROOM: Final = MAX_PAYLOAD - HEADER.size
 """Bytes behind the header."""
+_CHECK: Final = struct.Struct("<I")
+SEALED_ROOM: Final = ROOM - _CHECK.size
+"""Bytes between header and check sum."""
 
 
 class FrameKind(IntEnum):
@@ -45,6 +49,21 @@ class Lane(IntEnum):
     URGENT = 0
     ORDINARY = 1
     BULK = 2
+
+
+SEALED: Final = frozenset({FrameKind.HELLO, FrameKind.TABLE, FrameKind.ASK, FrameKind.ACK, FrameKind.REFUSAL})
+"""What could do lasting harm if MAVLink's 16-bit check sum let it pass damaged has a check sum of its own."""
+
+
+def seal(frame: bytes) -> bytes:
+    """The frame with its check sum."""
+    return frame + _CHECK.pack(zlib.crc32(frame))
+
+
+def unseal(payload: bytes) -> bytes | None:
+    """The frame without its check sum; None where that is wrong."""
+    frame = payload[: -_CHECK.size]
+    return frame if _CHECK.pack(zlib.crc32(frame)) == payload[-_CHECK.size :] else None
 
 
 def header(kind: FrameKind, boot: int) -> bytes:

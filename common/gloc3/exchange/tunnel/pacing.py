@@ -18,6 +18,8 @@ FLOOR_BYTE_S: Final = 200.0
 QUEUE_LONG_S: Final = 0.3
 QUEUE_SHORT_S: Final = 0.12
 LOSS_HEAVY: Final = 0.5
+SAMPLES: Final = 3
+"""Round trips that are looked at before the rate is changed."""
 
 
 class LinkBudget(msgspec.Struct, frozen=True, kw_only=True):
@@ -91,6 +93,8 @@ class Pacer:
         self.status = Bucket(self.rate_byte_s * budget.status_share, 2.0 * frame_bytes)
         self._is_busy = False
         self._changed_s = 0.0
+        self._queue_s = float("inf")
+        self._samples = 0
         self._set_rate(self.rate_byte_s)
 
     def set_busy(self, is_busy: bool) -> None:
@@ -113,7 +117,7 @@ class Pacer:
         return size_bytes
 
     def adapt(self, round_trip_s: float, queue_s: float, loss: float, now_s: float) -> None:
-        """Learns from an acknowledged frame, at most once a round trip.
+        """Learns from an acknowledged frame, changes the rate at most once a round trip.
 
         Args:
             round_trip_s: of the frame.
@@ -121,15 +125,17 @@ class Pacer:
             loss: fraction of data frames lost of late.
             now_s: the time.
         """
-        if now_s - self._changed_s < round_trip_s:
+        self._queue_s = min(self._queue_s, queue_s)  # what queues delays every frame, jitter only some
+        self._samples += 1
+        if now_s - self._changed_s < round_trip_s or self._samples < SAMPLES:
             return
-        self._changed_s = now_s
+        self._changed_s, queue_s, self._queue_s, self._samples = now_s, self._queue_s, float("inf"), 0
         if queue_s > QUEUE_LONG_S or loss > LOSS_HEAVY:
             self._set_rate(self.rate_byte_s * 0.75)
         elif queue_s > QUEUE_SHORT_S:
             self._set_rate(self.rate_byte_s * 0.95)
         else:
-            self._set_rate(self.rate_byte_s * 1.25)
+            self._set_rate(self.rate_byte_s * 1.5)
 
     def _set_rate(self, rate_byte_s: float) -> None:
         self.rate_byte_s = min(self._ceiling_byte_s, max(FLOOR_BYTE_S, rate_byte_s))

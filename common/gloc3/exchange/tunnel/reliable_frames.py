@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from typing import Final
 
 import msgspec
 
-from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, ROOM, FrameKind, Lane, header
+from gloc3.exchange.tunnel.layout import HEADER, ROOM, SEALED_ROOM, FrameKind, Lane, header, seal
 from gloc3.exchange.tunnel.reader import FrameError, Reader
 
-_DATA: Final = struct.Struct("<HBHHHH")
+_KEY: Final = struct.Struct("<H")
+_DATA: Final = struct.Struct("<BHHHH")
 _ACK: Final = struct.Struct("<HHHB")
 _LANE: Final = struct.Struct("<BHB")
 _REFUSAL: Final = struct.Struct("<HBH")
+_SEALED_SIZE: Final = HEADER.size + SEALED_ROOM
 
-CHUNK: Final = ROOM - _DATA.size
+CHUNK: Final = ROOM - _KEY.size - _DATA.size
 """Bytes of a reliable message in one frame."""
 ACK_DELAY_UNIT_S: Final = 0.004
 
 
 class Data(msgspec.Struct, frozen=True):
-    """A fragment of a reliable message."""
+    """A fragment of a reliable message.
+
+    The receiver's boot number is sent XORed with a check sum of what follows it, so that a damaged frame is for nobody.
+    """
 
     to_boot: int
     """Low 16 bits of the receiver's boot number."""
@@ -42,15 +48,19 @@ class Data(msgspec.Struct, frozen=True):
     def encode(self, boot: int) -> bytes:
         """The frame."""
         flags = self.lane | self.is_last << 2 | self.base_delta << 3
-        numbers = (self.to_boot, flags, self.number & 0xFFFF, self.serial & 0xFFFF, self.index, self.count)
-        return header(FrameKind.DATA, boot) + _DATA.pack(*numbers) + self.chunk
+        rest = _DATA.pack(flags, self.number & 0xFFFF, self.serial & 0xFFFF, self.index, self.count) + self.chunk
+        return header(FrameKind.DATA, boot) + _KEY.pack(self.to_boot ^ (zlib.crc32(rest) & 0xFFFF)) + rest
 
     @classmethod
     def decode(cls, reader: Reader) -> Data:
         """Reads what `encode` wrote."""
-        to_boot, flags, number, serial, index, count = reader.take(_DATA)
+        (key,) = reader.take(_KEY)
+        rest = reader.rest()
+        reader = Reader(rest)
+        flags, number, serial, index, count = reader.take(_DATA)
         if flags & 3 == 3:
             raise FrameError("there are three lanes")
+        to_boot = key ^ (zlib.crc32(rest) & 0xFFFF)
         return cls(to_boot, Lane(flags & 3), bool(flags & 4), flags >> 3, number, serial, index, count, reader.rest())
 
 
@@ -87,11 +97,11 @@ class Ack(msgspec.Struct, frozen=True):
             for ahead, mask in report.partial:
                 bits = b"" if mask is None else mask.to_bytes((mask.bit_length() + 7) // 8, "little")
                 part = bytes((ahead | (0x80 if mask is None else 0), len(bits))) + bits
-                if len(frame) + _LANE.size + len(parts) + len(part) <= MAX_PAYLOAD:
+                if len(frame) + _LANE.size + len(parts) + len(part) <= _SEALED_SIZE:
                     parts, count = parts + part, count + 1
-            if len(frame) + _LANE.size + len(parts) <= MAX_PAYLOAD:
+            if len(frame) + _LANE.size + len(parts) <= _SEALED_SIZE:
                 frame += _LANE.pack(report.lane, report.expected & 0xFFFF, count) + parts
-        return frame
+        return seal(frame)
 
     @classmethod
     def decode(cls, reader: Reader) -> Ack:
@@ -122,8 +132,8 @@ class Refusal(msgspec.Struct, frozen=True):
     def encode(self, boot: int) -> bytes:
         """The frame; a long reason is cut."""
         frame = header(FrameKind.REFUSAL, boot) + _REFUSAL.pack(self.to_boot, self.lane, self.number & 0xFFFF)
-        reason = self.reason.encode()[: MAX_PAYLOAD - len(frame)]
-        return frame + reason.decode(errors="ignore").encode()
+        reason = self.reason.encode()[: _SEALED_SIZE - len(frame)]
+        return seal(frame + reason.decode(errors="ignore").encode())
 
     @classmethod
     def decode(cls, reader: Reader) -> Refusal:

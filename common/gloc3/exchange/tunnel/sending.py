@@ -26,8 +26,8 @@ from gloc3.messages import Envelope
 MAX_FRAGMENTS: Final = 640
 MAX_BODY: Final = CHUNK * MAX_FRAGMENTS
 """Bytes of a message, deflated if that helps: 70 kB."""
-WINDOW: Final[dict[Lane, int]] = {Lane.URGENT: 8, Lane.ORDINARY: 8, Lane.BULK: 2}
-"""Messages of a lane that may be under way at once."""
+WINDOW: Final[dict[Lane, int]] = {Lane.URGENT: 8, Lane.ORDINARY: 16, Lane.BULK: 2}
+"""Messages of a lane that may be under way at once; twice as much fits the five bits of `Data.base_delta`."""
 MAX_WAITING: Final[dict[Lane, int]] = {Lane.URGENT: 16, Lane.ORDINARY: 128, Lane.BULK: 8}
 """Messages of a lane that may wait; what is more is refused."""
 REORDERING: Final = 3

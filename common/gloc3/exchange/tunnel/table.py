@@ -7,7 +7,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.exchange.tunnel.layout import ROOM
+from gloc3.exchange.tunnel.layout import SEALED_ROOM
 from gloc3.exchange.tunnel.reader import FrameError
 from gloc3.messages import Envelope, Source
 
@@ -63,7 +63,7 @@ class OwnTable:
         """Rows for one frame, from the front of `numbers`, and how many of them it took."""
         rows, size = [], 1
         for number in numbers[:_ROWS_IN_FRAME]:
-            if size + len(self._rows[number]) > ROOM:
+            if size + len(self._rows[number]) > SEALED_ROOM:
                 break
             rows.append(self._rows[number])
             size += len(rows[-1])
@@ -81,8 +81,8 @@ class OwnTable:
         row = msgspec.msgpack.encode(
             (number, topic, channel.type, source.platform, source.component, source.boot, channel.frame)
         )
-        if len(row) + 1 > ROOM:
-            raise Refused(f"the names of {channel.topic} are too long for a frame of {ROOM} bytes")
+        if len(row) + 1 > SEALED_ROOM:
+            raise Refused(f"the names of {channel.topic} are too long for a frame of {SEALED_ROOM} bytes")
         if number >= MAX_ROWS:
             raise Refused(f"the table of topics is full ({MAX_ROWS} rows)")
         self._numbers[channel] = number

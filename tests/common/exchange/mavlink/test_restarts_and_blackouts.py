@@ -1,0 +1,186 @@
+"""Processes that restart and links that break in the middle of a transfer."""
+
+import asyncio
+from random import Random
+
+from msgspec.structs import replace
+from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Station, pair_on, text_of
+
+from gloc3.ci import Emergency, EmergencyVerb, LoadMission, Steer, Verb
+from gloc3.clock import run_virtual
+from gloc3.exchange.tunnel.happenings import PeerChanged
+from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_PATIENCE_S
+from gloc3.link.message import Address
+
+CUT = replace(RADIO_CONDITIONS, loss=1.0)
+CLEAN = replace(RADIO_CONDITIONS, loss=0.0)
+UPLOAD = LoadMission(name="m", text=text_of(15_000, Random(1), is_random=True))
+PAUSE = Steer(verb=Verb.PAUSE)
+
+
+def test_an_upload_goes_on_after_a_blackout_of_30_s() -> None:
+    async def fly() -> tuple[Station, Platform, float]:
+        station, platform, link = pair_on(1)
+        platform.report(20)
+        await asyncio.sleep(5.0)
+        station.ask(UPLOAD)
+        await asyncio.sleep(2.0)
+        link.set_conditions(CUT)
+        await asyncio.sleep(30.0)
+        link.set_conditions(RADIO_CONDITIONS)
+        back_s = station.loop.time()
+        await asyncio.sleep(15.0)
+        return station, platform, back_s
+
+    station, platform, back_s = run_virtual(fly())
+    ((given_s, request),) = platform.given
+    assert request.body == UPLOAD
+    assert given_s - back_s < 9.0
+    assert station.acknowledged() == [0]
+    assert not station.undelivered()
+    alive = [happening.is_alive for happening in station.happened if isinstance(happening, PeerChanged)]
+    assert alive == [True, False, True]
+
+
+def test_requests_of_a_long_blackout_come_back_and_are_not_carried_out_afterwards() -> None:
+    async def fly() -> tuple[Station, Platform]:
+        station, platform, link = pair_on(2)
+        await asyncio.sleep(5.0)
+        link.set_conditions(CUT)
+        station.ask(PAUSE)
+        station.ask(Emergency(verb=EmergencyVerb.HOLD))
+        await asyncio.sleep(30.0)
+        link.set_conditions(RADIO_CONDITIONS)
+        await asyncio.sleep(5.0)
+        station.ask(PAUSE)
+        await asyncio.sleep(5.0)
+        return station, platform
+
+    station, platform = run_virtual(fly())
+    assert platform.sequences() == [2]
+    undelivered = station.undelivered()
+    assert [given_up.envelope.payload.sequence for given_up in undelivered] == [1, 0]
+    assert not any(given_up.is_certain for given_up in undelivered)  # they were sent: nobody can know
+    assert EMERGENCY_PATIENCE_S < REQUEST_PATIENCE_S < 30.0
+
+
+def test_an_upload_begins_anew_when_the_platform_restarts_in_the_middle() -> None:
+    async def fly() -> tuple[Station, Platform, Platform]:
+        station, platform, link = pair_on(3)
+        await asyncio.sleep(5.0)
+        station.ask(UPLOAD)
+        await asyncio.sleep(2.0)
+        platform.close()
+        successor = Platform(99, link.b)
+        await asyncio.sleep(15.0)
+        return station, platform, successor
+
+    station, platform, successor = run_virtual(fly())
+    assert not platform.given
+    assert [request.body for _, request in successor.given] == [UPLOAD]
+    assert station.acknowledged() == [0]
+
+
+def test_what_may_have_been_handed_over_before_a_restart_is_unknown_and_not_handed_over_again() -> None:
+    async def fly() -> tuple[Station, Platform, Platform]:
+        station, platform, link = pair_on(4, CLEAN)
+        await asyncio.sleep(5.0)
+        link.b.conditions = CUT  # neither acknowledgement nor reply gets out
+        station.ask(PAUSE)
+        await asyncio.sleep(0.5)
+        platform.close()
+        successor = Platform(99, link.b)
+        link.b.conditions = CLEAN
+        await asyncio.sleep(10.0)
+        return station, platform, successor
+
+    station, platform, successor = run_virtual(fly())
+    assert platform.sequences() == [0]
+    assert not successor.given
+    (undelivered,) = station.undelivered()
+    assert not undelivered.is_certain
+    assert "restarted" in undelivered.reason
+    assert not station.acknowledged()
+
+
+def test_a_station_that_restarts_in_the_middle_of_an_upload_can_upload_again() -> None:
+    async def fly() -> tuple[Platform, Station]:
+        station, platform, link = pair_on(5)
+        await asyncio.sleep(5.0)
+        station.ask(LoadMission(name="old", text=UPLOAD.text))
+        await asyncio.sleep(2.0)
+        station.close()
+        successor = Station(77, link.a)
+        await asyncio.sleep(3.0)
+        successor.ask(UPLOAD)
+        await asyncio.sleep(15.0)
+        return platform, successor
+
+    platform, successor = run_virtual(fly())
+    assert [request.body for _, request in platform.given] == [UPLOAD]
+    assert 0 in successor.replies
+    restarted = [happening for happening in platform.happened if isinstance(happening, PeerChanged)]
+    assert [happening.is_restarted for happening in restarted] == [False, True]
+
+
+def test_two_processes_at_one_address_are_shown_as_a_clash() -> None:
+    async def fly() -> Platform:
+        first, platform, link = pair_on(6, CLEAN)
+        await asyncio.sleep(5.0)
+        second = Station(77, link.a)
+
+        def take(data: bytes) -> None:
+            first.take(data)
+            second.take(data)
+
+        link.a.on_data = take
+        await asyncio.sleep(8.0)
+        return platform
+
+    assert run_virtual(fly()).troubles() == ["two processes use the address 255/190"]
+
+
+def test_two_stations_of_one_name_are_shown_as_a_clash() -> None:
+    async def fly() -> Platform:
+        _, platform, link = pair_on(7, CLEAN)
+        Station(77, link.a, name="255", address=Address(254, 190))
+        await asyncio.sleep(3.0)
+        return platform
+
+    assert run_virtual(fly()).troubles() == ["two stations call themselves 255"]
+
+
+def test_a_whole_minute_with_restarts_of_both_ends_hands_nothing_over_twice() -> None:
+    async def fly(seed: int) -> None:
+        random = Random(seed)
+        station, platform, link = pair_on(seed)
+        given: list[tuple[int, int]] = []
+        acknowledged: list[tuple[int, int]] = []
+
+        def bury(end: Station | Platform) -> None:
+            end.close()
+            if isinstance(end, Platform):
+                given.extend((request.boot, request.sequence) for _, request in end.given)
+            else:
+                acknowledged.extend((end.boot, sequence) for sequence in end.acknowledged())
+
+        for boot in range(1, 9):
+            for _ in range(5):
+                await asyncio.sleep(random.uniform(0.1, 1.0))
+                station.ask(PAUSE)
+            await asyncio.sleep(random.uniform(0.0, 3.0))
+            if boot % 2:
+                bury(platform)
+                platform = Platform(boot, link.b)
+            else:
+                bury(station)
+                station = Station(boot, link.a)
+        await asyncio.sleep(20.0)
+        bury(station)
+        bury(platform)
+        assert len(set(given)) == len(given)
+        assert set(acknowledged) <= set(given)
+        assert len(given) > 20
+
+    for seed in range(3):
+        run_virtual(fly(seed))

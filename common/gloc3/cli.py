@@ -13,13 +13,14 @@ SUMMARIES: Final = {
     "onboard": "Run the onboard companion process of a platform.",
     "station": "Run the ground station: the terminal, or --headless for scripts.",
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",
+    "demo": "Fly a mission with three real processes on this machine.",
     "mission": "Check, show and convert mission files.",
     "log": "Inspect, plot, recover and replay logs.",
     "component": "List components and describe them.",
 }
 """What `gloc3 --help` says of the subcommands without loading any of them."""
 
-EXTRAS: Final = {"station": "groundstation", "sitl": "sitl", "fly": "sitl"}
+EXTRAS: Final = {"station": "groundstation", "sitl": "sitl", "fly": "sitl", "demo": "sitl"}
 
 EXIT_WRONG_USE: Final = 2
 

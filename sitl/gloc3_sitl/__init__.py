@@ -1,0 +1,1 @@
+"""Simulation: vehicle, world, autopilot, faults, and flights of the whole stack."""

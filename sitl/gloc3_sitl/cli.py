@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Annotated, Final, NamedTuple
 
 from cyclopts import App, Parameter
@@ -13,7 +14,9 @@ from gloc3.errors import Refused, nearest
 from gloc3.frames import GeoPoint
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3_sitl.autopilot.mavlink.links import Receive
+from gloc3_sitl.camera_server import CameraServer
 from gloc3_sitl.simulator import STYLES, LinkKind, Simulator
+from gloc3_sitl.truth_log import TruthLog
 from gloc3_sitl.vehicles import VEHICLES
 from gloc3_sitl.wind import CALM, gusty
 from gloc3_sitl.world import World
@@ -40,6 +43,17 @@ class LinkRow(NamedTuple):
 
     url: str
     kind: LinkKind
+
+
+class Extras(NamedTuple):
+    """What else was asked for."""
+
+    speed: float
+    seconds: float | None
+    camera_port: int | None
+    seed: int
+    out: Path | None
+    vehicle: str
 
 
 def read_link(text: str) -> LinkRow:
@@ -102,6 +116,8 @@ def sitl(
     param: Annotated[list[str] | None, Parameter(negative=())] = None,
     link: Annotated[list[str] | None, Parameter(negative=())] = None,
     seconds: float | None = None,
+    camera: int | None = None,
+    out: Path | None = None,
 ) -> int:
     """Run the simulated vehicle until Ctrl-C.
 
@@ -121,6 +137,8 @@ def sitl(
             `station=` or `companion=` before the URL chooses which telemetry begins by itself; ports 14540 to 14549 are
             companions' without it.
         seconds: End after so much simulated time.
+        camera: TCP port on 127.0.0.1 that serves the ground camera's frames (0: any); for `gloc3 onboard --camera`.
+        out: Folder for truth.mcap, the log of where the vehicle truly was.
     """
     if vehicle not in VEHICLES:
         raise Refused(f"no vehicle {vehicle!r}; {nearest(vehicle, list(VEHICLES))}")
@@ -144,27 +162,37 @@ def sitl(
         parameters=dict(read_parameter(text) for text in param or ()),
     )
     links = [read_link(text) for text in link or DEFAULT_LINKS]
-    return asyncio.run(_run(simulator, links, speed, seconds, f"{vehicle}, {autopilot}, world {simulator.world.name}"))
+    title = f"{vehicle}, {autopilot}, world {simulator.world.name}"
+    return asyncio.run(_run(simulator, links, Extras(speed, seconds, camera, seed, out, vehicle), title))
 
 
-async def _run(simulator: Simulator, links: Sequence[LinkRow], speed: float, seconds: float | None, title: str) -> int:
+async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, title: str) -> int:
     """Opens the links and lets the time run, until a signal or the end."""
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
     endpoints: list[Endpoint] = []
+    camera = CameraServer(simulator, loop, extras.seed) if extras.camera_port is not None else None
+    truth = TruthLog(simulator, loop, extras.out, extras.vehicle) if extras.out is not None else None
     try:
         for row in links:
             endpoints.append(await _open(simulator, row, loop))  # noqa: PERF401 # those opened are closed if one fails
         latitude, longitude, altitude = simulator.world.home
-        _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {speed:g} times real time")
+        _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {extras.speed:g} times real time")
         for row, endpoint in zip(links, endpoints, strict=True):
             _tell(f"{row.kind} link {row.url}, port {endpoint.local_port}")
-        simulator.start(loop, speed)
-        await _watch(simulator, stopped, seconds)
+        if camera is not None and extras.camera_port is not None:
+            await camera.open(extras.camera_port)
+            _tell(f"ground camera tcp://127.0.0.1:{camera.port}")
+        simulator.start(loop, extras.speed)
+        await _watch(simulator, stopped, extras.seconds)
     finally:
         simulator.stop()
+        if camera is not None:
+            await camera.close()
+        if truth is not None:
+            truth.close()
         for endpoint in endpoints:
             await endpoint.close()
     _tell(f"ended after {simulator.now_s:.1f} s of simulated time")

@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import msgspec
 
@@ -94,7 +93,8 @@ def as_lines(report: FlightReport) -> list[str]:
         lines.append(f"  speed    slowest leg at {report.slowest_leg_share:.0%} of what was asked")
     if report.images:
         lines.append(f"  images   {report.images}")
-    if "total_s" in report.wall and report.mission_time_s:
-        wall: dict[str, Any] = report.wall
-        lines.append(f"  wall     {wall['total_s']:.1f} s, {wall['real_time_factor']:.0f} times faster than real time")
+    if "total_s" in report.wall:
+        factor = report.wall.get("real_time_factor", 1.0)
+        faster = f", {factor:.0f} times faster than real time" if factor > 1.0 else ""
+        lines.append(f"  wall     {report.wall['total_s']:.1f} s{faster}")
     return lines

@@ -1,27 +1,21 @@
 """Flies a mission in virtual time from start-up to report; what `gloc3 fly` runs."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
-from gloc3.ci import CiEvent, MissionSummary
 from gloc3.clock import Clock
-from gloc3.messages import Envelope
 from gloc3.mission.checker import Circumstances, check_file
 from gloc3.platform import load_platform
-from gloc3.vehicle import AutopilotState, ImageRecorded
 from gloc3_onboard.requested_path import RequestedPath
 from gloc3_sitl.flight import Flight, FlightPlan
 from gloc3_sitl.flight_report import FlightReport, as_json, judge
+from gloc3_sitl.flight_watch import FlightWatch, Narrate
 from gloc3_sitl.wind import CALM, Wind
 
 PATIENCE: Final = 3.0
 """A mission that takes so many times its estimate, and a minute, is given up."""
-SETTLE_S: Final = 1.0
-
-Narrate = Callable[[str], None]
 
 
 class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -34,58 +28,6 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     wind: Wind = CALM
     faults: tuple[str, ...] = ()
     out: Path | None = None
-
-
-class _Watch:
-    """Collects what the report tells, and narrates."""
-
-    def __init__(self, flight: Flight, narrate: Narrate | None) -> None:
-        self.report = FlightReport(
-            mission=flight.mission.name,
-            mission_state="waiting",
-            platform=flight.name,
-            autopilot=flight.plan.autopilot,
-            seed=flight.plan.seed,
-        )
-        self.path = RequestedPath(flight.exchange, flight.name)
-        self._narrate = narrate
-        self._armed_s: float | None = None
-        self._started_s: float | None = None
-        subscribe, name = flight.exchange.subscribe, flight.name
-        subscribe(f"{name}/ci/event", self._event)
-        subscribe(f"{name}/ci/mission", self._mission)
-        subscribe(f"{name}/autopilot", self._autopilot)
-        subscribe(f"{name}/image_recorded", self._image)
-
-    def _event(self, envelope: Envelope[CiEvent]) -> None:
-        event = envelope.payload
-        line = f"{event.t_s:8.2f} s  {event.source}: {event.text}"
-        self.report.events.append(line.strip())
-        if self._narrate is not None:
-            self._narrate(line)
-
-    def _mission(self, envelope: Envelope[MissionSummary]) -> None:
-        mission = envelope.payload
-        if mission.state == "running" and self._started_s is None:
-            self._started_s = envelope.t_s
-        if mission.state and self._started_s is not None:
-            if mission.state != self.report.mission_state:
-                self.report.mission_time_s = round(envelope.t_s - self._started_s, 3)
-            self.report.mission_state, self.report.reason = mission.state, mission.reason
-            self.report.tasks = dict(mission.tasks)
-
-    def _autopilot(self, envelope: Envelope[AutopilotState]) -> None:
-        state = envelope.payload
-        if state.is_armed and self._armed_s is None:
-            self._armed_s = envelope.t_s
-        elif not state.is_armed and self._armed_s is not None:
-            self.report.flight_time_s = round(self.report.flight_time_s + envelope.t_s - self._armed_s, 3)
-            self._armed_s = None
-        if state.battery_remaining >= 0.0:
-            self.report.battery_remaining = round(state.battery_remaining, 3)
-
-    def _image(self, envelope: Envelope[ImageRecorded]) -> None:
-        self.report.images += 1
 
 
 async def fly_mission(options: FlyOptions, narrate: Narrate | None, begin_s: float) -> FlightReport:
@@ -116,7 +58,7 @@ async def fly_mission(options: FlyOptions, narrate: Narrate | None, begin_s: flo
             from gloc3_sitl.faults import schedule_faults
 
             schedule_faults(flight, options.faults)
-        watch = _Watch(flight, narrate)
+        watch = FlightWatch(flight.exchange, flight.name, flight.mission.name, options.autopilot, options.seed, narrate)
         ready_s = Clock.cost_s()
         follower = await flight.upload_and_start()
         try:

@@ -285,6 +285,10 @@ class AutopilotLink:
 
     # --- the telemetry devices ---
 
+    def t_s_of_boot(self, boot_s: float) -> float | None:
+        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        return self._telemetry.t_s_of_boot(boot_s)
+
     def state(self) -> AutopilotState:
         """Mode, arming, battery, as known now."""
         is_connected = self._target is not None and self._target in self._peers and self._peers[self._target].is_alive

@@ -46,6 +46,10 @@ class BootClock:
         self._last_s = now_s
         return boot_ms * 1e-3 + self._offset_s
 
+    def t_s_of(self, boot_s: float) -> float | None:
+        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        return boot_s + self._offset_s if math.isfinite(self._offset_s) else None
+
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
         return max(0, int((now_s - self._offset_s) * 1e3)) if math.isfinite(self._offset_s) else 0
@@ -92,6 +96,10 @@ class Telemetry:
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
         return self._clock.boot_ms(now_s)
+
+    def t_s_of_boot(self, boot_s: float) -> float | None:
+        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        return self._clock.t_s_of(boot_s)
 
     def receive(self, message: MavlinkMessage, now_s: float) -> None:
         """Takes a message of the autopilot in."""

@@ -1,0 +1,62 @@
+"""The command `gloc3 onboard`: the companion process of a platform, in wall time, until it is told to stop."""
+
+import asyncio
+from pathlib import Path
+from typing import Annotated, Final
+
+from cyclopts import App, Parameter
+
+DEFAULT_AUTOPILOT: Final = "udpin://0.0.0.0:14540"
+DEFAULT_STATION: Final = "udpout://127.0.0.1:14550"
+
+app = App(
+    name="gloc3 onboard",
+    help="""Run the onboard companion process of a platform: its components, the link to the autopilot, and the links to
+    ground stations, until Ctrl-C or SIGTERM.
+
+    Examples:
+
+    - `gloc3 onboard pelican`: with the simulated vehicle of `gloc3 sitl` on the same machine
+    - `gloc3 onboard my.yaml --autopilot serial:///dev/ttyACM0:57600 --station udpout://192.168.1.10:14550`
+
+    Its log, pictures and what must survive a restart go to the folder of --out.""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+
+@app.default
+def onboard(
+    platform: str,
+    /,
+    *,
+    autopilot: str = DEFAULT_AUTOPILOT,
+    station: Annotated[list[str] | None, Parameter(negative=())] = None,
+    camera: Annotated[list[str] | None, Parameter(negative=())] = None,
+    out: Path | None = None,
+    system_id: int = 1,
+    quiet: Annotated[bool, Parameter(negative=())] = False,
+) -> int:
+    """Run the onboard companion process.
+
+    Args:
+        platform: A platform file, or the name of one that is installed, such as pelican.
+        autopilot: Where the autopilot is: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD.
+        station: Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550.
+        camera: A camera as NAME=tcp://HOST:PORT, for the device NAME of the platform; may be given again.
+        out: Folder for the log, pictures and state; default: gloc3-PLATFORM here.
+        system_id: The vehicle's MAVLink system; this process is component 191 of it.
+        quiet: No narration on stderr.
+    """
+    from gloc3_onboard.process import ProcessOptions, run
+
+    options = ProcessOptions(
+        platform=platform,
+        autopilot=autopilot,
+        stations=tuple(station or (DEFAULT_STATION,)),
+        cameras=tuple(camera or ()),
+        out=out,
+        system_id=system_id,
+        is_quiet=quiet,
+    )
+    return asyncio.run(run(options))

@@ -88,6 +88,10 @@ class FlightLogger:
         """Throws away every log that is not being written."""
         self.logs[:] = [log for log in self.logs if log is self._open]
 
+    def remove(self, number: int) -> None:
+        """Throws one log away; the one that is being written stays."""
+        self.logs[:] = [log for log in self.logs if log.number != number or log is self._open]
+
     def tick(self, now_s: float) -> None:
         """Writes what is due."""
         is_armed = self._autopilot.craft.is_armed

@@ -120,6 +120,8 @@ class Style:
     """Whether streamed control is only entered while setpoints come in."""
     streamed_shapes_positions: bool
     """Whether a single far position is approached by a smooth trajectory."""
+    log_folder: str
+    """Where flight logs stand on the memory card."""
     mission_keeps_home: bool
     """Whether item 0 of a mission is home."""
     pilot_disarms_in_air: bool

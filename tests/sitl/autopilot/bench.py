@@ -74,6 +74,9 @@ class Bench:
     def send(self, name: str, **fields: Any) -> None:
         self._receive(self._encoder.encode(message(name, **fields)))
 
+    def send_message(self, out: MavlinkMessage) -> None:
+        self._receive(self._encoder.encode(out))
+
     def run(self, seconds: float) -> None:
         self.sim.advance(self.sim.now_s + seconds)
 

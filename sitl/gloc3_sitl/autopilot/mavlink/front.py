@@ -6,6 +6,7 @@ from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.link import codec
 from gloc3.link.command import CommandRequest, CommandResult, CommandServer
+from gloc3.link.ftp_server import FtpServer
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.interval import StreamScheduler
 from gloc3.link.message import Address, MavlinkMessage
@@ -28,6 +29,7 @@ from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, startin
 from gloc3_sitl.autopilot.mavlink.telemetry import PRODUCERS
 from gloc3_sitl.autopilot.mavlink.version import version_of
 from gloc3_sitl.autopilot.modes import Result, Severity
+from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 
 _QUADROTOR: Final = 2
 _STANDBY, _ACTIVE, _CRITICAL, _EMERGENCY, _BOOT, _TERMINATED = 3, 4, 5, 6, 1, 8
@@ -64,6 +66,7 @@ class Front:
                 self._heartbeat,
                 self.plans.server,
                 self._parameters.server,
+                FtpServer(self.own, OnboardFiles(autopilot.logger, autopilot.style.log_folder)),
                 TimeSync(self.own),
             ),
         )

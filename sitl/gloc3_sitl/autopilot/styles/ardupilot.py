@@ -52,6 +52,7 @@ ARDUPILOT: Final = Style(
     arming_prefix="PreArm: ",
     streamed_needs_stream=False,
     streamed_shapes_positions=True,
+    log_folder="/APM/LOGS",
     mission_keeps_home=True,
     pilot_disarms_in_air=True,
     takeoff_in_streamed=True,

@@ -64,6 +64,7 @@ PX4: Final = Style(
     arming_prefix="Arming denied: ",
     streamed_needs_stream=True,
     streamed_shapes_positions=False,
+    log_folder="/fs/microsd/log",
     mission_keeps_home=False,
     pilot_disarms_in_air=False,
     takeoff_in_streamed=False,

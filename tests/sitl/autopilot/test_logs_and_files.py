@@ -1,0 +1,124 @@
+"""The onboard log and the memory card: what is written in flight, and how it is fetched."""
+
+from contextlib import suppress
+from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
+from functools import cache
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gloc3.link.ftp import FtpError
+from gloc3.link.ftp_client import FtpCall, FtpClient
+from gloc3.link.message import Address
+from gloc3_sitl.autopilot.flight_log import LogHeader, LogRecord
+from gloc3_sitl.autopilot.onboard_files import OnboardFiles
+
+from .bench import LAND, VEHICLE, Bench
+
+
+@cache
+def flown(style: str = "px4") -> Bench:
+    bench = Bench(style)
+    bench.take_off()
+    bench.command(LAND)
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    bench.run(0.2)
+    return bench
+
+
+def finish(bench: Bench, client: FtpClient, call: FtpCall) -> FtpCall:
+    seen = len(bench.heard)
+    while call.result is None:
+        for out in client.outgoing():
+            bench.send_message(out)
+        for heard in bench.heard[seen:]:
+            if heard.name in client.handles:
+                client.receive(heard, VEHICLE, bench.sim.now_s)
+        seen = len(bench.heard)
+        bench.run(0.02)
+        client.tick(bench.sim.now_s)
+    return call
+
+
+@pytest.mark.parametrize(("style", "folder"), [("px4", "/fs/microsd/log"), ("ardupilot", "/APM/LOGS")])
+def test_the_log_of_a_flight_is_listed_and_read_over_ftp(style: str, folder: str) -> None:
+    bench = flown(style)
+    client = FtpClient(Address(1, 191))
+    listed = finish(bench, client, client.list(VEHICLE, folder, now_s=bench.sim.now_s))
+    assert [entry.name for entry in listed.entries] == ["flight_001.jsonl"]
+    read = finish(bench, client, client.read(VEHICLE, f"{folder}/flight_001.jsonl", now_s=bench.sim.now_s))
+    assert read.result is FtpError.NONE
+    lines = bytes(read.data).splitlines()
+    header = msgspec.json.decode(lines[0], type=LogHeader)
+    records = [msgspec.json.decode(line, type=LogRecord) for line in lines[1:]]
+    assert header.style == style
+    assert len(header.parameters) > 40
+    assert min(record.position_ned_m[2] for record in records) < -2.3
+    assert records[-1].t_s - records[0].t_s > 8.0
+    assert len(records) == pytest.approx(10.0 * (records[-1].t_s - records[0].t_s), abs=3)
+
+
+def test_a_file_is_written_and_read_back_over_ftp() -> None:
+    bench = Bench()
+    client = FtpClient(Address(1, 191))
+    data = bytes(range(256)) * 5
+    written = finish(bench, client, client.write(VEHICLE, "/fs/microsd/note.bin", data, now_s=bench.sim.now_s))
+    assert written.result is FtpError.NONE
+    read = finish(bench, client, client.read(VEHICLE, "/fs/microsd/note.bin", now_s=bench.sim.now_s))
+    assert bytes(read.data) == data
+
+
+@pytest.mark.parametrize(
+    ("method", "arguments", "number"),
+    [
+        ("size", ("/none",), ENOENT),
+        ("read", ("/fs", 0, 10), EPERM),
+        ("entries", ("/none",), ENOENT),
+        ("entries", ("/../etc",), EPERM),
+        ("create", ("/none/file",), ENOENT),
+        ("create", ("/fs/microsd/log/mine",), EPERM),
+        ("write", ("/fs/microsd/log/flight_001.jsonl", 0, b"x"), EPERM),
+        ("truncate", ("/none", 3), ENOENT),
+        ("make_folder", ("/fs",), EEXIST),
+        ("make_folder", ("/a/b",), ENOENT),
+        ("remove", ("/none",), ENOENT),
+        ("remove_folder", ("/fs/microsd",), EPERM),
+        ("remove_folder", ("/full",), ENOTEMPTY),
+        ("rename", ("/full/file", "/full/file"), EEXIST),
+        ("rename", ("/none", "/other"), ENOENT),
+        ("write", ("/full/file", 5_000_000, b"x"), ENOSPC),
+    ],
+)
+def test_what_the_card_cannot_do_is_an_error_of_the_system(
+    method: str, arguments: tuple[Any, ...], number: int
+) -> None:
+    files = OnboardFiles(flown().autopilot.logger, "/fs/microsd/log")
+    files.make_folder("/full")
+    files.create("/full/file")
+    with pytest.raises(OSError) as failed:  # noqa: PT011 # the number is looked at
+        getattr(files, method)(*arguments)
+    assert failed.value.errno == number
+
+
+def test_the_card_keeps_cuts_moves_and_removes() -> None:
+    files = OnboardFiles(flown().autopilot.logger, "/log")
+    files.create("/a")
+    files.write("/a", 3, b"xyz")
+    assert files.read("/a", 0, 10) == b"\0\0\0xyz"
+    files.truncate("/a", 4)
+    files.rename("/a", "/b")
+    assert [(entry.name, entry.is_folder) for entry in files.entries("/")] == [("b", False), ("log", True)]
+    assert files.size("/b") == 4
+    files.remove("/b")
+    assert len(files.entries("/")) == 1
+
+
+@given(st.text(max_size=20))
+def test_any_path_is_served_or_an_error_of_the_system(path: str) -> None:
+    files = OnboardFiles(flown().autopilot.logger, "/log")
+    for method in (files.entries, files.size, files.create, files.remove, files.make_folder):
+        with suppress(OSError):
+            method(path)

@@ -20,6 +20,7 @@ from gloc3.link.version import Capability, Version, VersionServer
 
 log_subscribe(lambda level, text, file, line: True)  # else it writes to stdout
 
+VEHICLE = Address(1, 1)
 QUADROTOR, PX4, STATION = 2, 12, 6
 
 
@@ -37,9 +38,11 @@ async def lossy_proxy(port: int, loss: float, seed: int) -> AsyncIterator[int]:
     def pass_on(send: Callable[[bytes], None]) -> Callable[[bytes], None]:
         return lambda data: None if chance.random() < loss else send(data)
 
-    back = await open_endpoint(f"udpout://127.0.0.1:{port}", loop, lambda data: to_front(data))
+    def to_front(data: bytes) -> None:
+        pass_on(front.send)(data)
+
+    back = await open_endpoint(f"udpout://127.0.0.1:{port}", loop, to_front)
     front = await open_endpoint("udpin://127.0.0.1:0", loop, pass_on(back.send))
-    to_front = pass_on(front.send)
     assert front.local_port
     try:
         yield front.local_port
@@ -53,7 +56,7 @@ async def running(
     services: Sequence[Service[Any]],
     mavsdk: Configuration,
     *,
-    own: Address = Address(1, 1),
+    own: Address = VEHICLE,
     loss: float = 0.0,
     seed: int = 1,
     after: Callable[[float], None] | None = None,
@@ -71,7 +74,10 @@ async def running(
         if after is not None:
             after(now_s)
 
-    endpoint = await open_endpoint("udpin://127.0.0.1:0", loop, lambda data: runner.on_data(data))
+    def on_data(data: bytes) -> None:
+        runner.on_data(data)
+
+    endpoint = await open_endpoint("udpin://127.0.0.1:0", loop, on_data)
     runner = NodeRunner(Node(own, [heartbeat, commands, version, *services]), loop, endpoint.send, after=answer)
     assert endpoint.local_port
     try:

@@ -15,7 +15,7 @@ class Item(NamedTuple):
     """`TASK` or `TASK.ACTION`."""
     state: str
     progress: float | None
-    """0 to 1; None where there is none to tell."""
+    """0 to 1; None, or 0, where there is none to tell: some actions have no measure of it."""
 
     @property
     def is_task(self) -> bool:
@@ -44,7 +44,7 @@ def running(mission: MissionSummary) -> str:
     for item in items(mission):
         if item.is_task or item.state not in ("running", "paused"):
             continue
-        percent = f" {item.progress * 100:.0f} %" if item.progress is not None else ""
+        percent = f" {item.progress * 100:.0f} %" if item.progress else ""
         parts.append(item.target + percent + (" paused" if item.state == "paused" else ""))
     return ", ".join(parts)
 
@@ -54,7 +54,12 @@ def position(vehicle: VehicleSummary) -> str:
     if not vehicle.is_pose_valid:
         return "position unknown"
     x_m, y_m, height_m = vehicle.position_m
-    return f"x {x_m:.1f}  y {y_m:.1f}  h {height_m:.1f} m"
+    return f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m"
+
+
+def tenths(value: float) -> str:
+    """`4.2`, and never `-0.0`."""
+    return f"{round(value, 1) + 0.0:.1f}"
 
 
 def battery(vehicle: VehicleSummary) -> str:

@@ -12,7 +12,7 @@ from gloc3_groundstation.tui.events_view import event_lines
 from gloc3_groundstation.tui.lines import Line, Tone, bar, text_of, wrapped
 from gloc3_groundstation.tui.mission_view import mission_lines, mission_title
 from gloc3_groundstation.tui.vehicle_view import title_line, vehicle_lines
-from gloc3_groundstation.wording import farewell
+from gloc3_groundstation.wording import farewell, tenths
 
 from .scripted_platform import ROWS, TASKS, VEHICLE
 
@@ -165,3 +165,7 @@ def test_a_vehicle_in_flight_is_left_to_its_policies() -> None:
     assert farewell(Fleet(platforms={"heron": PLATFORM})) == "stopped"
     said = farewell(Fleet(platforms={"heron": flying, "egret": PLATFORM}))
     assert said == "stopped; heron flies on by the mission's policies (on_link_loss)"
+
+
+def test_a_position_next_to_zero_has_no_sign() -> None:
+    assert [tenths(value) for value in (-0.04, 0.04, -0.06, 12.34)] == ["0.0", "0.0", "-0.1", "12.3"]

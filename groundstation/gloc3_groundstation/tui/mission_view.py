@@ -41,7 +41,8 @@ def mission_lines(platform: PlatformSnapshot | None, plan: Plan | None, now_s: f
     mission = timed.value
     lines = [_line(item, min(width, WIDEST)) for item in wording.items(mission)]
     if mission.reason:
-        lines += [(Span(f" {text}", Tone.WARN),) for text in wrapped(mission.reason, width - 2)]
+        tone = Tone.DIM if mission.state in (ActionState.RUNNING, ActionState.DONE) else Tone.WARN
+        lines += [(Span(f" {text}", tone),) for text in wrapped(mission.reason, width - 2)]
     if timed.is_stale(now_s):
         return [faded(line) for line in (*lines, (Span(f" {wording.duration(timed.age_s(now_s))} ago"),))]
     return lines
@@ -53,7 +54,7 @@ def _line(item: wording.Item, width: int) -> Line:
     )
     indent = " " if item.is_task else "   "
     state = item.state
-    if item.progress is not None and item.state in (ActionState.RUNNING, ActionState.PAUSED):
+    if item.progress and item.state in (ActionState.RUNNING, ActionState.PAUSED):
         state = f"{bar(item.progress, BAR_WIDTH)} {item.progress * 100:3.0f} %"
     room = width - len(indent) - 3 - len(state)
     name = item.name[: max(0, room)]

@@ -1,0 +1,187 @@
+"""`gloc3 mission`: check, show and convert mission files."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Final
+
+from cyclopts import App, Parameter
+
+from gloc3.document import load_bytes
+from gloc3.errors import Finding, InputError
+from gloc3.mission.checker import Circumstances, Report, check_text
+from gloc3.mission.examples import find_mission
+from gloc3.mission.formats import (
+    MISSION_SUFFIXES,
+    PLAN_SUFFIXES,
+    WPL_SUFFIXES,
+    from_mission,
+    load_plan,
+    mission_text,
+    to_mission,
+    write_plan,
+    write_wpl,
+)
+from gloc3.mission.reader import Surroundings, load_mission
+from gloc3.mission.show import drawing, mermaid
+from gloc3.mission.writer import write_mission
+from gloc3.platform import Platform, load_platform
+
+app = App(name="mission", help="Check, show and convert mission files.", version_flags=[])
+
+OK: Final = 0
+FAILED: Final = 1
+WRONG_USE: Final = 2
+
+Mission = Annotated[str, Parameter(help="A mission file, a plan, or the name of an example.")]
+OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name of an installed platform.")]
+
+
+@app.command
+def check(
+    mission: Mission, *, platform: OnPlatform = None, json_output: Annotated[bool, Parameter(name="--json")] = False
+) -> int:
+    """Prove a mission: its order, arguments, claims, space, time, energy and policies.
+
+    Args:
+        mission: what to check.
+        platform: what it is to fly on; without it only the file itself is checked.
+        json_output: print the report as JSON.
+    """
+    try:
+        path, on = find_mission(mission), _platform(platform)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    try:
+        report = _report(path, on)
+    except InputError as error:
+        report = Report(file=mission, findings=error.findings)
+    if json_output:
+        _print(json.dumps(report.as_dict(), indent=2))
+    else:
+        for finding in report.findings:
+            _print(str(finding))
+        _print(_verdict(report))
+    return OK if report.is_ok else FAILED
+
+
+@app.command
+def show(
+    mission: Mission,
+    *,
+    platform: OnPlatform = None,
+    mermaid_output: Annotated[bool, Parameter(name="--mermaid")] = False,
+) -> int:
+    """Draw the partial order of a mission, with estimated times.
+
+    Args:
+        mission: what to draw.
+        platform: what it is to fly on, for better estimates.
+        mermaid_output: draw a Mermaid flowchart instead.
+    """
+    try:
+        path, on = find_mission(mission), _platform(platform)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    try:
+        report = _report(path, on)
+        found = report.flyable()
+    except InputError as error:
+        return _fail(error)
+    _print(mermaid(found) if mermaid_output else drawing(report, Circumstances(platform=on).capabilities(), on), end="")
+    return OK
+
+
+@app.command
+def convert(source: Mission, target: Path, *, platform: OnPlatform = None) -> int:
+    """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
+
+    Args:
+        source: what to convert.
+        target: where to write it.
+        platform: whose speed limit a converted plan keeps to.
+    """
+    known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
+    if target.suffix not in known:
+        _complain(f"{target}: unknown kind of file {target.suffix!r} (known: {', '.join(known)})")
+        return WRONG_USE
+    try:
+        path, on = find_mission(source), _platform(platform)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    try:
+        text, warnings = _converted(path, target.suffix, on)
+        target.write_text(text, encoding="utf-8")
+    except InputError as error:
+        return _fail(error)
+    except OSError as error:
+        _complain(f"{target}: cannot be written: {(error.strerror or str(error)).lower()}")
+        return WRONG_USE
+    for warning in warnings:
+        _complain(str(warning))
+    return OK
+
+
+def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
+    warnings: list[Finding] = []
+    limit_m_s = platform.limits.speed_m_s if platform is not None else None
+    if source.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        plan = load_plan(source)
+        if suffix in MISSION_SUFFIXES:
+            return to_mission(plan, source.stem, str(source), limit_m_s)
+    else:
+        mission = load_mission(str(source), Surroundings.of(platform))
+        if suffix in MISSION_SUFFIXES:
+            return write_mission(mission), []
+        plan, warnings = from_mission(mission, str(source))
+    if suffix in PLAN_SUFFIXES:
+        return write_plan(plan), warnings
+    if plan.fence or plan.rally:
+        message = "the fence and rally points have no place in a file of waypoints"
+        warnings.append(Finding(file=str(source), message=message, hint="convert it to .plan", is_warning=True))
+    return write_wpl(plan), warnings
+
+
+def _platform(name: str | None) -> Platform | None:
+    return load_platform(name) if name is not None else None
+
+
+def _report(path: Path, platform: Platform | None) -> Report:
+    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        file, text, warnings = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
+        report = check_text(text, f"{file} (converted)", Circumstances(platform=platform))
+        findings = (*warnings, *report.findings)
+        return Report(
+            file=file, findings=findings, mission=report.mission, estimate=report.estimate, order=report.order
+        )
+    return check_text(load_bytes(path), str(path), Circumstances(platform=platform))
+
+
+def _verdict(report: Report) -> str:
+    figures = report.estimate
+    numbers = ""
+    if figures is not None:
+        energy = f", {figures.energy_wh:.1f} Wh" if figures.energy_wh else ""
+        numbers = f": about {figures.duration_s:.0f} s, {figures.length_m:.0f} m{energy}"
+    errors = sum(not finding.is_warning for finding in report.findings)
+    warnings = len(report.findings) - errors
+    if report.is_ok:
+        return f"{report.file} is fit to fly{numbers}" + (f" ({_count(warnings, 'warning')})" if warnings else "")
+    return f"{report.file} is not fit to fly: {_count(errors, 'error')}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def _fail(error: InputError, code: int = FAILED) -> int:
+    _complain(str(error))
+    return code
+
+
+def _print(text: str, end: str = "\n") -> None:
+    sys.stdout.write(text + end)
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(text + "\n")

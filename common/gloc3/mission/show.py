@@ -1,0 +1,170 @@
+"""Draws a mission: its partial order with times and claims as text for a terminal, and as a Mermaid diagram."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+import msgspec
+
+from gloc3.mission.arguments import Arguments
+from gloc3.mission.checker import Report
+from gloc3.mission.model import Action, ItemFile, Mission, Task
+from gloc3.platform import Capability, Platform
+
+WIDTH: Final = 80
+_BAR: Final = 22
+_LEFT: Final = WIDTH - _BAR - 1
+_UNITS: Final = {"_m_s2": "m/s²", "_m_s": "m/s", "_m": "m", "_s": "s", "_deg": "°"}
+
+
+def drawing(report: Report, capabilities: Mapping[str, Capability], platform: Platform | None = None) -> str:
+    """The partial order of a checked mission, 80 columns wide.
+
+    One thing under the other comes after it; what hangs on the line by `├─` may run at the same time. The bars tell
+    when each action runs, by the estimate.
+
+    Args:
+        report: of the mission; it must hold one.
+        capabilities: what the actions claim.
+        platform: for the energy that there is.
+    """
+    mission = report.flyable()
+    lines = [*_head(mission, report, platform), ""]
+    total_s = report.estimate.duration_s if report.estimate is not None else 0.0
+    if total_s > 0.0:
+        lines.append(" " * _LEFT + f" 0{f'{total_s:.0f} s':>{_BAR - 1}}")
+    tasks = {name: task.options.after for name, task in mission.tasks.items()}
+    for name, mark, below in _layered(tasks, "●", "│"):
+        task = mission.tasks[name]
+        lines += _item(mark, below, name, "", _relations(task.options), "")
+        lines += _actions(task, below, report, capabilities, total_s)
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _head(mission: Mission, report: Report, platform: Platform | None) -> Iterator[str]:
+    policies = mission.policies
+    yield _cut(f"{mission.name}   (frame {mission.frame})", WIDTH)
+    figures = report.estimate
+    if figures is not None:
+        energy = ""
+        if platform is not None and platform.power is not None:
+            energy = f", {figures.energy_wh:.1f} of {platform.power.usable_wh:.1f} Wh"
+        yield f"about {figures.duration_s:.0f} s, {figures.length_m:.0f} m{energy}"
+    yield _cut(
+        f"on failure {policies.on_failure}, link loss {policies.on_link_loss}, low battery {policies.on_low_battery}, "
+        f"pose lost {policies.on_pose_lost}",
+        WIDTH,
+    )
+
+
+def _actions(
+    task: Task, prefix: str, report: Report, capabilities: Mapping[str, Capability], total_s: float
+) -> Iterator[str]:
+    order = {name: action.options.after for name, action in task.actions.items()}
+    for name, mark, below in _layered(order, "○", "│"):
+        action = task.actions[name]
+        claims = capabilities[action.capability].claims if action.capability in capabilities else ()
+        relations = [*([f"until {action.options.until}"] if action.options.until else []), *_relations(action.options)]
+        relations += [f"claims {', '.join(claims)}"] if claims else []
+        bar = ""
+        if report.estimate is not None and total_s > 0.0:
+            part = report.estimate.actions.get(f"{task.name}.{name}")
+            bar = _bar(part.start_s / total_s, part.end_s / total_s) if part is not None else ""
+        yield from _item(prefix + mark, prefix + below, name, summary(action), relations, bar)
+
+
+def _item(mark: str, below: str, name: str, what: str, relations: list[str], bar: str) -> Iterator[str]:
+    """An item's line, and its relations, beside its name or in a second line."""
+    text = f"{mark} {name}" + (f"  {what}" if what else "")
+    beside = f"{text}  ({'; '.join(relations)})" if relations else text
+    if len(beside) <= _LEFT:
+        yield f"{beside:<{_LEFT}} {bar}"
+        return
+    yield f"{_cut(text, _LEFT):<{_LEFT}} {bar}"
+    if relations:
+        yield _cut(f"{below}   ({'; '.join(relations)})", WIDTH)
+
+
+def _relations(options: ItemFile) -> list[str]:
+    found = [f"after {', '.join(options.after)}"] if options.after else []
+    if options.deadline_s is not None:
+        found.append(f"deadline {options.deadline_s:g} s")
+    if options.on_failure is not None:
+        found.append(f"on failure {options.on_failure}")
+    if options.retries:
+        found.append(f"retries {options.retries}")
+    return found
+
+
+def _layered(after: Mapping[str, tuple[str, ...]], dot: str, rail: str) -> Iterator[tuple[str, str, str]]:
+    """The names by depth in the order, each with what is drawn before it and before the lines below it."""
+    depth: dict[str, int] = {}
+    while len(depth) < len(after):
+        for name, earlier in after.items():
+            if name not in depth and all(one in depth for one in earlier):
+                depth[name] = 1 + max((depth[one] for one in earlier), default=0)
+    last = max(depth.values(), default=0)
+    for level in range(1, last + 1):
+        names = [name for name in after if depth[name] == level]
+        for index, name in enumerate(names):
+            goes_on = level < last or index + 1 < len(names)
+            line = rail if goes_on else " "
+            if len(names) == 1:
+                yield name, dot, f"{line} "
+            else:
+                yield name, f"{'├' if goes_on else '╰'}─{dot}", f"{line}   "
+
+
+def _bar(start: float, end: float) -> str:
+    first = min(_BAR - 1, int(start * _BAR))
+    length = max(1, round(end * _BAR) - first)
+    return " " * first + "━" * min(length, _BAR - first)
+
+
+def _cut(text: str, width: int) -> str:
+    return text if len(text) <= width else text[: width - 1] + "…"
+
+
+def summary(action: Action) -> str:
+    """An action's capability and arguments in a few words."""
+    return " ".join([action.capability, *_words(action.arguments)])
+
+
+def _words(arguments: Arguments) -> Iterator[str]:
+    entries = msgspec.to_builtins(arguments).items()
+    for key, value in sorted(entries, key=lambda entry: not isinstance(entry[1], list | tuple)):
+        suffix = next((one for one in _UNITS if key.endswith(one)), "")
+        word = key.removesuffix(suffix)
+        if isinstance(value, list | tuple):
+            yield f"{len(value)} {word}" if value and isinstance(value[0], list | tuple) else word
+        elif isinstance(value, dict):
+            yield f"{word} {next(iter(value), '')}"
+        elif isinstance(value, float | int) and not isinstance(value, bool):
+            yield f"{word} {value:g} {_UNITS.get(suffix, '')}".rstrip()
+        elif key == "camera":
+            yield str(value)
+        else:
+            yield f"{word} {value}"
+
+
+def mermaid(mission: Mission) -> str:
+    """The partial order as a Mermaid flowchart: tasks as boxes of actions, `until` as dotted arrows."""
+    lines = ["flowchart LR"]
+    for task in mission.tasks.values():
+        lines.append(f"    subgraph {_id(task.name)}[{task.name}]")
+        lines += [
+            f'        {_id(task.name, action.name)}["{action.name}<br/>{summary(action)}"]'
+            for action in task.actions.values()
+        ]
+        for action in task.actions.values():
+            here = _id(task.name, action.name)
+            lines += [f"        {_id(task.name, name)} --> {here}" for name in action.options.after]
+            if action.options.until is not None:
+                lines.append(f"        {here} -. until .-> {_id(task.name, action.options.until)}")
+        lines.append("    end")
+    for task in mission.tasks.values():
+        lines += [f"    {_id(name)} --> {_id(task.name)}" for name in task.options.after]
+    return "\n".join(lines) + "\n"
+
+
+def _id(*names: str) -> str:
+    return "t_" + "__".join(name.replace("-", "_") for name in names)

@@ -1,0 +1,153 @@
+"""`gloc3 mission` checks, draws and converts, with exit codes 0, 1 and 2."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.cli import app
+from gloc3.mission.examples import example_missions
+from gloc3.mission.show import WIDTH, drawing, mermaid
+from gloc3.platform import Platform
+
+MISSION = """\
+mission: two branches
+frame: hold
+on_failure: land
+tasks:
+  depart: {actions: {climb: {take_off: {height_m: 1.5}}}}
+  sweep:
+    after: [depart]
+    deadline_s: 120
+    actions:
+      wall: {follow_waypoints: {waypoints_m: [[2, 1, 2], [16, 1, 2]], heading: {look_at: [1, 2, 3]}}}
+      photos: {record_images: {camera: ground, every_m: 0.5}, until: wall, on_failure: continue}
+  rest:
+    after: [depart]
+    actions: {rest: {wait: {duration_s: 5}}}
+  recover: {after: [sweep, rest], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
+"""
+
+DRAWING = """\
+two branches   (frame hold)
+about 35 s, 36 m, 1.8 of 53.2 Wh
+on failure land, link loss hold, low battery return, pose lost land
+
+                                                          0                 35 s
+● depart
+│ ○ climb  take_off height 1.5 m  (claims motion)         ━━━
+├─● sweep  (after depart; deadline 120 s)
+│   ├─○ wall  follow_waypoints 2 waypoints heading look_…   ━━━━━━━━━━━━
+│   │      (claims motion)
+│   ╰─○ photos  record_images ground every 0.5 m            ━━━━━━━━━━━━
+│          (until wall; on failure continue; claims camera)
+├─● rest  (after depart)
+│   ○ rest  wait duration 5 s                               ━━━━
+● recover  (after sweep, rest)
+  ○ home  return_home  (claims motion)                                 ━━━━━
+  ○ down  land  (after home; claims motion)                                ━━━━━
+"""
+
+FLOWCHART = """\
+flowchart LR
+    subgraph t_depart[depart]
+        t_depart__climb["climb<br/>take_off height 1.5 m"]
+    end
+    subgraph t_sweep[sweep]
+        t_sweep__wall["wall<br/>follow_waypoints 2 waypoints heading look_at"]
+        t_sweep__photos["photos<br/>record_images ground every 0.5 m"]
+        t_sweep__photos -. until .-> t_sweep__wall
+    end
+    subgraph t_rest[rest]
+        t_rest__rest["rest<br/>wait duration 5 s"]
+    end
+    subgraph t_recover[recover]
+        t_recover__home["home<br/>return_home"]
+        t_recover__down["down<br/>land"]
+        t_recover__home --> t_recover__down
+    end
+    t_depart --> t_sweep
+    t_depart --> t_rest
+    t_sweep --> t_recover
+    t_rest --> t_recover
+"""
+
+
+def run(*arguments: str | Path) -> int:
+    result = app([str(one) for one in arguments], exit_on_error=False, result_action="return_value")
+    assert isinstance(result, int)
+    return result
+
+
+@pytest.fixture
+def platform_file(tmp_path: Path, platform_text: str) -> Path:
+    path = tmp_path / "pelican.yaml"
+    path.write_text(platform_text)
+    return path
+
+
+def test_a_mission_is_drawn_with_its_branches_bars_and_claims(pelican: Platform) -> None:
+    circumstances = Circumstances(platform=pelican)
+    report = check_text(MISSION, "m", circumstances)
+    assert drawing(report, circumstances.capabilities(), pelican) == DRAWING
+    assert mermaid(report.flyable()) == FLOWCHART
+
+
+@pytest.mark.parametrize("name", sorted(example_missions()))
+def test_drawings_fit_a_terminal(name: str, platform_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("show", name, "--platform", platform_file) == 0
+    assert max(len(line) for line in capsys.readouterr().out.splitlines()) <= WIDTH
+
+
+def test_check_says_what_is_wrong_where_and_fails(
+    tmp_path: Path, platform_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(MISSION.replace("camera: ground", "camera: front"))
+    assert run("check", path, "--platform", platform_file) == 1
+    out = capsys.readouterr().out.splitlines()
+    assert out[0] == f"{path}:11:40: camera 'front' is not possible on pelican (known: ground)"
+    assert out[-1] == f"{path} is not fit to fly: 1 error"
+    path.write_text(MISSION)
+    assert run("check", path, "--platform", platform_file) == 0
+    assert "is fit to fly: about 35 s, 36 m, 1.8 Wh" in capsys.readouterr().out
+    assert run("check", path, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["is_ok"] is True
+    assert report["findings"][0]["is_warning"] is True
+    path.write_text("a: [")
+    assert run("check", path, "--json") == 1
+    assert json.loads(capsys.readouterr().out)["findings"][0]["line"] == 2
+    assert run("show", path) == 1
+
+
+@pytest.mark.parametrize("command", ["check", "show"])
+def test_what_is_not_there_is_wrong_use(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(command, "inspektion") == 2
+    assert "no such mission (did you mean 'inspection'?)" in capsys.readouterr().err
+    assert run(command, "hop", "--platform", tmp_path / "none.yaml") == 2
+    assert "cannot be read: no such file or directory" in capsys.readouterr().err
+    assert run("convert", "hop", tmp_path / "hop.doc") == 2
+    assert run("convert", "hop", tmp_path / "none" / "hop.yaml") == 2
+
+
+def test_conversions_go_by_suffix(tmp_path: Path, platform_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "geo.yaml"
+    source.write_text(
+        "mission: geo\nframe: geo\ngeofence: {polygon: [[46, 7], [48, 7], [48, 9], [46, 9]], ceiling_m: 100}\ntasks:\n  t:\n    actions:\n"
+        "      up: {take_off: {height_m: 5}}\n"
+        "      go: {go_to: {position: [47, 8, 10], speed_m_s: 9}, after: [up]}\n"
+        "      home: {return_home: {}, after: [go]}\n      down: {land: {}, after: [home]}\n"
+    )
+    assert run("convert", source, tmp_path / "geo.plan") == 0
+    assert "the fence's ceiling has no place in a plan" in capsys.readouterr().err
+    assert run("convert", tmp_path / "geo.plan", tmp_path / "geo.waypoints") == 0
+    assert "the fence and rally points have no place in a file of waypoints" in capsys.readouterr().err
+    assert run("convert", tmp_path / "geo.waypoints", tmp_path / "again.yaml", "--platform", platform_file) == 0
+    assert "9 m/s are reduced to the platform's 3 m/s" in capsys.readouterr().err
+    assert run("check", tmp_path / "again.yaml", "--platform", platform_file) == 0
+    assert run("check", tmp_path / "geo.plan") == 0
+    assert run("convert", source, tmp_path / "copy.yaml") == 0
+    assert run("convert", "hop", tmp_path / "hop.plan") == 1
+    assert "frame hold has no place on Earth in a plan" in capsys.readouterr().err

@@ -1,0 +1,498 @@
+"""Supervision: standbys that take over, attempts with back-off, verdicts, silence, health; pure, and over real hosts."""
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gloc3.ci import Health
+from gloc3.deployment import ComponentRow, FaultPolicy
+from gloc3.errors import Refused
+from gloc3.lci import OPERATING, Command, State, transition
+from gloc3.messages import CommandReply, ComponentStatus, Envelope, Kind
+from gloc3.supervision import HEARTBEAT_STATE, STABLE_S, Order, Step, Supervision, Verdict
+from gloc3.testing import Bench
+
+from .component.specimen import Diary, Specimen
+
+
+def row(name: str, **entries: Any) -> ComponentRow:
+    """A row at 10 Hz."""
+    return msgspec.convert({"name": name, "class": "tests:Specimen", "rate_hz": 10.0, **entries}, ComponentRow)
+
+
+PAIR = (
+    row("main", required=True, on_fault={"standby": "spare", "reinitialize": {"times": 2}, "then": "land"}),
+    row("spare", begin="quiet", standby_for="main", on_fault={"reinitialize": {"times": 2}}),
+)
+ALONE = (row("alone", required=True, on_fault={"reinitialize": {"times": 3, "back_off_s": 0.5}, "then": "hold"}),)
+
+
+def status(name: str, state: State | None, cause: str = "") -> ComponentStatus:
+    """A component's health."""
+    return ComponentStatus(name=name, kind=Kind.PROCESSOR, state=state, cause=cause)
+
+
+def told(supervision: Supervision, now_s: float = 0.0, **states: State | None) -> list[Step]:
+    """Tells the states of some components."""
+    steps: list[Step] = []
+    for name, state in states.items():
+        steps += supervision.receive_status(status(name, state, "ValueError: odd"), now_s)
+    return steps
+
+
+def pair(now_s: float = 0.0) -> Supervision:
+    """A primary that works and a standby that is quiet."""
+    supervision = Supervision(PAIR)
+    assert told(supervision, now_s, main=State.WORKING, spare=State.QUIET) == []
+    return supervision
+
+
+def words(steps: Iterable[Step]) -> list[str]:
+    """Orders and verdicts in short."""
+    return [
+        f"{step.component}: {' '.join((step.request.command, *step.request.then))}"
+        if isinstance(step, Order)
+        else f"{step.component}: {step.policy}!"
+        for step in steps
+    ]
+
+
+def reply_to(step: Step, state: State | None, reason: str = "") -> CommandReply:
+    """What a host answers to an order."""
+    assert isinstance(step, Order)
+    return CommandReply(
+        request_id=step.request.request_id,
+        component=step.component,
+        command=step.request.command,
+        is_accepted=not reason,
+        state=state,
+        reason=reason,
+    )
+
+
+def test_a_quiet_standby_takes_over_within_the_call_that_tells_of_the_fault() -> None:
+    supervision = pair()
+    steps = told(supervision, 5.0, main=State.FAULTY)
+    assert words(steps) == ["spare: resume"]
+    assert steps[0].reason == "main: ValueError: odd"
+    assert supervision.in_charge("main") == supervision.in_charge("spare") == "spare"
+
+
+def test_the_old_primary_is_then_brought_up_quietly_and_is_the_new_standby() -> None:
+    supervision = pair()
+    (resume,) = told(supervision, 5.0, main=State.FAULTY)
+    assert supervision.receive_reply(reply_to(resume, State.WORKING), 5.01) == []
+    assert supervision.tick(5.4) == []
+    (up,) = supervision.tick(5.5)
+    assert words([up]) == ["main: initialize start goquiet"]
+    assert supervision.receive_reply(reply_to(up, State.QUIET), 5.6) == []
+    assert words(told(supervision, 7.0, spare=State.FAULTY)) == ["main: resume"]
+    assert supervision.in_charge("spare") == "main"
+
+
+def test_without_a_standby_a_component_is_initialized_again_with_pauses_that_double_and_then_it_is_lost() -> None:
+    supervision = Supervision(ALONE)
+    told(supervision, 0.0, alone=State.WORKING)
+    assert told(supervision, 1.0, alone=State.FAULTY) == []
+    now_s = 1.0
+    for pause_s in (0.5, 1.0, 2.0):
+        assert supervision.next_tick_s() == pytest.approx(now_s + pause_s)
+        now_s += pause_s
+        (up,) = supervision.tick(now_s)
+        assert words([up]) == ["alone: initialize start"]
+        told(supervision, now_s, alone=State.FAULTY)
+        steps = supervision.receive_reply(reply_to(up, State.FAULTY, "initialize failed"), now_s)
+    assert steps == [Verdict("alone", FaultPolicy.HOLD, "ValueError: odd")]
+    for second in range(10):
+        assert told(supervision, now_s + second, alone=State.FAULTY) == []
+        assert supervision.tick(now_s + second) == []
+
+
+def test_a_component_that_was_up_for_long_has_all_its_attempts_again() -> None:
+    supervision = Supervision(ALONE)
+    now_s = 0.0
+    told(supervision, now_s, alone=State.WORKING)
+    for lasts_s, pause_s in ((STABLE_S, 0.5), (5.0, 1.0), (STABLE_S, 0.5)):
+        now_s += lasts_s
+        told(supervision, now_s, alone=State.FAULTY)
+        assert supervision.next_tick_s() == pytest.approx(now_s + pause_s)
+        now_s += pause_s
+        (up,) = supervision.tick(now_s)
+        supervision.receive_reply(reply_to(up, State.WORKING), now_s)
+
+
+@pytest.mark.parametrize(
+    ("on_fault", "verdicts"),
+    [("ignore", []), ("land", ["alone: land!"]), ({"then": "return"}, ["alone: return!"])],
+)
+def test_a_bare_policy_is_a_verdict_at_once(on_fault: Any, verdicts: list[str]) -> None:
+    supervision = Supervision([row("alone", on_fault=on_fault)])
+    assert words(told(supervision, alone=State.FAULTY)) == verdicts
+
+
+def test_while_a_standby_is_in_charge_a_primary_that_is_past_help_is_no_verdict() -> None:
+    supervision = pair()
+    (resume,) = told(supervision, main=State.FAULTY)
+    supervision.receive_reply(reply_to(resume, State.WORKING), 0.0)
+    now_s = 0.0
+    for _ in range(2):
+        now_s += 5.0
+        told(supervision, now_s, spare=State.WORKING, main=State.FAULTY)
+        (up,) = supervision.tick(now_s)
+        assert supervision.receive_reply(reply_to(up, State.FAULTY, "odd"), now_s) == []
+    assert supervision.tick(now_s + 1.0) == []
+
+
+def test_a_standby_in_charge_that_fails_with_nobody_left_is_judged_by_its_primarys_policy() -> None:
+    supervision = pair()
+    (resume,) = told(supervision, main=State.FAULTY)
+    supervision.receive_reply(reply_to(resume, State.WORKING), 0.0)
+    told(supervision, 0.1, spare=State.FAULTY)
+    now_s, found = 0.1, list[str]()
+    for _ in range(20):
+        now_s += 1.0
+        for step in supervision.tick(now_s):
+            assert isinstance(step, Order)
+            told(supervision, now_s, **{step.component: State.FAULTY})
+            found += words(supervision.receive_reply(reply_to(step, State.FAULTY, "odd"), now_s))
+        told(supervision, now_s, main=State.FAULTY, spare=State.FAULTY)
+    assert found == ["spare: land!"]
+
+
+def test_a_standby_that_does_not_take_over_is_passed_over() -> None:
+    rows = (*PAIR, row("third", begin="quiet", standby_for="main"))
+    for answer in ("refusal", "silence"):
+        supervision = Supervision(rows)
+        told(supervision, main=State.WORKING, spare=State.QUIET, third=State.QUIET)
+        (resume,) = told(supervision, main=State.FAULTY)
+        assert words([resume]) == ["spare: resume"]
+        if answer == "refusal":
+            steps = supervision.receive_reply(reply_to(resume, State.QUIET, "not ready"), 0.1)
+        else:
+            steps = [step for step in supervision.tick(1.0) if step.component == "third"]
+        assert words(steps) == ["third: resume"]
+
+
+def test_a_failed_standby_that_is_not_in_charge_is_brought_up_quietly_and_is_no_loss() -> None:
+    supervision = pair()
+    assert told(supervision, 1.0, spare=State.FAULTY) == []
+    assert words(supervision.tick(1.5)) == ["spare: initialize start goquiet"]
+
+
+def test_a_standby_that_comes_up_while_nobody_works_takes_over() -> None:
+    supervision = pair()
+    told(supervision, 1.0, spare=State.FAULTY)
+    (up,) = supervision.tick(1.5)
+    told(supervision, 1.6, main=State.FAULTY)
+    assert words(supervision.receive_reply(reply_to(up, State.QUIET), 1.7)) == ["spare: resume"]
+
+
+def test_silence_counts_as_absence_and_a_standby_takes_over() -> None:
+    supervision = pair()
+    told(supervision, 2.5, spare=State.QUIET)
+    assert supervision.next_tick_s() == 3.0
+    assert supervision.tick(2.99) == []
+    assert words(supervision.tick(3.0)) == ["spare: resume"]
+    assert supervision.state("main") is None
+
+
+def test_silence_of_a_component_that_is_alone_is_its_loss_and_no_attempt() -> None:
+    supervision = Supervision(ALONE)
+    told(supervision, 0.0, alone=State.WORKING)
+    assert supervision.tick(3.0) == [Verdict("alone", FaultPolicy.HOLD, "no status for 3 periods")]
+    assert supervision.tick(30.0) == []
+    assert supervision.next_tick_s() is None
+    assert told(supervision, 31.0, alone=State.FAULTY) == []
+    assert words(supervision.tick(31.5)) == ["alone: initialize start"]
+
+
+def test_who_comes_back_from_silence_and_works_is_told_to_go_quiet() -> None:
+    supervision = pair()
+    told(supervision, 2.5, spare=State.QUIET)
+    (resume,) = supervision.tick(3.0)
+    supervision.receive_reply(reply_to(resume, State.WORKING), 3.0)
+    assert words(told(supervision, 10.0, main=State.WORKING)) == ["main: goquiet"]
+    assert told(supervision, 10.1, main=State.WORKING) == []
+
+
+@pytest.mark.parametrize("state", [State.IDLE, State.STANDBY, None])
+def test_what_an_operator_took_down_is_left_alone(state: State | None) -> None:
+    supervision = pair()
+    assert told(supervision, 1.0, main=state) == []
+    told(supervision, 2.0, spare=State.QUIET)
+    assert supervision.tick(3.5) == []
+
+
+def test_what_an_operator_brings_up_himself_is_not_brought_up_again() -> None:
+    supervision = Supervision(ALONE)
+    told(supervision, 0.0, alone=State.FAULTY)
+    told(supervision, 0.2, alone=State.STANDBY)
+    assert supervision.tick(0.6) == []
+
+
+def test_who_hands_over_by_hand_is_followed() -> None:
+    supervision = pair()
+    assert told(supervision, 1.0, main=State.QUIET) == []
+    assert told(supervision, 1.1, spare=State.WORKING) == []
+    assert supervision.in_charge("main") == "spare"
+
+
+def test_a_command_that_would_leave_two_with_the_same_outputs_working_is_refused() -> None:
+    supervision = pair()
+    with pytest.raises(Refused, match="main is working and has the same outputs"):
+        supervision.check("spare", [Command.RESUME])
+    supervision.check("spare", [Command.STOP, Command.START, Command.GOQUIET])
+    supervision.check("main", [Command.GOQUIET])
+    with pytest.raises(Refused, match="is not accepted in quiet"):
+        supervision.check("spare", [Command.START])
+    told(supervision, main=State.QUIET)
+    supervision.check("spare", [Command.RESUME])
+
+
+def test_replies_and_statuses_of_others_are_none_of_ours() -> None:
+    supervision = pair()
+    assert told(supervision, stranger=State.FAULTY) == []
+    stranger = CommandReply(request_id="x", component="stranger", command="stop", is_accepted=False, state=None)
+    assert supervision.receive_reply(stranger, 0.0) == []
+    assert supervision.receive_reply(msgspec.structs.replace(stranger, component="main"), 0.0) == []
+
+
+@pytest.mark.parametrize(
+    ("states", "health"),
+    [
+        ({}, Health.ABSENT),
+        ({"a": State.WORKING, "b": State.WORKING}, Health.WORKING),
+        ({"a": State.WORKING, "b": State.QUIET}, Health.QUIET),
+        ({"a": State.STANDBY, "b": State.QUIET}, Health.STANDBY),
+        ({"a": State.STANDBY, "b": State.IDLE}, Health.IDLE),
+        ({"a": None, "b": State.IDLE}, Health.ABSENT),
+        ({"a": None, "b": State.FAULTY}, Health.FAULTY),
+        ({"a": State.WORKING, "b": State.WORKING, "extra": State.FAULTY}, Health.WORKING),
+    ],
+)
+def test_the_platforms_health_is_the_worst_of_its_required_components(
+    states: dict[str, State | None], health: Health
+) -> None:
+    supervision = Supervision([row("a", required=True), row("b", required=True), row("extra")])
+    told(supervision, 0.0, **states)
+    assert supervision.health() is health
+
+
+def test_a_required_standby_that_is_quiet_is_well_and_so_is_a_quiet_primary_that_it_stands_for() -> None:
+    rows = (PAIR[0], row("spare", begin="quiet", standby_for="main", required=True))
+    supervision = Supervision(rows)
+    told(supervision, main=State.WORKING, spare=State.QUIET)
+    assert supervision.health() is Health.WORKING
+    told(supervision, main=State.QUIET, spare=State.WORKING)
+    assert supervision.health() is Health.WORKING
+    told(supervision, spare=State.QUIET)
+    assert supervision.health() is Health.QUIET
+
+
+def test_the_heartbeat_tells_the_health_in_mavlinks_words() -> None:
+    assert HEARTBEAT_STATE == {
+        Health.IDLE: 0,
+        Health.STANDBY: 3,
+        Health.WORKING: 4,
+        Health.QUIET: 4,
+        Health.ABSENT: 5,
+        Health.FAULTY: 5,
+    }
+
+
+# --- any course of events ---
+
+TRIO = (
+    row("main", on_fault={"standby": "spare", "reinitialize": {"times": 3, "back_off_s": 0.2}, "then": "land"}),
+    row("spare", begin="quiet", standby_for="main", on_fault={"reinitialize": {"times": 3}}),
+    row("third", begin="quiet", standby_for="main"),
+)
+NAMES = tuple(item.name for item in TRIO)
+
+
+class Fleet:
+    """Hosts reduced to their state table, which obey orders at once; some are broken, some are mute."""
+
+    def __init__(self) -> None:
+        self.supervision = Supervision(TRIO)
+        self.states: dict[str, State] = {"main": State.WORKING, "spare": State.QUIET, "third": State.QUIET}
+        self.broken: set[str] = set()
+        self.mute: set[str] = set()
+        self.now_s = 0.0
+        self.verdicts: list[Verdict] = []
+        self.attempts: dict[str, list[float]] = {name: [] for name in NAMES}
+        for name in NAMES:
+            self._tell(name)
+
+    def _tell(self, name: str) -> None:
+        if name not in self.mute:
+            cause = f"since {self.now_s:g}"
+            self._obey(self.supervision.receive_status(status(name, self.states[name], cause), self.now_s))
+
+    def _obey(self, steps: Sequence[Step]) -> None:
+        orders = [step for step in steps if isinstance(step, Order)]
+        resumes = [order.request.command == Command.RESUME for order in orders]
+        assert resumes == sorted(resumes, reverse=True), "a standby comes first"
+        for step in steps:
+            if isinstance(step, Verdict):
+                assert self.states[step.component] not in OPERATING or step.component in self.mute
+                self.verdicts.append(step)
+            elif step.component not in self.mute:
+                self._carry_out(step)
+
+    def _carry_out(self, order: Order) -> None:
+        name, refusal = order.component, ""
+        if order.request.command == Command.INITIALIZE:
+            self.attempts[name].append(self.now_s)
+        state: State = self.states[name]
+        for word in (order.request.command, *order.request.then):
+            try:
+                to = transition(state, Command(word)).to
+            except Refused as error:
+                refusal = str(error)
+                break
+            assert to is not None
+            if name in self.broken:
+                state, refusal = State.FAULTY, f"{word} failed"
+                break
+            state = to
+        self.states[name] = state
+        self._tell(name)
+        self._obey(self.supervision.receive_reply(reply_to(order, state, refusal), self.now_s))
+
+    def break_down(self, name: str) -> None:
+        """A component turns faulty, and stays broken."""
+        self.broken.add(name)
+        self.states[name] = State.FAULTY
+        self._tell(name)
+
+    def pass_time(self, duration_s: float) -> None:
+        """Statuses come every second, and what is due is done in time."""
+        end_s = self.now_s + duration_s
+        while self.now_s < end_s:
+            next_s = self.supervision.next_tick_s()
+            self.now_s = min(end_s, int(self.now_s) + 1.0, max(self.now_s, next_s if next_s is not None else end_s))
+            if self.now_s == int(self.now_s):
+                for name in NAMES:
+                    self._tell(name)
+            self._obey(self.supervision.tick(self.now_s))
+            due_s = self.supervision.next_tick_s()
+            assert due_s is None or due_s > self.now_s, "what is due has been done"
+
+    def working(self) -> list[str]:
+        """Who is not quiet, of those that can be heard."""
+        return [name for name in NAMES if self.states[name] is State.WORKING and name not in self.mute]
+
+
+STEPS = st.lists(
+    st.tuples(
+        st.sampled_from(["break", "mend", "mute", "unmute", "goquiet", "stop", "wait", "wait", "wait"]),
+        st.sampled_from(NAMES),
+        st.sampled_from([0.1, 1.0, 4.0]),
+    ),
+    max_size=25,
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(STEPS)
+def test_in_any_course_of_events_at_most_one_with_the_same_outputs_is_not_quiet(
+    steps: list[tuple[str, str, float]],
+) -> None:
+    fleet = Fleet()
+    for what, name, duration_s in steps:
+        match what:
+            case "break":
+                fleet.break_down(name)
+            case "mend":
+                fleet.broken.discard(name)
+            case "mute":
+                fleet.mute.add(name)
+            case "unmute":
+                fleet.mute.discard(name)
+            case "wait":
+                fleet.pass_time(duration_s)
+            case command:
+                try:
+                    to = transition(fleet.states[name], Command(command)).to
+                except Refused:
+                    continue
+                assert to is not None
+                fleet.states[name] = to
+                fleet._tell(name)
+        if not fleet.mute:
+            fleet.pass_time(1.0)
+            assert len(fleet.working()) <= 1
+    if any(what == "mute" for what, _, _ in steps):
+        fleet.mute.clear()
+        fleet.pass_time(5.0)
+        assert len(fleet.working()) <= 1
+    for name in NAMES:
+        pauses_s = [b - a for a, b in pairwise(fleet.attempts[name])]
+        assert all(pause_s > 0.19 for pause_s in pauses_s)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from(NAMES), min_size=1, max_size=3), st.floats(0.0, 10.0))
+def test_while_one_of_a_group_can_work_one_does_and_there_is_no_verdict(names: list[str], pause_s: float) -> None:
+    fleet = Fleet()
+    for name in names:
+        fleet.break_down(name)
+        fleet.pass_time(pause_s)
+    if len(set(names)) < 3:
+        assert len(fleet.working()) == 1
+        assert fleet.verdicts == []
+    else:
+        fleet.pass_time(20.0)
+        assert [verdict.policy for verdict in fleet.verdicts] == [FaultPolicy.LAND]
+
+
+# --- over real hosts ---
+
+
+def test_over_real_hosts_the_output_goes_on_within_100_ms_and_the_old_primary_becomes_the_standby() -> None:
+    diaries = {"main": Diary(), "spare": Diary()}
+    rows = [
+        row("main", rate_hz=50.0, on_fault={"standby": "spare", "reinitialize": {"times": 3}}),
+        row("spare", rate_hz=50.0, begin="quiet", standby_for="main"),
+    ]
+    supervision = Supervision(rows)
+    heard: list[tuple[float, str]] = []
+    with Bench() as bench:
+
+        def obey(steps: list[Step]) -> None:
+            for step in steps:
+                assert isinstance(step, Order)
+                topic = f"bench/components/{step.component}/command"
+                bench._publisher.publish(topic, step.request, bench.loop.time())
+
+        def hear(envelope: Envelope[Any]) -> None:
+            now_s = bench.loop.time()
+            if envelope.topic.endswith("/status"):
+                obey(supervision.receive_status(envelope.payload, now_s))
+            elif envelope.topic.endswith("/reply"):
+                obey(supervision.receive_reply(envelope.payload, now_s))
+
+        bench.exchange.subscribe("bench/components/**", hear)
+        bench.exchange.subscribe("bench/result", lambda e: heard.append((bench.loop.time(), e.source.component)))
+        for item in rows:
+            bench.host(item, lambda name=item.name: Specimen(diaries[name]))  # type: ignore[misc]
+        bench.run(2.0)
+        diaries["main"].errors["work"] = ValueError("odd")
+        for _ in range(100):
+            bench.run(0.1)
+            obey(supervision.tick(bench.loop.time()))
+            diaries["main"].errors.clear()
+        assert (bench.state("main"), bench.state("spare")) == (State.QUIET, State.WORKING)
+        assert max(b[0] - a[0] for a, b in pairwise(heard)) < 0.1
+        speakers = [name for _, name in heard]
+        assert speakers == sorted(speakers)
+        assert set(speakers) == {"main", "spare"}
+        diaries["spare"].errors["work"] = ValueError("odd")
+        bench.run(0.2)
+        assert bench.state("main") is State.WORKING

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
+from functools import partial
 from random import Random
 from typing import Any, Final
 
@@ -20,6 +21,9 @@ from gloc3.topics import TopicTable
 
 STOP_TIMEOUT_S: Final = 6.0
 
+Create = Callable[[ComponentRow, Mapping[str, Any]], Component[Any]]
+"""Makes the component of a row, given the host's devices."""
+
 
 class Onboard:
     """The components of one host of a platform.
@@ -28,13 +32,20 @@ class Onboard:
         platform: the platform file.
         context: what the hosts share.
         devices: by name, as the rows refer to them.
+        create: makes the component of a row.
     """
 
-    def __init__(self, platform: Platform, context: HostContext, devices: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        platform: Platform,
+        context: HostContext,
+        devices: Mapping[str, Any],
+        create: Create = ComponentRow.create,
+    ) -> None:
         self.platform = platform
         self.context = context
         self.hosts: Final = {
-            row.name: ComponentHost(row, _creator(row, devices), context) for row in platform.components
+            row.name: ComponentHost(row, partial(create, row, devices), context) for row in platform.components
         }
 
     @classmethod
@@ -88,7 +99,3 @@ class Onboard:
         if name not in self.hosts:
             raise Gloc3Error(f"platform {self.platform.platform} has no component {name!r}")
         return self.hosts[name].state
-
-
-def _creator(row: ComponentRow, devices: Mapping[str, Any]) -> Callable[[], Component[Any]]:
-    return lambda: row.create(devices)

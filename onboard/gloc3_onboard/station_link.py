@@ -54,7 +54,11 @@ class HeartbeatSource:
         self._sends = sends
         self._sent_s = float("-inf")
         self._health: Health | None = None
-        exchange.subscribe(f"{platform}/ci/summary", self._take)
+        self._unsubscribe = exchange.subscribe(f"{platform}/ci/summary", self._take)
+
+    def close(self) -> None:
+        """Sends none any more."""
+        self._unsubscribe()
 
     def _take(self, envelope: Envelope[Summary]) -> None:
         health = envelope.payload.health

@@ -19,7 +19,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.errors import Gloc3Error
-from gloc3.exchange import LocalExchange, Publisher
+from gloc3.exchange import Publisher
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.layout import Role
@@ -44,8 +44,9 @@ from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.runner import Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
-from gloc3_sitl.flight_messages import SimTruth
+from gloc3_sitl.flight_messages import SimFault, SimTruth
 from gloc3_sitl.path_error import Sample
+from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
 from gloc3_sitl.sim_camera import NoCamera, SimCamera
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.wind import CALM, Wind
@@ -76,8 +77,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     is_plain_gps: bool = False
     station_link: Conditions = STATION_RADIO
     """Both ways between station and platform."""
-    cycle_cost_s: Callable[[str, float], float] | None = None
-    """The fault model: what a cycle of a component costs at a time."""
+    cycle_cost_s: CycleCost | None = None
+    """What a cycle of a component costs at a time, faults aside; None for nothing."""
 
 
 class GroundSide:
@@ -138,7 +139,9 @@ class Flight:
         self.clock: Final = Clock(self.loop)
         self.random: Final = Random(plan.seed)
         self.topics: Final = TopicTable.installed()
-        self.exchange: Final = LocalExchange()
+        self.exchange: Final = TappedExchange()
+        self.sabotage: Final = Sabotage(self.loop, plan.cycle_cost_s)
+        """What faults have the onboard process suffer."""
         self.samples: Final[list[Sample]] = []
         """True positions at 10 Hz, in the frame of the pose."""
         self.onboard: Onboard | None = None
@@ -160,8 +163,7 @@ class Flight:
         self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
         self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
         self.ground: Final = GroundSide(self.loop, self.topics, self.random.getrandbits(32))
-        self._truth = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
-        self._truth_topic = f"{self.platform.platform}/sim/truth"
+        self._publisher = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
         self._frame: TangentPlane | None = None
         self._truth_timer: asyncio.TimerHandle | None = None
         self.exchange.subscribe(f"{self.platform.platform}/pose", self._see_pose)
@@ -219,11 +221,11 @@ class Flight:
         self.cable.b.on_data = self.autopilot_link.receive
         self.station_link = StationLink(platform.platform, 1, self.loop, self.exchange, self.topics, boot)
         self.radio.b.on_data = self.station_link.receive
-        HeartbeatSource(
+        self._heartbeat = HeartbeatSource(
             self.exchange, platform.platform, lambda: [self.station_link.send, self.autopilot_link.send_message]
         )
         context = HostContext(
-            platform.platform, self.exchange, self.clock, self.loop, self.topics, self.random, self.plan.cycle_cost_s
+            platform.platform, self.exchange, self.clock, self.loop, self.topics, self.random, self.sabotage.cost_s
         )
         devices = {
             "autopilot": self.autopilot_link,
@@ -231,7 +233,7 @@ class Flight:
             "pictures": self._pictures,
             "site": Site(platform, self._journal, self._progress),
         }
-        self.onboard = Onboard(platform, context, devices)
+        self.onboard = Onboard(platform, context, devices, self.sabotage.create)
         self.station_link.open(self.radio.b)
         self.autopilot_link.open(self.cable.b)
         self.onboard.begin()
@@ -240,10 +242,15 @@ class Flight:
         """The onboard process dies: no method is called, nothing is said."""
         if self.onboard is not None:
             self.onboard.close()
+            self._heartbeat.close()
             self.autopilot_link.close()
             self.station_link.close()
             self.cable.b.on_data = self.radio.b.on_data = None
             self.onboard = None
+
+    def tell(self, fault: SimFault) -> None:
+        """Has the log say that a fault begins or ends."""
+        self._publisher.publish(f"{self.name}/sim/fault", fault, self.loop.time())
 
     # --- the truth ---
 
@@ -266,7 +273,7 @@ class Flight:
                 ned_from_frd=truth.attitude_wxyz,
                 wind_ned_m_s=truth.wind_ned_m_s,
             )
-            self._truth.publish(self._truth_topic, message, now_s, "ned")
+            self._publisher.publish(f"{self.name}/sim/truth", message, now_s, "ned")
         self._truth_timer = self.loop.call_later(TRUTH_PERIOD_S, self._tell_truth)
 
     # --- the operator ---

@@ -1,4 +1,4 @@
-"""What only a simulated flight can tell: the truth."""
+"""What only a simulated flight can tell: the truth, and the faults that were injected."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -17,4 +17,12 @@ class SimTruth(Message, frozen=True):
     wind_ned_m_s: Vector3
 
 
-TOPICS: Final[Mapping[str, TopicRow]] = {"sim/truth": TopicRow(SimTruth, 10.0)}
+class SimFault(Message, frozen=True):
+    """A fault begins or ends."""
+
+    fault: str
+    """As it was asked for."""
+    is_present: bool
+
+
+TOPICS: Final[Mapping[str, TopicRow]] = {"sim/truth": TopicRow(SimTruth, 10.0), "sim/fault": TopicRow(SimFault)}

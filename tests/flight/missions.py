@@ -1,0 +1,24 @@
+"""Missions for test cards: up, along the hold, down; short, with the policies that a card asks for."""
+
+from typing import Any
+
+FENCE = "{polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}"
+UP = "depart: {actions: {climb: {take_off: {height_m: 1.5}}}}"
+DOWN = "recover: {after: [sweep], actions: {down: {land: {}}}}"
+OUT = "follow_waypoints: {waypoints_m: [[8, 0, 1.5]], speed_m_s: 1.0}"
+
+
+def mission(sweep: str = "{out: {" + OUT + "}}", *, options: str = "", fence: str = FENCE, **policies: Any) -> str:
+    """Up to 1.5 m, a sweep, and down.
+
+    Args:
+        sweep: the sweep's actions, as YAML.
+        options: the sweep's other keys, as YAML with a comma behind, such as `deadline_s: 5,`.
+        fence: the fence, as YAML.
+        policies: keys at the top, such as `on_link_loss="land"`.
+    """
+    keys = {"on_failure": "land", "on_link_loss": "continue", **policies}
+    tops = [f"{key}: {value}" for key, value in keys.items()]
+    sweep = f"sweep: {{after: [depart], {options} actions: {sweep}}}"
+    tasks = [f"  {task}" for task in (UP, sweep, DOWN)]
+    return "\n".join(["mission: card", "frame: hold", f"geofence: {fence}", *tops, "tasks:", *tasks]) + "\n"

@@ -1,57 +1,20 @@
 """Who decides: arming, modes, home, and what follows when a behaviour is done."""
 
-from enum import StrEnum
 from math import nan
-from typing import Final, NamedTuple
+from typing import Final
 
 from gloc3.frames import Vector3
 from gloc3_sitl.autopilot.arming import Check, arming_problems
 from gloc3_sitl.autopilot.behaviours.base import Activity
-from gloc3_sitl.autopilot.behaviours.climb import TakeOff
-from gloc3_sitl.autopilot.behaviours.hold import Brake, Hold
-from gloc3_sitl.autopilot.behaviours.land import Land
+from gloc3_sitl.autopilot.behaviours.choice import activity_for
+from gloc3_sitl.autopilot.behaviours.hold import Hold
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
-from gloc3_sitl.autopilot.behaviours.piloted import Altitude, Position, Stabilize
-from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
-from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard
-from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
+from gloc3_sitl.autopilot.behaviours.streamed import Guided
+from gloc3_sitl.autopilot.control.setpoint import Setpoint
 from gloc3_sitl.autopilot.craft import Craft, Home
 from gloc3_sitl.autopilot.fence import Fence
-from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, Severity, Style
-
-
-class Author(StrEnum):
-    """Who asks for a change."""
-
-    COMMAND = "command"
-    PILOT = "pilot"
-    FAILSAFE = "failsafe"
-    SELF = "self"
-
-
-class Verdict(NamedTuple):
-    """How a request ended, with the reason where it was refused."""
-
-    result: Result
-    reason: str = ""
-
-    @property
-    def is_accepted(self) -> bool:
-        """Whether it is done, or will be."""
-        return self.result is Result.ACCEPTED
-
-
-ACCEPTED: Final = Verdict(Result.ACCEPTED)
-
-
-class Terminated(Activity):
-    """Motors stopped in flight, for good."""
-
-    __slots__ = ()
-
-    def update(self) -> Setpoint:
-        """Nothing."""
-        return LANDED
+from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Severity, Style
+from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
 
 
 class Commander:
@@ -136,7 +99,7 @@ class Commander:
         self.is_terminated = True
         self.craft.say(Severity.EMERGENCY, "Flight terminated")
         self.disarm(Author.FAILSAFE, is_forced=True)
-        self.activity = Terminated(self.craft)
+        self.activity = activity_for(Behaviour.TERMINATED, self.craft, nan, is_guided=False)
 
     def set_home(self, position_ned_m: Vector3 | None = None) -> Verdict:
         """Makes a place home; without one, here."""
@@ -154,10 +117,7 @@ class Commander:
         """Changes the mode; refused where the mode cannot be flown now."""
         mode = self.style.mode(custom_mode)
         if mode is None:
-            return Verdict(
-                Result.UNSUPPORTED if self.style.refused is Result.TEMPORARILY_REJECTED else Result.FAILED,
-                "no such mode",
-            )
+            return Verdict(self.style.unknown_mode, "no such mode")
         if mode is self.mode and author is not Author.FAILSAFE:
             self.mode_author = author
             return ACCEPTED
@@ -240,33 +200,9 @@ class Commander:
         self._restart_activity()
 
     def _restart_activity(self) -> None:
-        craft = self.craft
-        match self.mode.behaviour:
-            case Behaviour.STABILIZE | Behaviour.STREAMED_ATTITUDE | Behaviour.TERMINATED:
-                self.activity = Stabilize(craft)
-            case Behaviour.ALTITUDE:
-                self.activity = Altitude(craft)
-            case Behaviour.POSITION:
-                self.activity = Position(craft)
-            case Behaviour.HOLD:
-                self.activity = Hold(craft)
-            case Behaviour.BRAKE:
-                self.activity = Brake(craft)
-            case Behaviour.TAKE_OFF:
-                down = craft.estimator.inertial.position_ned_m[2] - craft.tuning.takeoff_height_m
-                target = self._takeoff_down_m
-                self._takeoff_down_m = nan
-                self.activity = TakeOff(craft, target if target == target else down)
-            case Behaviour.LAND:
-                self.activity = Land(craft)
-            case Behaviour.RETURN:
-                self.activity = ReturnHome(craft)
-            case Behaviour.MISSION:
-                self.activity = MissionFlight(craft)
-            case Behaviour.STREAMED if self.style.takeoff_in_streamed:
-                self.activity = Guided(craft)
-            case Behaviour.STREAMED:
-                self.activity = Offboard(craft)
+        target, self._takeoff_down_m = self._takeoff_down_m, nan
+        is_guided = self.style.takeoff_in_streamed
+        self.activity = activity_for(self.mode.behaviour, self.craft, target, is_guided=is_guided)
 
     def _refuse(self, reason: str) -> Verdict:
         self.craft.say(Severity.WARNING, reason)

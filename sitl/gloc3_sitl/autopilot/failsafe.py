@@ -4,10 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from gloc3_sitl.autopilot.commander import Author, Commander
+from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.modes import POSITIONED, Behaviour, Severity
 from gloc3_sitl.autopilot.tuning import Action, Exempt, Tuning
+from gloc3_sitl.autopilot.verdict import Author
 
 _EXEMPT: Final = {
     Behaviour.MISSION: Exempt.MISSION,

@@ -114,6 +114,8 @@ class Style:
     """Brings into the tuning what follows from several parameters at once; called after each change."""
     refused: Result
     """Result of a request that the present state forbids (arming while unhealthy, take-off while disarmed)."""
+    unknown_mode: Result
+    """Result of a request for a mode that does not exist."""
     arming_prefix: str
     """Before each reason why arming is refused, in STATUSTEXT."""
     streamed_needs_stream: bool

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.link.codec import Encoder, Parser, message, shape
-from gloc3_sitl.autopilot.commander import Author
 from gloc3_sitl.autopilot.mavlink.commands import HANDLERS
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
+from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.simulator import Simulator
 from gloc3_sitl.world import World
 

@@ -31,6 +31,23 @@ class Offboard(Mover):
         return setpoint
 
 
+class StreamedAttitude(Mover):
+    """ArduPilot's Guided_NoGPS: attitudes alone, and level at the same height when they are not renewed."""
+
+    __slots__ = ()
+
+    def update(self) -> Setpoint:
+        """The setpoint for the next 20 ms."""
+        craft = self.craft
+        setpoint = craft.stream.setpoint
+        is_fresh = craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s)
+        if isinstance(setpoint, AttitudeSetpoint) and is_fresh:
+            return LANDED if craft.is_landed and setpoint.thrust < 0.1 else setpoint
+        if craft.is_landed:
+            return LANDED
+        return MotionSetpoint(velocity_ned_m_s=(nan, nan, 0.0), yaw_rad=self.yaw_rad)
+
+
 class Guided(Mover):
     """ArduPilot's Guided: take-off, go to, velocities that stop when they are not renewed, attitudes."""
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint, Vector3
 from gloc3.link.command import CommandRequest
-from gloc3_sitl.autopilot.commander import ACCEPTED, Author, Verdict
 from gloc3_sitl.autopilot.modes import Behaviour, Result, Severity
+from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.mavlink.front import Front

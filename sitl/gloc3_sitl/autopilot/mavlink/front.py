@@ -17,7 +17,6 @@ from gloc3.link.statustext import StatusTextSender
 from gloc3.link.timesync import TimeSync
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
-from gloc3_sitl.autopilot.commander import ACCEPTED, Verdict
 from gloc3_sitl.autopilot.craft import Home
 from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
@@ -30,6 +29,7 @@ from gloc3_sitl.autopilot.mavlink.telemetry import PRODUCERS
 from gloc3_sitl.autopilot.mavlink.version import version_of
 from gloc3_sitl.autopilot.modes import Result, Severity
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
+from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
 
 _QUADROTOR: Final = 2
 _STANDBY, _ACTIVE, _CRITICAL, _EMERGENCY, _BOOT, _TERMINATED = 3, 4, 5, 6, 1, 8

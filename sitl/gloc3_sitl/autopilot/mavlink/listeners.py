@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint
 from gloc3.link.message import Address, MavlinkMessage
-from gloc3_sitl.autopilot.commander import Author
 from gloc3_sitl.autopilot.mavlink.odometry import odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
 from gloc3_sitl.autopilot.modes import PILOTED, Behaviour
+from gloc3_sitl.autopilot.verdict import Author
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.mavlink.front import Front

@@ -49,6 +49,7 @@ ARDUPILOT: Final = Style(
     parameters=PARAMETERS,
     derive=derive,
     refused=Result.FAILED,
+    unknown_mode=Result.FAILED,
     arming_prefix="PreArm: ",
     streamed_needs_stream=False,
     streamed_shapes_positions=True,

@@ -61,6 +61,7 @@ PX4: Final = Style(
     parameters=PARAMETERS,
     derive=derive,
     refused=Result.TEMPORARILY_REJECTED,
+    unknown_mode=Result.UNSUPPORTED,
     arming_prefix="Arming denied: ",
     streamed_needs_stream=True,
     streamed_shapes_positions=False,

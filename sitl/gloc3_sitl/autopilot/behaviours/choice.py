@@ -1,0 +1,60 @@
+"""Which class flies which behaviour."""
+
+from gloc3_sitl.autopilot.behaviours.base import Activity
+from gloc3_sitl.autopilot.behaviours.climb import TakeOff
+from gloc3_sitl.autopilot.behaviours.hold import Brake, Hold
+from gloc3_sitl.autopilot.behaviours.land import Land
+from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
+from gloc3_sitl.autopilot.behaviours.piloted import Altitude, Position, Stabilize
+from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
+from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard, StreamedAttitude
+from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
+from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.modes import Behaviour
+
+
+class Terminated(Activity):
+    """Motors stopped in flight, for good."""
+
+    __slots__ = ()
+
+    def update(self) -> Setpoint:
+        """Nothing."""
+        return LANDED
+
+
+def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, *, is_guided: bool) -> Activity:
+    """Begins a behaviour.
+
+    Args:
+        behaviour: what to do.
+        craft: the vehicle.
+        takeoff_down_m: where a take-off ends, as NED down; NaN is the usual height over here.
+        is_guided: whether streamed control is ArduPilot's Guided and not PX4's Offboard.
+    """
+    match behaviour:
+        case Behaviour.STABILIZE:
+            return Stabilize(craft)
+        case Behaviour.ALTITUDE:
+            return Altitude(craft)
+        case Behaviour.POSITION:
+            return Position(craft)
+        case Behaviour.HOLD:
+            return Hold(craft)
+        case Behaviour.BRAKE:
+            return Brake(craft)
+        case Behaviour.TAKE_OFF:
+            usual = craft.estimator.inertial.position_ned_m[2] - craft.tuning.takeoff_height_m
+            return TakeOff(craft, takeoff_down_m if takeoff_down_m == takeoff_down_m else usual)
+        case Behaviour.LAND:
+            return Land(craft)
+        case Behaviour.RETURN:
+            return ReturnHome(craft)
+        case Behaviour.MISSION:
+            return MissionFlight(craft)
+        case Behaviour.STREAMED:
+            return Guided(craft) if is_guided else Offboard(craft)
+        case Behaviour.STREAMED_ATTITUDE:
+            return StreamedAttitude(craft)
+        case Behaviour.TERMINATED:
+            return Terminated(craft)

@@ -1,0 +1,30 @@
+"""Who asks the autopilot for something, and how that ends."""
+
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from gloc3_sitl.autopilot.modes import Result
+
+
+class Author(StrEnum):
+    """Who asks for a change."""
+
+    COMMAND = "command"
+    PILOT = "pilot"
+    FAILSAFE = "failsafe"
+    SELF = "self"
+
+
+class Verdict(NamedTuple):
+    """How a request ended, with the reason where it was refused."""
+
+    result: Result
+    reason: str = ""
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether it is done, or will be."""
+        return self.result is Result.ACCEPTED
+
+
+ACCEPTED: Final = Verdict(Result.ACCEPTED)

@@ -13,7 +13,8 @@ from fastcrc.crc16 import mcrf4xx as checksum
 
 from gloc3.errors import Misuse, nearest
 from gloc3.link.message import Address, Field, MavlinkMessage, Shape
-from gloc3.link.parser import Frame, FrameParser
+from gloc3.link.parser import SIGNED, Frame, FrameParser
+from gloc3.link.signing import Signing
 
 __all__ = [
     "Address",
@@ -119,15 +120,22 @@ class Parser(FrameParser):
 
 
 class Encoder:
-    """Puts messages of one component into frames, numbered in sequence."""
+    """Puts messages of one component into frames, numbered in sequence.
 
-    __slots__ = ("_component", "_sequence", "_system")
+    Args:
+        system: as whom it sends.
+        component: as whom it sends.
+        signing: signs what is sent, if there is one.
+    """
+
+    __slots__ = ("_component", "_sequence", "_signing", "_system")
 
     _HEADER = struct.Struct("<BBBBBBHB").pack
 
-    def __init__(self, system: int, component: int) -> None:
+    def __init__(self, system: int, component: int, signing: Signing | None = None) -> None:
         self._system = system
         self._component = component
+        self._signing = signing
         self._sequence = 0
 
     @property
@@ -145,12 +153,14 @@ class Encoder:
         payload = shape.encode(message).rstrip(b"\0") or b"\0"
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
-        number = shape.id
+        number, signing = shape.id, self._signing
+        flags = 0 if signing is None else SIGNED
         body = (
-            self._HEADER(len(payload), 0, 0, sequence, self._system, self._component, number & 0xFFFF, number >> 16)
+            self._HEADER(len(payload), flags, 0, sequence, self._system, self._component, number & 0xFFFF, number >> 16)
             + payload
         )
-        return b"\xfd%b%b" % (body, checksum(shape.crc_extra, checksum(body)).to_bytes(2, "little"))
+        frame = b"\xfd%b%b" % (body, checksum(shape.crc_extra, checksum(body)).to_bytes(2, "little"))
+        return frame if signing is None else signing.sign(frame)
 
 
 class _Enums:

@@ -92,8 +92,10 @@ ParameterEvent: TypeAlias = ParameterCall | ParameterFetch | Parameter
 
 
 class ParameterClient(Service[ParameterEvent]):
-    """Reads and sets parameters. Calls and fetches come back as events when they are over; a parameter that is told
-    without being asked for, because another station has set it, is an event too.
+    """Reads and sets parameters.
+
+    Calls and fetches come back as events when they are over; a parameter that is told without being asked for, because
+    another station has set it, is an event too.
 
     Args:
         own: as whom it speaks.

@@ -1,0 +1,318 @@
+"""The log protocol (LOG_*): lists a vehicle's logs and moves them, in pieces of 90 bytes; gaps are asked for again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Final, Never, Protocol, TypeAlias
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.service import Service
+
+PIECE_BYTES: Final = 90
+PIECES_PER_S: Final = 400.0
+QUIET_S: Final = 0.4
+"""After so long without a piece, what is missing is asked for."""
+SILENT_S: Final = 5.0
+LARGEST_BYTES: Final = 1 << 26
+"""At 90 bytes a piece, more than this is a matter for file transfer."""
+MOST_LOGS: Final = 5000
+ALL: Final = 0xFFFF
+
+
+class LogEntry(msgspec.Struct, frozen=True):
+    """One log, as it is listed."""
+
+    number: int
+    size: int
+    """Bytes."""
+    utc_s: int = 0
+    """When it was begun, in seconds since 1970; 0 if that is not known."""
+
+
+class Logs(Protocol):
+    """The logs that a vehicle offers."""
+
+    def entries(self) -> Sequence[LogEntry]:
+        """All of them, in the order of their numbers."""
+
+    def read(self, number: int, offset: int, size: int) -> bytes:
+        """A part of one; may raise `OSError`."""
+
+    def erase(self) -> None:
+        """Erases all; may raise `OSError`."""
+
+
+class LogServer(Service[Never]):
+    """Offers logs. One is sent at a time; a new request takes the place of the one before.
+
+    Args:
+        own: as whom it speaks.
+        logs: what there is.
+        may_erase: whether LOG_ERASE is obeyed.
+        pieces_per_s: how fast a log is sent.
+    """
+
+    handles = frozenset({"LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"})
+
+    def __init__(
+        self, own: Address, logs: Logs, *, may_erase: bool = False, pieces_per_s: float = PIECES_PER_S
+    ) -> None:
+        super().__init__(own)
+        self._logs = logs
+        self._may_erase = may_erase
+        self._piece_s = 1.0 / pieces_per_s
+        self._listed: list[tuple[LogEntry, int, int]] = []
+        self._sending: tuple[int, int, int] | None = None
+        """Log, offset, end."""
+        self._next_s = 0.0
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in a request."""
+        if not self._is_for_us(message):
+            return
+        match message.name:
+            case "LOG_REQUEST_LIST":
+                self._list(message.start, message.end)
+            case "LOG_REQUEST_DATA":
+                self._sending = (message.id_, message.ofs, min(message.ofs + message.count, 0xFFFF_FFFF))
+            case "LOG_REQUEST_END":
+                self._sending = None
+            case _:
+                self._erase()
+        self._next_s = max(self._next_s, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Sends the next entries or pieces."""
+        while now_s >= self._next_s and (self._listed or self._sending is not None):
+            self._next_s = max(self._next_s + self._piece_s, now_s - 10 * self._piece_s)
+            if self._listed:
+                entry, count, last = self._listed.pop(0)
+                fields = {"id_": entry.number, "size": entry.size, "time_utc": entry.utc_s}
+                self._send("LOG_ENTRY", num_logs=count, last_log_num=last, **fields)
+            else:
+                self._send_piece()
+
+    def next_tick_s(self) -> float | None:
+        """When the next one is due."""
+        return self._next_s if self._listed or self._sending is not None else None
+
+    def _list(self, start: int, end: int) -> None:
+        entries = list(self._logs.entries())[:MOST_LOGS]
+        if not entries:
+            self._listed = [(LogEntry(0, 0), 0, 0)]  # says that there is none
+            return
+        last = entries[-1].number
+        self._listed = [(entry, len(entries), last) for entry in entries if start <= entry.number <= end]
+
+    def _send_piece(self) -> None:
+        assert self._sending is not None
+        number, offset, end = self._sending
+        try:
+            data = self._logs.read(number, offset, min(PIECE_BYTES, end - offset))
+        except OSError:
+            data = b""
+        self._send("LOG_DATA", id_=number, ofs=offset, count=len(data), data=data)
+        offset += len(data)
+        # a piece that is not full says where the log ends
+        self._sending = (number, offset, end) if len(data) == PIECE_BYTES and offset < end else None
+
+    def _erase(self) -> None:
+        self._sending = None
+        if self._may_erase:
+            try:
+                self._logs.erase()
+            except OSError:
+                return  # the list will show what is still there
+
+
+class LogResult(StrEnum):
+    """How a request ended; the text is for a person."""
+
+    DONE = "done"
+    NO_ANSWER = "no answer"
+    TOO_MANY_LOSSES = "given up: too much was lost on the way"
+    TOO_LARGE = "the log is too large"
+    CANCELLED = "cancelled"
+
+
+class LogList:
+    """A vehicle's logs being listed."""
+
+    __slots__ = ("_asked_s", "_budget", "_count", "_heard_s", "_last", "entries", "result", "target")
+
+    def __init__(self, target: Address, now_s: float) -> None:
+        self.target = target
+        self.entries: dict[int, LogEntry] = {}
+        """By number."""
+        self.result: LogResult | None = None
+        """None while it is not over."""
+        self._count: int | None = None
+        self._last = 0
+        self._asked_s = self._heard_s = now_s
+        self._budget = 50
+
+
+class LogDownload:
+    """A log being read."""
+
+    __slots__ = ("_asked_s", "_budget", "_heard_s", "_missing", "data", "entry", "result", "target")
+
+    def __init__(self, target: Address, entry: LogEntry, now_s: float) -> None:
+        self.target = target
+        self.entry = entry
+        self.data = bytearray(entry.size)
+        """What has come so far; holes are zeros."""
+        self.result: LogResult | None = None
+        """None while it is not over."""
+        self._missing = dict.fromkeys(range(0, entry.size, PIECE_BYTES))
+        self._asked_s = self._heard_s = now_s
+        self._budget = 100 + entry.size // PIECE_BYTES
+
+    @property
+    def progress(self) -> float:
+        """From 0 to 1."""
+        size = self.entry.size
+        return 1.0 - len(self._missing) * PIECE_BYTES / (size + PIECE_BYTES) if self._missing else 1.0
+
+
+LogEvent: TypeAlias = LogList | LogDownload
+
+
+class LogClient(Service[LogEvent]):
+    """Lists and reads logs, one request at a time; it comes back as an event when it is over."""
+
+    handles = frozenset({"LOG_ENTRY", "LOG_DATA"})
+
+    def __init__(self, own: Address) -> None:
+        super().__init__(own)
+        self._active: LogEvent | None = None
+
+    def list(self, target: Address, *, now_s: float) -> LogList:
+        """Lists the logs.
+
+        Raises:
+            Refused: another request is under way.
+        """
+        self._check_idle()
+        listing = LogList(target, now_s)
+        self._active = listing
+        self._send_to(target, "LOG_REQUEST_LIST", start=0, end=ALL)
+        return listing
+
+    def read(self, target: Address, entry: LogEntry, *, now_s: float) -> LogDownload:
+        """Reads a log.
+
+        Raises:
+            Refused: another request is under way, or the log is too large.
+        """
+        self._check_idle()
+        if entry.size > LARGEST_BYTES:
+            raise Refused(f"log {entry.number}: {LogResult.TOO_LARGE}")
+        download = LogDownload(target, entry, now_s)
+        self._active = download
+        if entry.size == 0:
+            self._end(download, LogResult.DONE)
+        else:
+            self._ask_for_data(download, now_s)
+        return download
+
+    def erase_all(self, target: Address) -> None:
+        """Asks a vehicle to erase all logs; it does not answer."""
+        self._send_to(target, "LOG_ERASE")
+
+    def cancel(self) -> None:
+        """Stops what is under way."""
+        if self._active is not None:
+            self._end(self._active, LogResult.CANCELLED)
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in an entry or a piece."""
+        active = self._active
+        if active is None or sender != active.target:
+            return
+        if isinstance(active, LogList):
+            if message.name == "LOG_ENTRY":
+                self._take_entry(active, message, now_s)
+        elif message.name == "LOG_DATA" and message.id_ == active.entry.number:
+            self._take_piece(active, message, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Asks for what is missing, or gives up."""
+        active = self._active
+        if active is None:
+            return
+        if now_s >= active._heard_s + SILENT_S:
+            self._end(active, LogResult.NO_ANSWER)
+        elif now_s >= self._quiet_s(active):
+            active._budget -= 1
+            if active._budget < 0:
+                self._end(active, LogResult.TOO_MANY_LOSSES)
+            elif isinstance(active, LogDownload):
+                self._ask_for_data(active, now_s)
+            else:
+                self._ask_for_entries(active, now_s)
+
+    def next_tick_s(self) -> float | None:
+        """When one of these is due."""
+        active = self._active
+        return None if active is None else min(self._quiet_s(active), active._heard_s + SILENT_S)
+
+    @staticmethod
+    def _quiet_s(active: LogEvent) -> float:
+        return max(active._asked_s, active._heard_s) + QUIET_S
+
+    def _check_idle(self) -> None:
+        if self._active is not None:
+            raise Refused("logs are being listed or read")
+
+    def _ask_for_entries(self, listing: LogList, now_s: float) -> None:
+        """Asks for all, or for what lies between the first and the last that is missing."""
+        listing._asked_s = now_s
+        start, end = 0, ALL
+        if listing._count is not None:
+            first_known = listing._last - listing._count + 1  # numbers usually follow each other
+            missing = [number for number in range(first_known, listing._last + 1) if number not in listing.entries]
+            if missing:
+                start, end = max(missing[0], 0), missing[-1]
+        self._send_to(listing.target, "LOG_REQUEST_LIST", start=start, end=end)
+
+    def _take_entry(self, listing: LogList, message: MavlinkMessage, now_s: float) -> None:
+        listing._heard_s = now_s
+        listing._count, listing._last = min(message.num_logs, MOST_LOGS), message.last_log_num
+        if message.num_logs:
+            listing.entries[message.id_] = LogEntry(message.id_, message.size, message.time_utc)
+        if len(listing.entries) >= listing._count:
+            self._end(listing, LogResult.DONE)
+
+    def _ask_for_data(self, download: LogDownload, now_s: float) -> None:
+        """Asks for the first run of missing pieces."""
+        download._asked_s = now_s
+        first = end = next(iter(download._missing))
+        while end in download._missing:
+            end += PIECE_BYTES
+        count = min(end, download.entry.size) - first
+        self._send_to(download.target, "LOG_REQUEST_DATA", id_=download.entry.number, ofs=first, count=count)
+
+    def _take_piece(self, download: LogDownload, message: MavlinkMessage, now_s: float) -> None:
+        download._heard_s = now_s
+        offset, size = message.ofs, download.entry.size
+        wanted = min(PIECE_BYTES, size - offset)
+        if offset not in download._missing or message.count < wanted:
+            return
+        download.data[offset : offset + wanted] = message.data[:wanted]
+        del download._missing[offset]
+        if not download._missing:
+            self._end(download, LogResult.DONE)
+        elif offset + PIECE_BYTES not in download._missing:
+            self._ask_for_data(download, now_s)  # the run that was asked for is over
+
+    def _end(self, active: LogEvent, result: LogResult) -> None:
+        if isinstance(active, LogDownload):
+            self._send_to(active.target, "LOG_REQUEST_END")
+        active.result = result
+        self._active = None
+        self._events.append(active)

@@ -16,6 +16,7 @@ from gloc3.errors import Gloc3Error
 from gloc3.mission.checker import Circumstances, check_file
 from gloc3.mission.model import Mission
 from gloc3.platform import load_platform
+from gloc3_sitl.earth import as_yaml, home_of
 
 STOP_S: Final = 10.0
 READY_S: Final = 30.0
@@ -113,11 +114,12 @@ async def run_demo(options: DemoOptions) -> int:
         Gloc3Error: a process did not start.
     """
     begin_s = Clock.cost_s()
-    report = check_file(options.mission, Circumstances(platform=load_platform(options.platform)))
-    mission = report.flyable()
+    platform = load_platform(options.platform)
     if options.out.exists():
         shutil.rmtree(options.out)
     options.out.mkdir(parents=True)
+    name = as_yaml(options.mission, platform.limits.speed_m_s, options.out)
+    mission = check_file(name, Circumstances(platform=platform)).flyable()
     vehicle, onboard, station = (Child(name, options.out) for name in ("sitl", "onboard", "station"))
     to_companion, to_station = free_udp_ports(2)
     try:
@@ -170,7 +172,5 @@ def _place(mission: Mission) -> list[str]:
     """The world for a mission: the hold, or open ground at its own place on Earth."""
     if mission.frame != "geo":
         return ["--world", "hold"]
-    from gloc3_sitl.earth import home_of
-
     home = home_of(mission)
     return ["--world", "open", f"--home={home.latitude_deg:.8f},{home.longitude_deg:.8f},{home.altitude_m:.2f},0"]

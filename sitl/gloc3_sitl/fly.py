@@ -1,14 +1,16 @@
 """Flies a mission in virtual time from start-up to report; what `gloc3 fly` runs."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 import msgspec
 
 from gloc3.clock import Clock
-from gloc3.mission.checker import Circumstances, check_file
+from gloc3.mission.checker import Circumstances, Report, check_file
 from gloc3.platform import load_platform
 from gloc3_onboard.requested_path import RequestedPath
+from gloc3_sitl.earth import as_yaml
 from gloc3_sitl.flight import Flight, FlightPlan
 from gloc3_sitl.flight_report import FlightReport, as_json, judge
 from gloc3_sitl.flight_watch import FlightWatch, Narrate
@@ -42,11 +44,20 @@ async def fly_mission(options: FlyOptions, narrate: Narrate | None, begin_s: flo
         InputError: the mission may not fly.
         Gloc3Error: the platform turned something down.
     """
-    check = check_file(options.mission, Circumstances(platform=load_platform(options.platform)))
-    check.flyable()
+    platform = load_platform(options.platform)
+    with TemporaryDirectory() as scratch:
+        name = as_yaml(options.mission, platform.limits.speed_m_s, options.out or Path(scratch))
+        check = check_file(name, Circumstances(platform=platform))
+        check.flyable()
+        return await _fly_checked(options, name, check, narrate, begin_s)
+
+
+async def _fly_checked(
+    options: FlyOptions, name: str, check: Report, narrate: Narrate | None, begin_s: float
+) -> FlightReport:
     estimate_s = check.estimate.duration_s if check.estimate is not None else 600.0
     plan = FlightPlan(
-        mission=options.mission,
+        mission=name,
         platform=options.platform,
         autopilot=options.autopilot,
         seed=options.seed,

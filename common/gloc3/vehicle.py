@@ -201,6 +201,8 @@ class DriverState(Message, frozen=True):
     """Setpoints beyond the platform's limits, brought back inside."""
     expired: int = 0
     """Times that no valid setpoint came for 0.5 s and the autopilot's hold was commanded."""
+    is_guided: bool = False
+    """The autopilot follows the stream of setpoints."""
 
 
 class MotionLimits(Message, frozen=True):
@@ -214,6 +216,9 @@ class MotionLimits(Message, frozen=True):
     fence: Fence | None = None
     fence_margin_m: float = 0.5
     """How near to the fence the vehicle may come."""
+    home_ned_m: Vector3 | None = None
+    """Home, from which `height_min_m` and `height_max_m` count; None while it is not known: then only the fence's
+    ceiling limits the height."""
 
 
 class Home(Message, frozen=True):

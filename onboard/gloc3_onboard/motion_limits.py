@@ -1,18 +1,33 @@
 """Keeps setpoints inside the limits of the platform and the fence of the mission (DESIGN §7).
 
-The wanted position is first brought inside the fence and the band of heights, then approached no faster than the
-platform may move: the position that comes out moves at most at the speed limit, with at most the acceleration limit,
-and so slowly towards the fence that it can still stop before it.
+What comes out is a point that moves: never faster and never with more acceleration than the platform may, and never so
+that it could not stop any more inside the fence and the band of heights. A wanted position that obeys all of this
+passes unchanged; any other is brought inside and approached. The rule behind the fence: the straight way on which the
+point would come to rest, were it to brake now, keeps the margin (or, from outside, does not lead farther out). Braking
+keeps that true, so there is always something that may be done, whatever the shape of the fence.
 """
 
 import math
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from gloc3.frames import Vector3
+from gloc3.mission.fence import Fence
 from gloc3.vehicle import MotionLimits, Setpoint
 
 TOLERANCE_M: Final = 1e-6
+ROUNDING_M: Final = 1e-9
+"""So little that it does not add up while the point slides along a fence."""
+GAP_S: Final = 0.5
+"""After so long without a setpoint the stream begins anew, where the vehicle is then."""
+LONGEST_STEP_S: Final = 0.1
+"""The point moves on by no more than this from one setpoint to the next."""
+APPROACH_SHARE: Final = 0.7
+"""Part of the acceleration that braking is planned with; the rest is for turning."""
+OUT_M: Final = 1e-3
+"""So much nearer to the fence than the margin is outside, and more than a rounding."""
+SEEN_M: Final = 0.02
+"""A difference that is worth counting."""
+_AT_REST: Final = (0.0, 0.0, 0.0)
 
 
 class Limited(NamedTuple):
@@ -24,128 +39,249 @@ class Limited(NamedTuple):
 
 
 class SetpointLimiter:
-    """Limits a stream of setpoints; told the pose when the stream begins anew."""
+    """Limits a stream of setpoints; `see` tells it where the vehicle is before each."""
 
     def __init__(self, limits: MotionLimits) -> None:
+        self._at: Vector3 | None = None
+        self._velocity: Vector3 = _AT_REST
+        self._target: Vector3 | None = None
+        self._last_s = -math.inf
+        self._vehicle_ned_m: Vector3 = _AT_REST
+        self._seen_s = -math.inf
+        self._resets: int | None = None
+        self.highest_m = math.inf
+        """Greatest height above the origin of NED; infinite while nothing limits it."""
         self.limits = limits
-        self._position_ned_m: Vector3 | None = None
-        self._velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
-        self._last_s = 0.0
+
+    @property
+    def limits(self) -> MotionLimits:
+        """What is kept to; may be replaced at any time, and the stream goes on."""
+        return self._limits
+
+    @limits.setter
+    def limits(self, limits: MotionLimits) -> None:
+        self._limits = limits
+        fence = limits.fence
+        self._flat = None if fence is None else Fence(area=fence.area, keep_out=fence.keep_out)
+        home = limits.home_ned_m
+        home_m = 0.0 if home is None else -home[2]
+        self._lowest_m = -math.inf if home is None else home_m + limits.height_min_m
+        self.highest_m = math.inf if home is None else home_m + limits.height_max_m
+        if fence is not None and fence.ceiling_m is not None:
+            self.highest_m = min(self.highest_m, fence.ceiling_m - limits.fence_margin_m)
+        self._lowest_m = min(self._lowest_m, self.highest_m)
 
     def restart(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float) -> None:
-        """Begins a new stream where the vehicle is."""
-        self._position_ned_m = position_ned_m
-        self._velocity_ned_m_s = velocity_ned_m_s
+        """Begins a new stream at a place."""
+        self._at = self._vehicle_ned_m = position_ned_m
+        self._velocity = velocity_ned_m_s
+        self._target = None
         self._last_s = now_s
+
+    def see(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float, resets: int = 0) -> None:
+        """Says where the vehicle is.
+
+        A stream that has paused begins anew there. When the estimate has jumped, the point jumps with it, so that for
+        the vehicle nothing changes.
+
+        Args:
+            position_ned_m: the estimate's position.
+            velocity_ned_m_s: and velocity.
+            now_s: when it was valid.
+            resets: how often the estimate has jumped.
+        """
+        if self._at is None or now_s - self._last_s > GAP_S:
+            self.restart(position_ned_m, velocity_ned_m_s, now_s)
+        elif self._resets not in (None, resets):
+            expected = _plus(self._vehicle_ned_m, velocity_ned_m_s, now_s - self._seen_s)
+            self._at = _plus(self._at, _minus(position_ned_m, expected), 1.0)
+        self._vehicle_ned_m, self._seen_s, self._resets = position_ned_m, now_s, resets
 
     def limit(self, wanted: Setpoint, now_s: float) -> Limited:
         """The nearest setpoint that keeps all limits."""
-        position = wanted.position_ned_m
-        if position is None or self._position_ned_m is None:
-            return self._limit_velocity(wanted)
-        target, reason = self._inside(position)
-        duration_s = max(now_s - self._last_s, 0.0)
-        self._last_s = now_s
-        reached = self._approach(target, wanted.velocity_ned_m_s or (0.0, 0.0, 0.0), duration_s)
-        if not reason and math.dist(reached, target) > 0.02:
-            reason = "faster than the platform may move"
-        velocity = wanted.velocity_ned_m_s
-        if velocity is not None:
-            velocity = self._slow(velocity) if not reason else self._velocity_ned_m_s
-        limited = Setpoint(
-            action_id=wanted.action_id, position_ned_m=reached, velocity_ned_m_s=velocity, yaw_rad=wanted.yaw_rad
-        )
-        return Limited(limited, bool(reason), reason)
+        if self._at is None:
+            self.restart(self._vehicle_ned_m, _AT_REST, now_s)
+        assert self._at is not None
+        duration_s = min(max(now_s - self._last_s, 0.0), LONGEST_STEP_S)
+        self._last_s = max(now_s, self._last_s)
+        if wanted.position_ned_m is None:
+            return self._limit_velocity(wanted, duration_s)
+        target, reason = self._inside(wanted.position_ned_m)
+        feed_forward = wanted.velocity_ned_m_s
+        self._approach(target, self._motion_of(target, feed_forward, duration_s), duration_s)
+        if not reason and math.dist(self._at, target) > SEEN_M:
+            reason = "it asks for more than the platform may do, or the fence is on the way"
+        if reason or (feed_forward is not None and not self._agree(feed_forward, self._velocity)):
+            feed_forward = self._velocity
+        return Limited(_with(wanted, self._at, feed_forward), bool(reason), reason)
 
-    def _limit_velocity(self, wanted: Setpoint) -> Limited:
-        if wanted.velocity_ned_m_s is None:
-            return Limited(wanted, False, "")
-        slowed = self._slow(wanted.velocity_ned_m_s)
-        is_clamped = math.dist(slowed, wanted.velocity_ned_m_s) > TOLERANCE_M
-        limited = Setpoint(action_id=wanted.action_id, velocity_ned_m_s=slowed, yaw_rad=wanted.yaw_rad)
-        return Limited(limited, is_clamped, "faster than the platform may move" if is_clamped else "")
+    def _limit_velocity(self, wanted: Setpoint, duration_s: float) -> Limited:
+        """Without a position the point is the vehicle itself."""
+        asked = wanted.velocity_ned_m_s or _AT_REST
+        self._at, self._target = self._vehicle_ned_m, None
+        north, east, down = self._slowed(asked)
+        if duration_s > 0.0:
+            braking, height_m = APPROACH_SHARE * self._limits.acceleration_m_s2, -self._at[2]
+            climb_m_s = _speed_to_stop(max(0.0, self.highest_m - height_m), braking, duration_s)
+            descent_m_s = _speed_to_stop(max(0.0, height_m - self._lowest_m), braking, duration_s)
+            down = min(max(down, -climb_m_s), descent_m_s)
+        self._velocity = self._next((north, east, down), duration_s)
+        is_clamped = math.dist(self._velocity, asked) > SEEN_M
+        reason = "it asks for more than the platform may do, or the fence is on the way" if is_clamped else ""
+        return Limited(_with(wanted, None, self._velocity), is_clamped, reason)
+
+    # --- the place that is aimed at ---
 
     def _inside(self, position: Vector3) -> tuple[Vector3, str]:
-        """The wanted position in the band of heights, and what is wrong with it."""
-        north, east, down = position
-        limits = self.limits
-        highest = limits.height_max_m
-        if limits.fence is not None and limits.fence.ceiling_m is not None:
-            highest = min(highest, limits.fence.ceiling_m)
-        height = min(max(-down, limits.height_min_m), highest)
-        target = (north, east, -height)
-        if abs(height + down) > TOLERANCE_M:
-            return target, f"height {-down:.2f} m is outside {limits.height_min_m:g} to {highest:g} m"
-        if self._clearance_m(target) < limits.fence_margin_m - TOLERANCE_M:
-            return target, f"({north:.2f}, {east:.2f}) m is nearer to the fence than {limits.fence_margin_m:g} m"
-        return target, ""
+        """The nearest place where the vehicle may be, and what is wrong with the wanted one."""
+        assert self._at is not None
+        is_out = self._flat is not None and self._flat.clearance_m(self._at) < self._limits.fence_margin_m - OUT_M
+        north, east, down = self._at if is_out else position
+        height_m = min(max(-down, self._lowest_m), self.highest_m)
+        reason = "it is too near to the fence, or outside, and goes straight back in" if is_out else ""
+        if not is_out and abs(height_m + down) > TOLERANCE_M:
+            reason = f"height {-down:.2f} m is outside {self._lowest_m:.2f} to {self.highest_m:.2f} m"
+        target = (north, east, -height_m)
+        if self._flat is None or self._flat.clearance_m(target) >= self._limits.fence_margin_m - ROUNDING_M:
+            return target, reason
+        if not is_out:
+            reason = f"({north:.2f}, {east:.2f}) m is nearer to the fence than {self._limits.fence_margin_m:g} m"
+        return self._pushed_in(self._flat, target), reason
 
-    def _clearance_m(self, position: Vector3) -> float:
-        fence = self.limits.fence
-        return math.inf if fence is None else fence.clearance_m((position[0], position[1], 0.0))
+    def _pushed_in(self, fence: Fence, place: Vector3) -> Vector3:
+        """Moves a place away from what it is too near to; stays at the present one where that leads nowhere."""
+        assert self._at is not None
+        margin_m, small_m = self._limits.fence_margin_m, 1e-3
+        north, east, down = place
+        for _ in range(12):
+            missing_m = margin_m - fence.clearance_m((north, east, down))
+            if missing_m <= ROUNDING_M:
+                return (north, east, down)
+            slope_n = fence.clearance_m((north + small_m, east, down)) - fence.clearance_m(
+                (north - small_m, east, down)
+            )
+            slope_e = fence.clearance_m((north, east + small_m, down)) - fence.clearance_m(
+                (north, east - small_m, down)
+            )
+            slope = math.hypot(slope_n, slope_e)
+            if slope < 1e-3 * small_m:
+                break
+            north += (missing_m + TOLERANCE_M) * slope_n / slope
+            east += (missing_m + TOLERANCE_M) * slope_e / slope
+        return (self._at[0], self._at[1], down)
 
-    def _approach(self, target: Vector3, feed_forward: Vector3, duration_s: float) -> Vector3:
-        """Moves the output towards the target, within speed and acceleration, able to stop there."""
-        assert self._position_ned_m is not None
-        at, limits = self._position_ned_m, self.limits
-        step = (target[0] - at[0], target[1] - at[1], target[2] - at[2])
-        distance_m = math.hypot(*step)
+    def _motion_of(self, target: Vector3, told: Vector3 | None, duration_s: float) -> Vector3:
+        """How a target moves: as it says, if that is what it does. One that has just leapt does not move."""
+        before, self._target = self._target, target
+        if before is None or duration_s <= 0.0:
+            return _AT_REST
+        seen = _plus(_AT_REST, _minus(target, before), 1.0 / duration_s)
+        if told is not None and self._agree(told, seen):
+            return told
+        return seen if self._is_slow(seen) else _AT_REST
+
+    # --- the way there ---
+
+    def _approach(self, target: Vector3, moving: Vector3, duration_s: float) -> None:
+        """Moves the point on: onto the target where that may be, else towards it."""
+        assert self._at is not None
         if duration_s <= 0.0:
-            return at
-        if distance_m < TOLERANCE_M:
-            self._velocity_ned_m_s = feed_forward
-            return target
-        along = tuple(component / distance_m for component in step)
-        # Fast enough to keep up with a moving target, slow enough to stop at a resting one.
-        moving = max(0.0, sum(a * b for a, b in zip(along, feed_forward, strict=True)))
-        limit_m_s = self._limit_along(along)
-        stopping_m_s = math.sqrt(moving**2 + 2.0 * limits.acceleration_m_s2 * distance_m)
-        speed_before = max(0.0, sum(a * b for a, b in zip(along, self._velocity_ned_m_s, strict=True)))
-        speed_m_s = min(limit_m_s, stopping_m_s, speed_before + limits.acceleration_m_s2 * duration_s)
-        speed_m_s = min(speed_m_s, distance_m / duration_s)
-        velocity = self._before_fence(at, (along[0] * speed_m_s, along[1] * speed_m_s, along[2] * speed_m_s))
-        reached = (
-            at[0] + velocity[0] * duration_s,
-            at[1] + velocity[1] * duration_s,
-            at[2] + velocity[2] * duration_s,
-        )
-        self._velocity_ned_m_s, self._position_ned_m = velocity, reached
-        return reached
+            return
+        at = self._at
+        way = _minus(target, at)
+        straight = (way[0] / duration_s, way[1] / duration_s, way[2] / duration_s)
+        change = math.dist(straight, self._velocity)
+        most = self._limits.acceleration_m_s2 * duration_s * 1.001 + 1e-3
+        is_near = change <= most and math.dist(straight, moving) <= most
+        if is_near and self._is_slow(straight) and self._may_go(at, straight, duration_s):
+            self._at, self._velocity = target, straight
+            return
+        # It keeps up with a moving target, and comes nearer to it no faster than it could stop there.
+        moving = self._slowed(moving)
+        behind = _plus(way, moving, -duration_s)
+        distance_m = math.hypot(*behind)
+        closing_m_s = _speed_to_stop(distance_m, APPROACH_SHARE * self._limits.acceleration_m_s2, duration_s)
+        wish = _plus(moving, behind, closing_m_s / max(distance_m, TOLERANCE_M))
+        self._velocity = self._next(self._slowed(wish), duration_s)
+        self._at = _plus(at, self._velocity, duration_s)
 
-    def _before_fence(self, at: Vector3, velocity: Vector3) -> Vector3:
-        """Takes off what leads into the fence faster than it could be stopped; slides along it."""
-        fence, limits = self.limits.fence, self.limits
-        if fence is None:
-            return velocity
-        north, east, down = velocity
-        if self._clearance_m(at) < 0.0:  # outside already: only what leads back
-            ahead = (at[0] + 0.1 * north, at[1] + 0.1 * east, at[2])
-            return velocity if self._clearance_m(ahead) > self._clearance_m(at) else (0.0, 0.0, down)
-        for distance_m, (wall_n, wall_e) in fence.walls(at):
-            room_m = max(0.0, distance_m - limits.fence_margin_m)
-            allowed_m_s = math.sqrt(2.0 * limits.acceleration_m_s2 * room_m)
-            towards_m_s = north * wall_n + east * wall_e
-            if towards_m_s > allowed_m_s:
-                north -= (towards_m_s - allowed_m_s) * wall_n
-                east -= (towards_m_s - allowed_m_s) * wall_e
-        return (north, east, down)
+    def _next(self, wish: Vector3, duration_s: float) -> Vector3:
+        """The velocity for the next step: as near to the wish as acceleration and fence allow."""
+        assert self._at is not None
+        most = self._limits.acceleration_m_s2 * duration_s
+        now = self._velocity
+        change = math.dist(wish, now)
+        turned = wish if change <= most else _plus(now, _minus(wish, now), most / change)
+        if self._may_go(self._at, turned, duration_s):
+            return turned
+        speed = math.hypot(*now)
+        braked = _plus(_AT_REST, now, max(0.0, 1.0 - most / speed) if speed > 0.0 else 0.0)
+        for share in (0.5, 0.25, 0.1):
+            mixed = _plus(braked, _minus(turned, braked), share)
+            if self._may_go(self._at, mixed, duration_s):
+                return mixed
+        return braked
 
-    def _limit_along(self, along: Sequence[float]) -> float:
-        """The largest speed in a direction, of what the platform may do horizontally and vertically, in m/s."""
-        horizontal, vertical = math.hypot(along[0], along[1]), abs(along[2])
-        limit = math.inf
-        if horizontal > TOLERANCE_M:
-            limit = self.limits.speed_m_s / horizontal
-        if vertical > TOLERANCE_M:
-            limit = min(limit, self.limits.climb_m_s / vertical)
-        return limit
-
-    def _slow(self, velocity: Vector3) -> Vector3:
+    def _may_go(self, at: Vector3, velocity: Vector3, duration_s: float) -> bool:
+        """Whether, after a step with this velocity, the point can still stop inside."""
         speed = math.hypot(*velocity)
-        if speed < TOLERANCE_M:
-            return velocity
-        factor = min(1.0, self._limit_along(tuple(component / speed for component in velocity)) / speed)
-        return (velocity[0] * factor, velocity[1] * factor, velocity[2] * factor)
+        if speed == 0.0:
+            return True
+        reach_s = duration_s + 0.5 * speed / self._limits.acceleration_m_s2
+        stop = _plus(at, velocity, reach_s)
+        height_m, stop_m = -at[2], -stop[2]
+        if stop_m > max(self.highest_m, height_m) + TOLERANCE_M or stop_m < min(self._lowest_m, height_m) - TOLERANCE_M:
+            return False
+        if self._flat is None:
+            return True
+        room_m, margin_m = self._flat.clearance_m(at), self._limits.fence_margin_m
+        if room_m - margin_m >= speed * reach_s:
+            return True
+        needed_m = min(room_m, margin_m) - ROUNDING_M
+        # A very short leg is taken for its begin, therefore the end is looked at as well.
+        return self._flat.clearance_m(stop) >= needed_m and self._flat.leg_clearance_m(at, stop) >= needed_m
+
+    # --- speeds ---
+
+    def _agree(self, told: Vector3, seen: Vector3) -> bool:
+        """Whether a velocity that is told fits what is seen from one setpoint to the next."""
+        near_m_s = 0.05 + 0.5 * self._limits.acceleration_m_s2 * LONGEST_STEP_S
+        return math.dist(told, seen) <= near_m_s and self._is_slow(told)
+
+    def _is_slow(self, velocity: Vector3) -> bool:
+        limits = self._limits
+        across = math.hypot(velocity[0], velocity[1])
+        return across <= limits.speed_m_s * 1.001 + 1e-3 and abs(velocity[2]) <= limits.climb_m_s * 1.001 + 1e-3
+
+    def _slowed(self, velocity: Vector3) -> Vector3:
+        """The same direction, no faster than the platform may move across and up or down."""
+        across, along = math.hypot(velocity[0], velocity[1]), abs(velocity[2])
+        share = min(
+            1.0,
+            self._limits.speed_m_s / across if across > 0.0 else 1.0,
+            self._limits.climb_m_s / along if along > 0.0 else 1.0,
+        )
+        return (velocity[0] * share, velocity[1] * share, velocity[2] * share)
+
+
+def _speed_to_stop(distance_m: float, braking_m_s2: float, duration_s: float) -> float:
+    """The largest speed for the next step after which braking still ends before a distance, in m/s."""
+    lost = braking_m_s2 * duration_s
+    return min(math.sqrt(lost * lost + 2.0 * braking_m_s2 * distance_m) - lost, distance_m / duration_s)
+
+
+def _plus(a: Vector3, b: Vector3, share: float) -> Vector3:
+    return (a[0] + b[0] * share, a[1] + b[1] * share, a[2] + b[2] * share)
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def _with(wanted: Setpoint, position: Vector3 | None, velocity: Vector3 | None) -> Setpoint:
+    return Setpoint(
+        action_id=wanted.action_id, position_ned_m=position, velocity_ned_m_s=velocity, yaw_rad=wanted.yaw_rad
+    )
 
 
 def is_finite(setpoint: Setpoint) -> bool:

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from gloc3.component import Controller
+from gloc3.messages import Envelope
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, Pose, Setpoint
-from gloc3_onboard.motion_limits import SetpointLimiter, is_finite
+from gloc3_onboard.motion_limits import SetpointLimiter
+from gloc3_onboard.setpoint_gate import SetpointGate
 
 
 class LimiterSettings(Settings, frozen=True):
@@ -21,7 +23,7 @@ class Limiter(Controller[LimiterSettings]):
     """Passes the owner's setpoints and manoeuvres on, within the limits; drops everybody else's."""
 
     settings_type = LimiterSettings
-    loggable = ("clamped", "foreign", "reason")
+    loggable = ("clamped", "foreign", "stale", "not_finite", "reason")
 
     setpoint_wanted = Input(Setpoint, Keep.ALL)
     manoeuvre_wanted = Input(Manoeuvre, Keep.ALL)
@@ -32,12 +34,12 @@ class Limiter(Controller[LimiterSettings]):
     manoeuvre = Output(Manoeuvre)
 
     def __init__(self) -> None:
-        self.clamped = 0
-        self.foreign = 0
+        self.clamped = self.foreign = self.stale = self.not_finite = 0
         self.reason = ""
+        """Why the last setpoint was changed or held back; empty if it was not."""
         self._settings = LimiterSettings()
+        self._gate = SetpointGate()
         self._limiter: SetpointLimiter | None = None
-        self._owner = ""
 
     def initialize(self, settings: LimiterSettings) -> None:
         """Adopts the settings."""
@@ -45,7 +47,7 @@ class Limiter(Controller[LimiterSettings]):
 
     def start(self) -> None:
         """Waits for the limits."""
-        self._limiter, self._owner = None, ""
+        self._limiter = None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Limits what the owner of motion wants."""
@@ -55,39 +57,42 @@ class Limiter(Controller[LimiterSettings]):
             self._limiter.limits = limits.payload
         grant = inbox.latest(self.grant)
         owner = grant.payload.action_id if grant is not None else ""
-        results: list[Result] = [
-            self._limit_manoeuvre(manoeuvre.payload)
-            for manoeuvre in inbox.new(self.manoeuvre_wanted)
-            if self._is_owner(manoeuvre.payload.action_id, owner)
-        ]
-        wanted = None
-        for envelope in inbox.new(self.setpoint_wanted):
-            if self._is_owner(envelope.payload.action_id, owner):
-                wanted = envelope
-        if wanted is None or self._limiter is None or not is_finite(wanted.payload):
-            return results
-        pose = inbox.latest(self.pose)
+        results: list[Result] = []
+        for manoeuvre in inbox.new(self.manoeuvre_wanted):
+            if owner and manoeuvre.payload.action_id == owner:
+                results.append(self._limit_manoeuvre(manoeuvre.payload, inbox.latest(self.pose)))
+            else:
+                self._gate.foreign += 1
+        wanted = self._gate.newest(inbox.new(self.setpoint_wanted), owner, now_s)
+        if wanted is not None:
+            results += self._limit(wanted, inbox.latest(self.pose), now_s)
+        gate = self._gate
+        self.foreign, self.stale, self.not_finite = gate.foreign, gate.stale, gate.not_finite
+        return results
+
+    def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
+        if self._limiter is None:
+            self.reason = "the limits are not known yet"
+            return []
         if pose is None or not pose.payload.is_valid or now_s - pose.t_s > self._settings.pose_limit_s:
-            self.reason = "no valid pose to keep the fence with"
-            return results
-        if owner != self._owner:
-            self._owner = owner
-            self._limiter.restart(pose.payload.position_ned_m, pose.payload.velocity_ned_m_s, now_s)
-        limited = self._limiter.limit(wanted.payload, now_s)
+            self.reason = "there is no valid pose to keep the fence with"
+            return []
+        place = pose.payload
+        self._limiter.see(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
+        limited = self._limiter.limit(wanted.payload, wanted.t_s)
         self.clamped += limited.is_clamped
         self.reason = limited.reason
-        return [*results, self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
+        return [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
 
-    def _is_owner(self, action_id: str, owner: str) -> bool:
-        if action_id == owner and owner:
-            return True
-        self.foreign += 1
-        return False
-
-    def _limit_manoeuvre(self, manoeuvre: Manoeuvre) -> Manoeuvre:
+    def _limit_manoeuvre(self, manoeuvre: Manoeuvre, pose: Envelope[Pose] | None) -> Manoeuvre:
+        """A take-off's height counts from the ground below, where home is."""
         if manoeuvre.kind is not ManoeuvreKind.TAKE_OFF or self._limiter is None:
             return manoeuvre
-        highest_m = self._limiter.limits.height_max_m
+        limits = self._limiter.limits
+        highest_m = limits.height_max_m
+        ground_ned_m = limits.home_ned_m or (pose.payload.position_ned_m if pose is not None else None)
+        if ground_ned_m is not None:
+            highest_m = min(highest_m, self._limiter.highest_m + ground_ned_m[2])
         if manoeuvre.height_m <= highest_m:
             return manoeuvre
         self.clamped += 1

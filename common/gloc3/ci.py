@@ -268,6 +268,8 @@ class VehicleSummary(Message, frozen=True):
     frame: str = ""
     geo: tuple[float, float, float] | None = None
     """Latitude, longitude in degrees, altitude above mean sea level in metres."""
+    is_armable: bool = True
+    """Whether the autopilot would arm now."""
 
 
 class MissionSummary(Message, frozen=True):

@@ -46,6 +46,8 @@ def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
         lacks.append("the autopilot")
     elif not vehicle.value.is_pose_valid:
         lacks.append("a valid position")
+    elif not vehicle.value.is_armable:
+        lacks.append("readiness to arm")
     if summary is None or summary.is_stale(now_s):
         lacks.append("the components' state")
     elif summary.value.health not in WELL:

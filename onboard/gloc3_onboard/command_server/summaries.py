@@ -62,6 +62,7 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         is_autopilot_connected=facts.is_connected,
         frame=frame,
         geo=geo,
+        is_armable=autopilot is not None and (autopilot.is_armed or autopilot.is_armable),
     )
 
 

@@ -9,7 +9,7 @@ import yaml
 from gloc3.errors import Finding
 
 MAX_DEPTH: Final = 32
-MAX_NODES: Final = 100_000
+MAX_NODES: Final = 50_000
 MAX_FINDINGS: Final = 50
 
 _LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -18,7 +18,7 @@ from gloc3.mission.board import Board, Condition
 from gloc3.mission.items import MISSION, ActionRun, Program
 from gloc3.mission.messages import ActionStatus
 from gloc3.mission.model import Mission
-from gloc3.mission.policy import Policy
+from gloc3.mission.policy import Policy, resolved
 from gloc3.mission.requests import Grant, Persist, Request, TakeBack
 from gloc3.mission.snapshot import Snapshot
 from gloc3.mission.states import ActionState, Trigger
@@ -170,9 +170,37 @@ class MissionExecutor:
         self._settle(now_s)
 
     def component_failed(self, component: str, reason: str, now_s: float) -> None:
-        """A component has turned faulty, has left, or is taken away: its actions fail."""
-        for assignment in self.board.assignments.of(component):
+        """A component has turned faulty, has left, or is taken away: its actions fail.
+
+        What it performs is not available until `available` says otherwise, so that no retry is wasted on it.
+        """
+        lost = list(self.board.assignments.of(component))
+        if not lost:
+            return
+        rows = self.board.rows
+        performed = {name: (component,) for name, row in rows.items() if row.performed_by == component}
+        self.board.missing = performed | dict(self.board.missing)
+        for name in performed:
+            self.board.missing_since_s.setdefault(name, now_s)
+        for assignment in lost:
             flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
+        self._settle(now_s)
+
+    def component_lost(self, component: str, policy: Policy, reason: str, now_s: float) -> None:
+        """A component's function is lost for good: neither a standby nor another attempt is left.
+
+        Args:
+            component: its name.
+            policy: what its row says is to be done: `hold`, `return`, `land` or `abort`.
+            reason: why it is lost.
+            now_s: the time.
+        """
+        board, cause = self.board, f"{component} is lost ({reason})"
+        if board.has_pilot:
+            board.tell(Severity.ERROR, f"{cause}; the pilot has control")
+            return
+        board.tell(Severity.ERROR, f"{cause}; policy: {policy}")
+        manoeuvres.apply(board, resolved(policy, board.policies.on_failure), cause, now_s)
         self._settle(now_s)
 
     def vehicle(self, is_airborne: bool, now_s: float) -> None:

@@ -9,7 +9,7 @@ from gloc3.mission.board import Board, Condition
 from gloc3.mission.checker import home_problem
 from gloc3.mission.failures import reopen, retry
 from gloc3.mission.flow import go_on_after_pause
-from gloc3.mission.items import MISSION, ActionRun, Item, Program, TaskRun
+from gloc3.mission.items import ActionRun, Item, Program, TaskRun
 from gloc3.mission.model import Mission
 from gloc3.mission.policy import MANOEUVRES, Policy, resolved
 from gloc3.mission.states import TABLE, ActionState, Trigger
@@ -24,7 +24,7 @@ def find(board: Board, target: str) -> Item:
     Raises:
         Refused: there is none.
     """
-    if target in ("", MISSION):
+    if not target:
         if board.mission is None:
             raise Refused("no mission is loaded")
         return board.mission
@@ -41,7 +41,7 @@ def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m:
     Raises:
         Refused: it cannot be done now; nothing has changed.
     """
-    if trigger is Trigger.RESUME and target in ("", MISSION) and board.has_pilot:
+    if trigger is Trigger.RESUME and not target and board.has_pilot:
         _take_back(board, now_s)
         return
     item = find(board, target)

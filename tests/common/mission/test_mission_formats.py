@@ -20,6 +20,7 @@ from gloc3.mission.formats import (
     write_plan,
     write_wpl,
 )
+from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.mission.reader import read_mission
 
@@ -167,6 +168,14 @@ def test_a_mission_becomes_a_plan_and_comes_back_the_same() -> None:
     assert read_plan(write_plan(plan), "again").items == plan.items
     again, _ = to_mission(read_plan(write_plan(plan), "again"), "p", "p")
     assert read_mission(again, "again") == mission
+
+
+def test_the_fence_of_a_mission_is_uploaded_as_mavlink_items() -> None:
+    text, _ = to_mission(read_plan(json.dumps(PLAN), "p"), "p", "p")
+    geofence = read_mission(text, "p").geofence
+    assert geofence is not None
+    items = Plan(entries=(), fence=fence_areas(geofence)).fence_items()
+    assert [(item.command, item.params[0]) for item in items] == [(5001, 4.0)] * 4 + [(5004, 5.0)]
 
 
 def test_a_mission_in_a_local_frame_is_not_made_a_plan() -> None:

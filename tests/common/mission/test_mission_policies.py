@@ -225,6 +225,20 @@ def test_a_component_that_turns_faulty_fails_its_actions(rig: Rig) -> None:
     assert rig.executor.policy == "hold"
 
 
+def test_no_attempt_is_wasted_on_a_faulty_component(pelican: Platform) -> None:
+    rig = flying(pelican, MISSION.replace("until: wall", "until: wall, retries: 1"))
+    for _ in range(20):
+        rig.under_way.pop(next((one for one in rig.under_way if one.startswith("sweep.photos")), ""), None)
+        rig.executor.component_failed("images", "faulty: no camera", rig.now_s)
+        rig.executor.available({"record_images": ("images",)}, rig.now_s)
+        rig.settle()
+        rig.pass_s(0.05)
+    assert rig.state("sweep.photos") == "waiting"
+    rig.executor.available({}, rig.now_s)
+    rig.settle()
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
 def test_a_standby_has_half_a_second_to_take_over(rig: Rig) -> None:
     for outage_s, expected in ((0.4, "running"), (0.6, "failed")):
         rig.executor.available({"follow_waypoints": ("limiter",)}, rig.now_s)

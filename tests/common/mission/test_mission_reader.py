@@ -229,7 +229,7 @@ def mission_texts(draw: st.DrawFn) -> str:
 
 
 @given(mission_texts())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_any_mission_is_written_and_read_again_equal(text: str) -> None:
     mission = read_mission(text, "m", EAST)
     assert read_mission(write_mission(mission), "w", EAST) == mission

@@ -17,7 +17,7 @@ from gloc3.mission.arguments import (
     Wait,
 )
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
-from gloc3.mission.model import GEO, AreaFile, Mission, where_of
+from gloc3.mission.model import GEO, AreaFile, GeofenceFile, Mission, where_of
 from gloc3.mission.placement import HeightAbove
 from gloc3.mission.structure import PartialOrder
 
@@ -144,9 +144,13 @@ class _Converter:
             return ()
         if geofence.ceiling_m is not None:
             self._note("", "the fence's ceiling has no place in a plan", "set it in the autopilot", is_warning=True)
-        areas = [_area(geofence, is_inclusion=True)]
-        areas += [_area(one, is_inclusion=False) for one in geofence.keep_out]
-        return tuple(area for area in areas if area is not None)
+        return fence_areas(geofence)
+
+
+def fence_areas(geofence: GeofenceFile) -> tuple[FenceArea, ...]:
+    """The areas of a fence in frame geo, as they are uploaded to an autopilot (see `Plan.fence_items`)."""
+    areas = [_area(geofence, is_inclusion=True), *(_area(one, is_inclusion=False) for one in geofence.keep_out)]
+    return tuple(area for area in areas if area is not None)
 
 
 def _area(area: AreaFile, *, is_inclusion: bool) -> FenceArea | None:

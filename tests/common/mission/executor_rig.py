@@ -197,3 +197,37 @@ def _reachable(state: ActionState) -> set[ActionState]:
                 found.add(to)
                 waiting.append(to)
     return found
+
+
+MISSION = """\
+mission: test
+frame: hold
+on_failure: hold
+on_link_loss: hold
+on_low_battery: return
+on_pose_lost: land
+hold_s: 30
+tasks:
+  depart:
+    actions:
+      climb:  {take_off: {height_m: 1.5}}
+  sweep:
+    after: [depart]
+    actions:
+      wall:   {follow_waypoints: {waypoints_m: [[2, 1, 2], [16, 1, 2]]}}
+      photos: {record_images: {camera: ground, every_m: 0.5}, until: wall}
+  recover:
+    after: [sweep]
+    actions:
+      home:   {return_home: {}}
+      down:   {land: {}, after: [home]}
+"""
+
+
+def flying(platform: Platform, text: str = MISSION) -> Rig:
+    """In the middle of the sweep."""
+    rig = Rig(platform, text)
+    rig.start()
+    rig.fly()
+    rig.done("depart.climb")
+    return rig

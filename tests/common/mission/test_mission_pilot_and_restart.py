@@ -1,0 +1,144 @@
+"""The human pilot goes before everything of ours; a restart in flight goes on where it was, and never arms."""
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.mission.board import Condition
+from gloc3.mission.requests import Grant
+from gloc3.mission.states import ActionState
+from gloc3.platform import Platform
+
+from .executor_rig import MISSION, Rig, flying
+
+
+@pytest.fixture
+def rig(pelican: Platform) -> Rig:
+    return flying(pelican)
+
+
+# the pilot
+
+
+def pilot(rig: Rig, has_control: bool) -> None:
+    rig.executor.pilot(has_control, "mode stabilize", rig.now_s)
+    rig.settle()
+
+
+def test_a_pilot_stops_everything_of_ours_at_once(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    assert rig.state() == "paused"
+    assert rig.executor.mission is not None
+    assert rig.executor.mission.reason == "pilot: mode stabilize"
+    assert rig.grant == Grant(action_id="", component="")
+    assert rig.executor.policy == "pilot"
+    rig.arise(Condition.LINK_LOST)
+    rig.arise(Condition.POSE_LOST)
+    rig.executor.emergency("land", "ann", rig.now_s)
+    rig.pass_s(200)
+    assert rig.running() == []
+    assert rig.grant.action_id == ""
+    for verb, target in (("resume", "sweep"), ("resume", "sweep.wall")):
+        with pytest.raises(Refused, match="the pilot has control"):
+            rig.steer(verb, target)
+
+
+def test_after_a_pilot_only_an_operator_s_resume_goes_on(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    pilot(rig, has_control=False)
+    rig.pass_s(100)
+    assert rig.state() == "paused"
+    assert rig.grant.action_id == ""
+    rig.steer("resume")
+    assert rig.taken_back == 1
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+    assert rig.grant.action_id == rig.id_of("sweep.wall")
+
+
+def test_what_arose_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(Condition.POSE_LOST)
+    rig.arise(Condition.POSE_LOST, is_on=False)
+    rig.steer("resume")
+    assert rig.running() == ["policy.return_home"]
+
+
+def test_a_pilot_ends_a_policy_and_handing_back_holds(rig: Rig) -> None:
+    rig.arise(Condition.LOW_BATTERY)
+    pilot(rig, has_control=True)
+    assert rig.running() == []
+    rig.steer("resume")
+    assert rig.grant.action_id == "hold"
+    assert rig.executor.policy == ""
+
+
+def test_a_mission_whose_vehicle_a_pilot_has_landed_is_not_resumed(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.fly(is_airborne=False)
+    with pytest.raises(Refused, match=r"the vehicle is on the ground, and sweep.wall was paused in the air; abort it"):
+        rig.steer("resume")
+    rig.steer("abort")
+    assert rig.state() == "aborted"
+    assert rig.under_way == {}
+
+
+# restart
+
+
+@pytest.mark.parametrize(
+    ("on_restart", "state", "running"),
+    [
+        ("continue", "running", ["sweep.photos", "sweep.wall"]),
+        ("hold", "paused", []),
+        ("land", "failed", ["policy.land"]),
+    ],
+)
+def test_a_restart_in_flight_goes_by_the_mission_s_policy(
+    pelican: Platform, on_restart: str, state: str, running: list[str]
+) -> None:
+    rig = flying(pelican, MISSION.replace("hold_s: 30", f"hold_s: 30\non_restart: {on_restart}"))
+    rig.report(rig.id_of("sweep.wall"), ActionState.RUNNING, progress=0.5)
+    again = rig.restart(is_airborne=True)
+    assert again.state() == state
+    assert again.running() == running
+    assert again.state("depart.climb") == "done"
+    if on_restart == "continue":
+        assert next(one for one in again.started if one.capability == "follow_waypoints").progress == 0.5
+        assert not set(again.components) & set(rig.components)
+    if on_restart == "hold":
+        assert again.grant.action_id == "hold"
+        again.steer("resume")
+        assert again.running() == ["sweep.photos", "sweep.wall"]
+
+
+def test_a_restart_on_the_ground_moves_nothing(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION.replace("hold_s: 30", "hold_s: 30\non_restart: continue"))
+    rig.start()
+    again = rig.restart(is_airborne=False)
+    assert again.state() == "paused"
+    again.pass_s(100)
+    assert again.under_way == {}
+    again.steer("resume")
+    assert again.running() == ["depart.climb"]
+
+
+def test_a_policy_that_was_being_carried_out_goes_on_after_a_restart(rig: Rig) -> None:
+    rig.arise(Condition.LOW_BATTERY)
+    again = rig.restart(is_airborne=True)
+    assert again.state() == "failed"
+    assert again.running() == ["policy.return_home"]
+    landed = rig.restart(is_airborne=False)
+    assert landed.under_way == {}
+    assert landed.executor.policy == ""
+
+
+def test_a_restart_during_take_off_or_landing_knows_how_it_ended(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION.replace("hold_s: 30", "hold_s: 30\non_restart: continue"))
+    rig.start()
+    again = rig.restart(is_airborne=True)
+    assert again.running() == ["sweep.photos", "sweep.wall"]
+    again.done("sweep.wall")
+    again.done("recover.home")
+    last = again.restart(is_airborne=False)
+    assert last.state("recover.down") == "done"
+    assert last.state() == "done"

@@ -43,19 +43,6 @@ class ComponentBook:
         """Whether a component is there and working."""
         return self.state(name, now_s) is State.WORKING
 
-    def health(self, now_s: float) -> Health:
-        """The platform's: the worst of its required components, standbys that are quiet excepted."""
-        worst = Health.WORKING
-        for name, row in self.rows.items():
-            if not row.required:
-                continue
-            health = health_of(self.state(name, now_s))
-            if health is Health.QUIET and row.standby_for:
-                continue
-            if HEALTHS.index(health) > HEALTHS.index(worst):
-                worst = health
-        return worst
-
     def table(self) -> ComponentTable:
         """The names behind the summary's indices."""
         rows = [
@@ -73,7 +60,7 @@ class ComponentBook:
     def _table_number(self) -> int:
         return len(self._status)
 
-    def summary(self, now_s: float) -> Summary:
+    def summary(self, health: Health, now_s: float) -> Summary:
         """All components, a short line each."""
         lines = []
         for index, name in enumerate(self.rows):
@@ -87,7 +74,7 @@ class ComponentBook:
             lines.append(
                 ComponentLine(index, HEALTHS.index(health_of(state)), rate_percent, load_percent, overruns, errors)
             )
-        return Summary(table=self._table_number(), health=self.health(now_s), lines=lines)
+        return Summary(table=self._table_number(), health=health, lines=lines)
 
     def new_troubles(self) -> list[ComponentTrouble]:
         """The last errors in words, of the components whose count of errors has grown since this was last asked."""

@@ -30,6 +30,7 @@ from gloc3.messages import CommandReply, CommandRequest, FunctionReply, Function
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
+from gloc3.supervision import Supervision
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
@@ -65,7 +66,8 @@ class RequestHandler:
     ) -> None:
         self.executor: MissionExecutor | None = None
         """None until what the process before has left is taken up again."""
-        self.mission_text = ""
+        self.supervision: Supervision | None = None
+        """Set by the server as soon as it works."""
         self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
         self._journal = Journal(site.journal)
         self._open: dict[str, _Open] = {}
@@ -220,6 +222,8 @@ class RequestHandler:
             if state is None:
                 raise Refused(f"{command} is not accepted: the component is absent; accepted: {CREATE}")
             transition(state, command)
+            if self.supervision is not None:
+                self.supervision.check(body.component, [command])
             if command in TAKES_AWAY and state in OPERATING:
                 self._refuse_if_needed(body, executor, now_s)
         self._count += 1

@@ -29,10 +29,12 @@ from gloc3.messages import (
 )
 from gloc3.mission.executor import MissionExecutor, Verb
 from gloc3.mission.messages import ActionStatus
+from gloc3.mission.policy import Policy
 from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
 from gloc3.mission.restore import restore
 from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
 from gloc3.settings import Bounds, Settings
+from gloc3.supervision import Order, Step, Supervision, Verdict
 from gloc3.vehicle import AutopilotState, DriverState, FlightMode, Home, MotionGrant, MotionLimits, Pose, TakeOver
 from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
@@ -108,6 +110,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._book = ComponentBook(platform.components)
         self._authority = ControlAuthority()
         self._availability = Availability(platform)
+        self._supervision: Supervision | None = None
+        self._verdicts: list[Verdict] = []
         self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._say)
         self._executor: MissionExecutor | None = None
         self._granted = Grant(action_id="", component="")
@@ -131,6 +135,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._now_s = now_s
         results: list[Result] = []
         self._observe(now_s, inbox)
+        results += self._supervise(now_s, inbox)
         if self._executor is None:
             results += self._try_to_begin(now_s)
         for request in inbox.new(self.request):
@@ -168,6 +173,29 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._facts.driver = driver.payload
         for event in inbox.new(self.event):
             self._forward(event)
+
+    def _supervise(self, now_s: float, inbox: Inbox) -> list[Result]:
+        """Has standbys take over and faulty components come up again; what is lost for good goes to the executor."""
+        if self._supervision is None:
+            self._supervision = Supervision(self._site.platform.components, f"supervision-{now_s:.3f}")
+            self._requests.supervision = self._supervision
+        supervision = self._supervision
+        steps: list[Step] = []
+        for status in inbox.new(self.status):
+            steps += supervision.receive_status(status.payload, now_s)
+        for reply in inbox.new(self.reply):
+            steps += supervision.receive_reply(reply.payload, now_s)
+        steps += supervision.tick(now_s)
+        results: list[Result] = []
+        for step in steps:
+            match step:
+                case Order(component=component, request=request, reason=reason):
+                    commands = ", ".join([request.command, *request.then])
+                    self._say(Severity.WARNING, f"{commands} {component}: {reason}", "supervision")
+                    results.append(self.command.report(request, key=component))
+                case Verdict():
+                    self._verdicts.append(step)
+        return results
 
     def _try_to_begin(self, now_s: float) -> list[Result]:
         """Takes up what was kept, once it is known whether the vehicle flies."""
@@ -207,6 +235,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         for condition, is_on, reason in facts.conditions(fence, now_s):
             executor.condition(condition, is_on, reason, now_s)
         executor.link(self._authority.silent_s(now_s), now_s)
+        for verdict in self._verdicts:
+            executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
+        self._verdicts.clear()
 
     def _replied(self, reply: CommandReply | FunctionReply, now_s: float) -> list[Result]:
         waiting = self._waiting.pop(reply.request_id, None)
@@ -252,8 +283,8 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     # --- reports ---
 
-    def _say(self, severity: Severity, text: str) -> None:
-        self._events.append(CiEvent(severity=severity, source="mission", text=text, t_s=self._now_s))
+    def _say(self, severity: Severity, text: str, source: str = "mission") -> None:
+        self._events.append(CiEvent(severity=severity, source=source, text=text, t_s=self._now_s))
 
     def _forward(self, envelope: Envelope[Event]) -> None:
         event = envelope.payload
@@ -280,7 +311,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         if self._is_due("grant", self._settings.grant_period_s, now_s):
             results.append(self._grant_message())
         if self._is_due("summary", self._settings.summary_period_s, now_s):
-            results += [self._book.summary(now_s), vehicle_summary(self._site.platform, self._facts, now_s)]
+            assert self._supervision is not None
+            health = self._supervision.health()
+            results += [self._book.summary(health, now_s), vehicle_summary(self._site.platform, self._facts, now_s)]
         return results
 
     def _changes(self, now_s: float, is_slow: bool) -> list[Result]:

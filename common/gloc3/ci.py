@@ -39,6 +39,7 @@ class Verb(StrEnum):
     RESUME = "resume"
     SKIP = "skip"
     ABORT = "abort"
+    RETRY = "retry"
     CLEAR = "clear"
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Final, NamedTuple
 
 from cyclopts import App, Parameter
 
+from gloc3.clock import Clock
 from gloc3.errors import Refused, nearest
 from gloc3.frames import GeoPoint
 from gloc3.link.endpoints import Endpoint, open_endpoint
@@ -185,6 +186,7 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
         if camera is not None and extras.camera_port is not None:
             await camera.open(extras.camera_port)
             _tell(f"ground camera tcp://127.0.0.1:{camera.port}")
+        simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, extras.speed)
         await _watch(simulator, stopped, extras.seconds)
     finally:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from math import radians
 from typing import Final
 
+from gloc3.clock import VIRTUAL_EPOCH_S
 from gloc3.errors import Misuse, nearest
 from gloc3_sitl.autopilot.autopilot import STEP_S, Autopilot
 from gloc3_sitl.autopilot.mavlink.front import Front
@@ -83,6 +84,7 @@ class Simulator:
         )
         for name, value in (parameters or {}).items():
             self.autopilot.parameters.set(name, value)
+        self.autopilot.utc_offset_s = VIRTUAL_EPOCH_S
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque(maxlen=200)
         """What the autopilot said last: time, severity, text."""
         self.texts_said = 0

@@ -92,8 +92,8 @@ class Autopilot:
         self._hold_yaw_rad = 0.0
         self._imu_s = -1.0
         self._count = 0
-        self.unix_us = 0
-        """Microseconds since 1970, where somebody has told; 0 otherwise."""
+        self.utc_offset_s = 0.0
+        """Seconds since 1970 at boot, where somebody has told; 0 otherwise."""
         self._take: dict[type, Callable[[Any], None]] = {
             FixReading: self._take_fix,
             BarometerReading: self._take_barometer,
@@ -101,6 +101,11 @@ class Autopilot:
             RangeReading: self._take_range,
             BatteryReading: self._take_battery,
         }
+
+    @property
+    def utc_us(self) -> int:
+        """Microseconds since 1970; 0 where that is not known."""
+        return int((self.utc_offset_s + self.craft.now_s) * 1e6) if self.utc_offset_s else 0
 
     def choose_sources(self) -> None:
         """Has the estimator use what the parameters say."""

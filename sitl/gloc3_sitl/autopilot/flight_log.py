@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from gloc3.frames import Quaternion, Vector3
+from gloc3.link.log_transfer import LogEntry
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
@@ -83,6 +84,24 @@ class FlightLogger:
         """Keeps a text for the next record."""
         if self._open is not None:
             self._texts.append(text)
+
+    def entries(self) -> list[LogEntry]:
+        """All logs, in the order of their numbers."""
+        offset_s = self._autopilot.utc_offset_s
+        return [
+            LogEntry(log.number, len(log.data), int(offset_s + log.begins_s) if offset_s else 0) for log in self.logs
+        ]
+
+    def read(self, number: int, offset: int, size: int) -> bytes:
+        """A part of a log.
+
+        Raises:
+            FileNotFoundError: there is no log with this number.
+        """
+        for log in self.logs:
+            if log.number == number:
+                return bytes(log.data[offset : offset + size])
+        raise FileNotFoundError(number)
 
     def erase(self) -> None:
         """Throws away every log that is not being written."""

@@ -1,5 +1,6 @@
 """The onboard log and the memory card: what is written in flight, and how it is fetched."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from functools import cache
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from gloc3.link.ftp import FtpError
 from gloc3.link.ftp_client import FtpCall, FtpClient
+from gloc3.link.log_transfer import LogClient, LogResult
 from gloc3.link.message import Address
 from gloc3_sitl.autopilot.flight_log import LogHeader, LogRecord
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
@@ -30,8 +32,14 @@ def flown(style: str = "px4") -> Bench:
 
 
 def finish(bench: Bench, client: FtpClient, call: FtpCall) -> FtpCall:
+    drive(bench, client, lambda: call.result is not None)
+    return call
+
+
+def drive(bench: Bench, client: FtpClient | LogClient, is_over: Callable[[], bool]) -> None:
+    """Lets a client talk with the vehicle until it has what it wants."""
     seen = len(bench.heard)
-    while call.result is None:
+    while not is_over():
         for out in client.outgoing():
             bench.send_message(out)
         for heard in bench.heard[seen:]:
@@ -40,7 +48,6 @@ def finish(bench: Bench, client: FtpClient, call: FtpCall) -> FtpCall:
         seen = len(bench.heard)
         bench.run(0.02)
         client.tick(bench.sim.now_s)
-    return call
 
 
 @pytest.mark.parametrize(("style", "folder"), [("px4", "/fs/microsd/log"), ("ardupilot", "/APM/LOGS")])
@@ -59,6 +66,31 @@ def test_the_log_of_a_flight_is_listed_and_read_over_ftp(style: str, folder: str
     assert min(record.position_ned_m[2] for record in records) < -2.3
     assert records[-1].t_s - records[0].t_s > 8.0
     assert len(records) == pytest.approx(10.0 * (records[-1].t_s - records[0].t_s), abs=3)
+
+
+def test_the_log_of_a_flight_is_listed_and_read_by_the_log_protocol_too() -> None:
+    bench = flown()
+    client = LogClient(Address(1, 191))
+    listing = client.list(VEHICLE, now_s=bench.sim.now_s)
+    drive(bench, client, lambda: listing.result is not None)
+    entry = listing.entries[1]
+    assert entry.utc_s > 1_700_000_000
+    download = client.read(VEHICLE, entry, now_s=bench.sim.now_s)
+    drive(bench, client, lambda: download.result is not None)
+    assert download.result is LogResult.DONE
+    assert bytes(download.data) == bytes(bench.autopilot.logger.logs[0].data)
+
+
+def test_logs_can_be_erased_and_none_is_listed_then() -> None:
+    bench = Bench()
+    bench.take_off()
+    bench.command(400, 0, 21196)
+    bench.run(0.2)
+    assert len(bench.autopilot.logger.entries()) == 1
+    bench.send("LOG_ERASE", target_system=1, target_component=1)
+    bench.send("LOG_REQUEST_LIST", target_system=1, target_component=1, start=0, end=0xFFFF)
+    bench.run(0.1)
+    assert bench.last("LOG_ENTRY").num_logs == 0
 
 
 def test_a_file_is_written_and_read_back_over_ftp() -> None:

@@ -229,7 +229,7 @@ def fence_status(autopilot: "Autopilot") -> MavlinkMessage | None:
 
 def system_time(autopilot: "Autopilot") -> MavlinkMessage:
     """SYSTEM_TIME."""
-    return message("SYSTEM_TIME", time_boot_ms=boot_ms(autopilot), time_unix_usec=autopilot.unix_us)
+    return message("SYSTEM_TIME", time_boot_ms=boot_ms(autopilot), time_unix_usec=autopilot.utc_us)
 
 
 def _ratio(squared: float) -> float:

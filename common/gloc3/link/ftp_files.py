@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, Protocol
 
 from gloc3.link.ftp import Entry, checksum
 
+LARGEST_CHECKED_BYTES: Final = 1 << 26
+"""A checksum is calculated while everything else waits; of more than this it would take too long."""
 _PIECE_BYTES: Final = 1 << 16
 
 
@@ -133,7 +136,10 @@ class FolderFiles:
 
     def checksum(self, path: str) -> int:
         """The protocol's CRC-32 of a file."""
-        return checksum(self._pieces(self._file(path)))
+        file = self._file(path)
+        if file.stat().st_size > LARGEST_CHECKED_BYTES:
+            raise OSError(errno.EFBIG, "too large to check", path)
+        return checksum(self._pieces(file))
 
     @staticmethod
     def _pieces(file: Path) -> Iterator[bytes]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Final
 
@@ -128,7 +129,7 @@ class ParameterServer(Service[ParameterChanged]):
             self._refuse(sender, name, -1, _DOES_NOT_EXIST)
             return
         wanted = read_parameter(name, message.param_value, message.param_type, self._encoding)
-        if wanted is None or wanted.type is not before.type:
+        if wanted is None or wanted.type is not before.type or not math.isfinite(wanted.value):
             self._refuse(sender, name, -1, _VALUE_OUT_OF_RANGE)
         else:
             try:

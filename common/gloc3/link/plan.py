@@ -83,7 +83,7 @@ def read_item(message: MavlinkMessage) -> PlanItem:
     x, y = message.x, message.y
     if message.name == "MISSION_ITEM":
         per_unit = _per_unit(message.frame)
-        x, y = (round(value * per_unit) if math.isfinite(value) else 0 for value in (x, y))
+        x, y = (_whole(value * per_unit) for value in (x, y))
     return PlanItem(
         command=message.command,
         frame=message.frame,
@@ -97,6 +97,11 @@ def read_item(message: MavlinkMessage) -> PlanItem:
         y=y,
         z=message.z,
     )
+
+
+def _whole(value: float) -> int:
+    """The nearest number that the wire can hold."""
+    return round(max(-(2.0**31), min(2.0**31 - 1.0, value))) if math.isfinite(value) else 0
 
 
 def _per_unit(frame: int) -> float:

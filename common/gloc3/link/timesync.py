@@ -72,7 +72,7 @@ class TimeSync(Service[TimeSample]):
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Answers a question, or takes an answer to one of ours."""
         if message.tc1 == 0:
-            self._send("TIMESYNC", tc1=round(now_s * _NS), ts1=message.ts1)
+            self._send("TIMESYNC", tc1=max(1, round(now_s * _NS)), ts1=message.ts1)  # 0 would be a question again
         elif sender == self._peer and message.ts1 in self._asked:  # answers to others name times that we never asked
             self._asked.remove(message.ts1)
             asked_s = message.ts1 / _NS

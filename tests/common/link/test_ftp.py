@@ -13,7 +13,7 @@ from gloc3.errors import Refused
 from gloc3.link.codec import message
 from gloc3.link.ftp import Entry, FtpError, Operation, Payload, checksum, read_entries, read_payload
 from gloc3.link.ftp_client import FtpCall, FtpClient
-from gloc3.link.ftp_files import FolderFiles
+from gloc3.link.ftp_files import LARGEST_CHECKED_BYTES, FolderFiles
 from gloc3.link.ftp_server import IDLE_S, MOST_SESSIONS, FtpServer
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address
@@ -169,6 +169,13 @@ def test_what_cannot_be_is_refused_with_the_reason(folder: Path) -> None:
     with pytest.raises(Refused, match="too long"):
         client.read(VEHICLE, "x" * 240, now_s=0.0)
     assert all(error.words for error in FtpError)
+
+
+def test_a_checksum_that_would_hold_everything_up_is_refused(folder: Path) -> None:
+    with (folder / "huge").open("wb") as file:
+        file.truncate(LARGEST_CHECKED_BYTES + 1)
+    pair, _, client = wired(folder)
+    assert finish(pair, client.calculate_checksum(VEHICLE, "huge", now_s=0.0)) is FtpError.FAILED_WITH_NUMBER
 
 
 def test_a_read_only_folder_is_not_changed(folder: Path) -> None:

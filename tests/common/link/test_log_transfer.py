@@ -7,7 +7,8 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.link.codec import message
-from gloc3.link.log_transfer import LogClient, LogDownload, LogEntry, LogList, LogResult, LogServer
+from gloc3.link.log_client import LogClient, LogDownload, LogList, LogResult
+from gloc3.link.log_server import LogEntry, LogServer
 from gloc3.link.memory import Conditions
 
 from .pair import STATION, VEHICLE, Pair

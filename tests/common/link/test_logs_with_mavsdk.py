@@ -7,7 +7,7 @@ import pytest
 from mavsdk.asyncio import ComponentType, Configuration
 from mavsdk.asyncio.plugins.log_files import LogFilesAsync
 
-from gloc3.link.log_transfer import LogEntry, LogServer
+from gloc3.link.log_server import LogEntry, LogServer
 from gloc3.link.message import Address
 
 from .mavsdk_peer import running

@@ -193,6 +193,16 @@ def test_the_old_requests_and_items_are_still_understood() -> None:
     assert server.outgoing()[0].type == PlanResult.INVALID_SEQUENCE
 
 
+def test_absurd_coordinates_of_the_old_items_do_no_harm() -> None:
+    server = MissionServer(VEHICLE, tells_current=False)
+    for x in (1e38, -1e38, math.nan, math.inf):
+        server.receive(to_vehicle("MISSION_COUNT", count=1), STATION, 0.0)
+        server.receive(to_vehicle("MISSION_ITEM", command=16, x=x, frame=3), STATION, 0.1)
+        (item,) = server.plans[PlanType.MISSION]
+        again = item.message(0, 0, STATION)
+        assert again.shape.encode(again)
+
+
 def test_a_plan_that_changes_while_it_is_read_is_read_as_it_was() -> None:
     pair, server, client = wired()
     server.set_plan(PlanType.MISSION, before := plan(1, 30))

@@ -82,6 +82,8 @@ def test_what_the_vehicle_does_not_allow_is_told() -> None:
     call = client.set(VEHICLE, "SPEED", 11.0, ParameterType.REAL32, now_s=0.0)
     assert finish(pair, call) is ParameterResult.REFUSED
     assert call.value == parameter("SPEED", 0.1)
+    call = client.set(VEHICLE, "GAIN", math.nan, ParameterType.REAL32, now_s=pair.now_s)
+    assert finish(pair, call) is ParameterResult.REFUSED
     call = client.set(VEHICLE, "MODE", 1.0, ParameterType.REAL32, now_s=pair.now_s)
     assert finish(pair, call) is ParameterResult.REFUSED
     assert finish(pair, client.read(VEHICLE, "NONE", now_s=pair.now_s)) is ParameterResult.NO_SUCH

@@ -171,6 +171,13 @@ def test_clocks_are_compared_over_a_jittery_link() -> None:
     assert ours.to_own_s(1235.5) == pytest.approx(1.0, abs=0.008)
 
 
+def test_an_answer_at_time_zero_is_not_taken_for_a_question() -> None:
+    clock = TimeSync(VEHICLE)
+    clock.receive(message("TIMESYNC", ts1=5), STATION, 0.0)
+    (answer,) = clock.outgoing()
+    assert (answer.tc1, answer.ts1) == (1, 5)
+
+
 def test_answers_meant_for_others_are_ignored_and_a_restart_is_believed() -> None:
     clock = TimeSync(STATION, VEHICLE, period_s=0.1)
     clock.receive(message("TIMESYNC", tc1=5_000_000_000, ts1=1), VEHICLE, 1.0)

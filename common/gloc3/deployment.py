@@ -3,12 +3,16 @@
 from collections.abc import Mapping
 from enum import StrEnum
 from importlib import import_module
-from typing import Annotated, Any
+from importlib.metadata import entry_points
+from typing import Annotated, Any, Final
 
 import msgspec
 
 from gloc3.component import Component
 from gloc3.errors import Gloc3Error
+
+DEVICES: Final = "gloc3.devices"
+"""Entry points of devices that packages bring: a name to a class or function that makes one, without arguments."""
 
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)]
 
@@ -64,7 +68,7 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     ports: dict[str, str | list[str]] = {}
     """Port to topic where they differ; an input may be bound to several topics."""
     devices: dict[str, str] = {}
-    """Constructor argument to the name of a device of the host."""
+    """Constructor argument to the name of a device, of the host or of an installed package."""
     settings: dict[str, Any] = {}
     log: list[str] = []
     """Items of the internal state to record at the end of every cycle."""
@@ -102,16 +106,28 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         return found
 
     def create(self, devices: Mapping[str, Any]) -> Component[Any]:
-        """A new instance with its devices.
+        """A new instance with its devices: those of the host, or new ones of installed packages.
 
         Raises:
             Gloc3Error: the class cannot be loaded, or a device is not there.
         """
-        missing = [device for device in self.devices.values() if device not in devices]
-        if missing:
-            raise Gloc3Error(f"component {self.name}: the host has no device {missing[0]!r}; it has {sorted(devices)}")
         found = self.load_class()
+        given = {argument: self._device(device, devices) for argument, device in self.devices.items()}
         try:
-            return found(**{argument: devices[device] for argument, device in self.devices.items()})
+            return found(**given)
         except TypeError as error:
             raise Gloc3Error(f"component {self.name}: {found.__name__} takes other devices: {error}") from error
+
+    def _device(self, name: str, devices: Mapping[str, Any]) -> Any:
+        if name in devices:
+            return devices[name]
+        points = {point.name: point for point in entry_points(group=DEVICES)}
+        if name not in points:
+            known = sorted({*devices, *points})
+            raise Gloc3Error(
+                f"component {self.name}: the host has no device {name!r}; it has {', '.join(known) or 'none'}"
+            )
+        try:
+            return points[name].load()()
+        except (ImportError, AttributeError, OSError, TypeError) as error:
+            raise Gloc3Error(f"component {self.name}: device {name!r} cannot be made: {error}") from error

@@ -1,10 +1,13 @@
 """Deployments: rows as data, and what must hold between rows, classes and topics."""
 
+import io
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import msgspec
 import pytest
 
+from gloc3 import deployment
 from gloc3.component import DataProcessor
 from gloc3.deployment import ComponentRow
 from gloc3.deployment_check import check_deployment, check_row, problems_of
@@ -177,12 +180,24 @@ def test_a_class_is_loaded_and_made_with_its_devices() -> None:
     made = source().create({"d": device})
     assert isinstance(made, Source)
     assert made.device is device
-    with pytest.raises(Gloc3Error, match="the host has no device 'd'; it has \\['e'\\]"):
+    with pytest.raises(Gloc3Error, match="the host has no device 'd'; it has e"):
         source().create({"e": device})
     with pytest.raises(Gloc3Error, match="takes other devices"):
         source(devices={}).create({})
     with pytest.raises(Gloc3Error, match="is not a component class"):
         source(**{"class": "gloc3.lci:State"}).load_class()
+
+
+def test_a_device_that_the_host_does_not_have_comes_from_an_installed_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [EntryPoint("d", "io:BytesIO", "gloc3.devices"), EntryPoint("x", "nowhere:Thing", "gloc3.devices")]
+    monkeypatch.setattr(deployment, "entry_points", lambda group: points)
+    made = source().create({})
+    assert isinstance(made, Source)
+    assert isinstance(made.device, io.BytesIO)
+    with pytest.raises(Gloc3Error, match="device 'x' cannot be made: No module named 'nowhere'"):
+        source(devices={"device": "x"}).create({})
+    with pytest.raises(Gloc3Error, match="the host has no device 'y'; it has d, x"):
+        source(devices={"device": "y"}).create({})
 
 
 def test_a_port_is_bound_to_its_own_name_if_nothing_else_is_said() -> None:

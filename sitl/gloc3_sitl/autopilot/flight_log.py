@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from gloc3.frames import Quaternion, Vector3
-from gloc3.link.log_transfer import LogEntry
+from gloc3.link.log_server import LogEntry
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot

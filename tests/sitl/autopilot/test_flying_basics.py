@@ -10,6 +10,8 @@ from gloc3_sitl.wind import gusty
 
 from .bench import ARM, LAND, TAKE_OFF, Bench
 
+pytestmark = pytest.mark.flight
+
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 
 

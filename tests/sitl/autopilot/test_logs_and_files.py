@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gloc3.link.ftp import FtpError
 from gloc3.link.ftp_client import FtpCall, FtpClient
-from gloc3.link.log_transfer import LogClient, LogResult
+from gloc3.link.log_client import LogClient, LogResult
 from gloc3.link.message import Address
 from gloc3_sitl.autopilot.flight_log import LogHeader, LogRecord
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
@@ -50,6 +50,7 @@ def drive(bench: Bench, client: FtpClient | LogClient, is_over: Callable[[], boo
         client.tick(bench.sim.now_s)
 
 
+@pytest.mark.flight
 @pytest.mark.parametrize(("style", "folder"), [("px4", "/fs/microsd/log"), ("ardupilot", "/APM/LOGS")])
 def test_the_log_of_a_flight_is_listed_and_read_over_ftp(style: str, folder: str) -> None:
     bench = flown(style)
@@ -81,6 +82,7 @@ def test_the_log_of_a_flight_is_listed_and_read_by_the_log_protocol_too() -> Non
     assert bytes(download.data) == bytes(bench.autopilot.logger.logs[0].data)
 
 
+@pytest.mark.flight
 def test_logs_can_be_erased_and_none_is_listed_then() -> None:
     bench = Bench()
     bench.take_off()

@@ -89,6 +89,7 @@ def test_an_interval_can_be_set_asked_for_and_stopped() -> None:
     assert bench.counts["ATTITUDE"] == before
 
 
+@pytest.mark.flight
 @STYLES
 def test_every_message_that_can_be_told_is_told_on_request(style: str) -> None:
     bench = Bench(style)
@@ -151,6 +152,7 @@ def test_modes_that_do_not_exist_are_refused(style: str) -> None:
     assert bench.mode == before
 
 
+@pytest.mark.flight
 def test_a_place_is_gone_to_by_command_int_in_both_styles() -> None:
     for style in ("px4", "ardupilot"):
         bench = Bench(style)

@@ -9,7 +9,7 @@ from gloc3.link.command import CommandRequest, CommandResult, CommandServer
 from gloc3.link.ftp_server import FtpServer
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.interval import StreamScheduler
-from gloc3.link.log_transfer import LogServer
+from gloc3.link.log_server import LogServer
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
 from gloc3.link.parser import Frame

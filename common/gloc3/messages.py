@@ -121,6 +121,7 @@ class ComponentStatus(Message, frozen=True):
     """Cycles per second since the last periodic report."""
     nominal_rate_hz: float = 0.0
     cycle_mean_s: float = 0.0
+    """Mean cost of a cycle since the last periodic report."""
     cycle_max_s: float = 0.0
     cycles: int = 0
     overruns: int = 0

@@ -92,9 +92,10 @@ class Card:
         """Lets time pass."""
         self.run(asyncio.sleep(seconds))
 
-    def fault(self, text: str) -> Injection:
-        """Something goes wrong, now or at the times in the text."""
-        return self.run(self._fault(text))
+    def fault(self, text: str, for_s: float | None = None) -> Injection:
+        """Something goes wrong, at the times in the text or from now on."""
+        span = "" if for_s is None else f"@{self.now_s}..{self.now_s + for_s}"
+        return self.run(self._fault(text + span))
 
     async def _fault(self, text: str) -> Injection:
         return schedule_faults(self.flight, (text,))[0]

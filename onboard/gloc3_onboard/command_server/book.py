@@ -5,11 +5,13 @@ from typing import Final
 
 from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, Health, Summary, TableRow, health_of
 from gloc3.deployment import ComponentRow
-from gloc3.lci import State
+from gloc3.lci import OPERATING, State
 from gloc3.messages import ComponentStatus
 
 SILENT_PERIODS: Final = 3.0
 """A component whose status stays away for so many periods counts as absent."""
+SETTLED_S: Final = 0.2
+"""A component that has just come up is not relied upon before this time: it has not seen its inputs yet."""
 HEALTHS: Final = tuple(Health)
 
 
@@ -20,6 +22,8 @@ class ComponentBook:
         self.rows: Final[Mapping[str, ComponentRow]] = {row.name: row for row in rows}
         self._status: dict[str, ComponentStatus] = {}
         self._heard_s: dict[str, float] = {}
+        self._up_s: dict[str, float] = {}
+        """Since when a component is working or quiet."""
         self._told_errors: dict[str, int] = {}
 
     def hear(self, status: ComponentStatus, now_s: float) -> None:
@@ -27,6 +31,10 @@ class ComponentBook:
         if status.name in self.rows:
             self._status[status.name] = status
             self._heard_s[status.name] = now_s
+            if status.state in OPERATING:
+                self._up_s.setdefault(status.name, now_s)
+            else:
+                self._up_s.pop(status.name, None)
 
     def status(self, name: str) -> ComponentStatus | None:
         """The last status of a component."""
@@ -40,8 +48,8 @@ class ComponentBook:
         return status.state
 
     def is_working(self, name: str, now_s: float) -> bool:
-        """Whether a component is there and working."""
-        return self.state(name, now_s) is State.WORKING
+        """Whether a component is there and working, and has been up long enough to have seen its inputs."""
+        return self.state(name, now_s) is State.WORKING and now_s - self._up_s.get(name, now_s) >= SETTLED_S
 
     def table(self) -> ComponentTable:
         """The names behind the summary's indices."""

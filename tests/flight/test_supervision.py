@@ -1,0 +1,116 @@
+"""DESIGN §7, supervision: a hung and a crashed component, required and not; quiet standby; reports of slow cycles."""
+
+from tests.flight.card import Card
+from tests.flight.missions import mission
+
+from gloc3.ci import Health
+from gloc3.lci import State
+from gloc3.messages import ComponentStatus
+
+
+def statuses(flight: Card, component: str, since_s: float) -> list[tuple[float, ComponentStatus]]:
+    """When a component told what."""
+    heard = flight.heard[f"components/{component}/status"]
+    return [(envelope.t_s, envelope.payload) for envelope in heard if envelope.t_s >= since_s]
+
+
+def sweep(flight: Card, **policies: str) -> None:
+    """On the way, two seconds into the sweep."""
+    flight.begin(mission(**policies))
+    flight.await_state("sweep", "running")
+    flight.wait(2.0)
+
+
+def test_a_quiet_standby_takes_over_from_a_crashed_limiter_within_100_ms(flight: Card) -> None:
+    sweep(flight)
+    flight.fault("crash:limiter")
+    begin_s = flight.now_s
+    flight.await_component("limiter_standby", "working", 1.0)
+    faulty_s = next(t_s for t_s, status in statuses(flight, "limiter", begin_s) if status.state is State.FAULTY)
+    taken_s = next(t_s for t_s, status in statuses(flight, "limiter_standby", begin_s) if status.state is State.WORKING)
+    assert taken_s - faulty_s <= 0.1
+    gaps = [b.t_s - a.t_s for a, b in zip(flight.heard["setpoint"], flight.heard["setpoint"][1:], strict=False)]
+    flight.await_component("limiter", "quiet")  # it comes up again, as the standby of its standby
+    assert flight.driver.expired == 0
+    flight.await_state("mission", "done", 30.0)
+    assert max(gaps[-100:]) < 0.25
+
+
+def test_a_quiet_standby_takes_over_from_a_hung_limiter(flight: Card) -> None:
+    sweep(flight)
+    hang = flight.fault("hang:limiter")
+    begin_s = flight.now_s
+    flight.await_component("limiter_standby", "working", 2.0)
+    hang.end()
+    told = statuses(flight, "limiter", begin_s)
+    faulty_s, faulty = next((t_s, status) for t_s, status in told if status.state is State.FAULTY)
+    assert "hung" in faulty.cause
+    taken = statuses(flight, "limiter_standby", faulty_s)
+    assert next(t_s for t_s, status in taken if status.state is State.WORKING) - faulty_s <= 0.1
+    flight.await_state("mission", "done", 30.0)
+
+
+def test_a_required_component_that_crashes_once_comes_up_again_and_its_action_is_tried_again(flight: Card) -> None:
+    flight.begin(mission("{out: {follow_waypoints: {waypoints_m: [[8, 0, 1.5]], speed_m_s: 1.0}, retries: 1}}"))
+    flight.await_state("sweep", "running")
+    flight.wait(2.0)
+    flight.fault("crash:waypoints")
+    flight.await_component("waypoints", "faulty")
+    flight.until(lambda: flight.health is Health.FAULTY, 2.0, "the platform is faulty")
+    flight.await_component("waypoints", "working")
+    flight.await_state("mission", "done", 30.0)
+    assert flight.was_told("initialize, start waypoints")
+    assert flight.position_m[0] > 7.5
+
+
+def test_a_required_component_that_keeps_crashing_ends_in_its_failure_policy(flight: Card) -> None:
+    sweep(flight, on_failure="hold", on_pose_lost="continue")
+    flight.fault("crash:pose", for_s=60.0)
+    flight.await_policy("land", 10.0)
+    assert flight.was_told("pose is lost")
+    flight.await_landed()
+
+
+def test_a_required_component_that_hangs_is_replaced_by_a_new_one(flight: Card) -> None:
+    sweep(flight, on_failure="hold")
+    hang = flight.fault("hang:waypoints")
+    flight.await_component("waypoints", "faulty")
+    assert "hung" in flight.last("components/waypoints/status").cause
+    hang.end()
+    flight.await_policy("hold")
+    flight.await_component("waypoints", "working")
+    flight.command("resume")
+    flight.await_state("mission", "done", 30.0)
+
+
+def test_a_component_that_is_not_required_may_crash_without_harm(flight: Card) -> None:
+    sweep(flight)
+    begin_s = flight.now_s
+    flight.fault("crash:height", for_s=60.0)
+    flight.await_state("mission", "done", 30.0)
+    assert all(summary.health is Health.WORKING for summary in flight.since(begin_s, "ci/summary"))
+    assert flight.lci("height") is State.FAULTY
+
+
+def test_a_component_that_is_not_required_may_hang_without_harm(flight: Card) -> None:
+    sweep(flight)
+    flight.fault("hang:height")
+    flight.await_component("height", "faulty")
+    flight.await_state("mission", "done", 30.0)
+    assert "hung" in flight.last("components/height/status").cause
+
+
+def test_slow_cycles_are_counted_and_reported_and_the_vehicle_flies_on(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    flight.fault("slow:waypoints=0.07")
+    flight.wait(3.0)
+    status = flight.last("components/waypoints/status")
+    assert status.cycle_mean_s > 0.06
+    assert status.overruns > 10
+    assert status.state is State.WORKING
+    index = [row.name for row in flight.last("ci/table").rows].index("waypoints")
+    line = flight.last("ci/summary").lines[index]
+    assert line.overruns > 10
+    assert line.load_percent > 100
+    flight.await_state("mission", "done", 30.0)

@@ -8,11 +8,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import nan
+from pathlib import Path
 from typing import Any
 
 from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk, log_subscribe
 from mavsdk.plugins.action import Action
+from mavsdk.plugins.log_files import LogFiles
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
+from mavsdk.plugins.offboard import Offboard, OffboardError
 from mavsdk.plugins.telemetry import Telemetry
 
 log_subscribe(lambda level, text, file, line: True)
@@ -100,6 +103,25 @@ class Client:
             return bool(abs(position.north_m - north_m) < within_m and abs(position.east_m - east_m) < within_m)
 
         self.await_telemetry("position_velocity_ned", is_near)
+
+    def start_offboard(self, offboard: Offboard) -> None:
+        """Enters offboard as soon as the vehicle has seen that setpoints are streamed."""
+        for _ in range(50):
+            try:
+                offboard.start()
+            except OffboardError:
+                self.await_telemetry("position", lambda _: True)
+            else:
+                return
+        raise AssertionError("offboard was refused again and again")
+
+    def download(self, logs: LogFiles, entry: Any, path: Path, within_s: float = 30.0) -> None:
+        """Fetches a log by the log protocol."""
+        told: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        logs.download_log_file_async(entry, str(path), lambda result, progress, _: told.put(result))
+        while (result := told.get(timeout=within_s)).name == "NEXT":
+            pass
+        assert result.name == "SUCCESS", result.name
 
     def await_disarmed(self, within_s: float = 60.0) -> None:
         self.await_telemetry("armed", lambda armed: not armed, within_s)

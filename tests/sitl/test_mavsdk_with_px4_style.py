@@ -1,8 +1,17 @@
 """mavsdk 4 as the client, unmodified, over UDP: the whole list in PX4's style, and a refusal of each kind."""
 
+from pathlib import Path
+
+import msgspec
 import pytest
 from mavsdk.plugins.action import ActionError, ActionResult
+from mavsdk.plugins.ftp import Ftp
+from mavsdk.plugins.log_files import LogFiles
 from mavsdk.plugins.mission_raw import MissionRawError, MissionRawResult
+from mavsdk.plugins.offboard import Offboard, OffboardError, PositionNedYaw
+from mavsdk.plugins.param import Param, ParamError
+
+from gloc3_sitl.autopilot.flight_log import LogHeader
 
 from .mavsdk_client import ALTITUDE_M, LONGITUDE_DEG, client_of, degrees_north, item
 
@@ -96,3 +105,47 @@ def test_a_mission_with_a_place_that_is_not_on_earth_is_refused() -> None:
         with pytest.raises(MissionRawError) as refused:
             client.mission.upload_mission(bad)
         assert refused.value.result is MissionRawResult.INVALID_ARGUMENT
+
+
+def test_it_reads_and_sets_parameters_and_is_told_when_a_value_is_refused() -> None:
+    with client_of() as client:
+        plugin = Param(client.system)
+        try:
+            everything = plugin.get_all_params()
+            assert len(everything.int_params) + len(everything.float_params) > 60
+            plugin.set_param_int("NAV_DLL_ACT", 2)
+            assert plugin.get_param_int("NAV_DLL_ACT") == 2
+            plugin.set_param_float("RTL_RETURN_ALT", 7.5)
+            assert plugin.get_param_float("RTL_RETURN_ALT") == 7.5
+            with pytest.raises(ParamError):
+                plugin.set_param_int("NAV_DLL_ACT", 77)
+        finally:
+            plugin.destroy()
+
+
+def test_it_flies_offboard_and_fetches_the_log_of_the_flight(tmp_path: Path) -> None:
+    with client_of() as client:
+        offboard, logs, files = Offboard(client.system), LogFiles(client.system), Ftp(client.system)
+        try:
+            client.await_armable()
+            client.action.arm()
+            client.action.takeoff()
+            client.await_mode("HOLD")
+            with pytest.raises(OffboardError):
+                offboard.start()
+            offboard.set_position_ned(PositionNedYaw(4.0, 0.0, -3.0, 0.0))
+            client.start_offboard(offboard)
+            client.await_near(4.0, 0.0)
+            offboard.stop()
+            client.await_mode("HOLD")
+            client.action.land()
+            client.await_disarmed()
+            entry = logs.get_entries()[0]
+            assert [file.name for file in files.list_directory("/fs/microsd/log").entries] == ["flight_001.jsonl"]
+            client.download(logs, entry, tmp_path / "flight.jsonl")
+            header, *records = (tmp_path / "flight.jsonl").read_bytes().splitlines()
+            assert msgspec.json.decode(header, type=LogHeader).style == "px4"
+            assert len(records) > 50
+        finally:
+            for plugin in (offboard, logs, files):
+                plugin.destroy()

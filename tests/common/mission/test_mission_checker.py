@@ -50,7 +50,7 @@ def test_the_examples_take_the_time_that_is_promised(pelican: Platform) -> None:
 
     assert duration_s("hop") < 30
     assert duration_s("inspection") < 100
-    assert duration_s("patrol") > 620
+    assert duration_s("patrol") > 560
 
 
 def test_a_good_mission_has_figures_and_no_findings(pelican: Platform) -> None:

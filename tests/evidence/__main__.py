@@ -1,0 +1,30 @@
+"""`make evidence [NAME=…]`: shows every bar in full and writes a page for each under docs/evidence."""
+
+import sys
+
+from tests.evidence import demo, flight, inputs, link, suites
+from tests.evidence.page import Bar, Progress, commit, write
+
+BARS: tuple[Bar, ...] = (*demo.BARS, *flight.BARS, *inputs.BARS, *link.BARS, *suites.BARS)
+
+
+def main(names: list[str]) -> int:
+    """Runs the bars of these names, or all; 0 if every one is met."""
+    known = {bar.name: bar for bar in BARS}
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        print(f"no bar {unknown[0]!r}; there are: {', '.join(known)}", file=sys.stderr)
+        return 2
+    of = commit()
+    failed: list[str] = []
+    for name in names or list(known):
+        progress = Progress(name, of)
+        progress.say("begins")
+        if not write(known[name], known[name].run(progress), of):
+            failed.append(name)
+        progress.say("not every figure is met" if name in failed else "met")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

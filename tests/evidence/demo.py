@@ -1,0 +1,88 @@
+"""The main job on a fresh clone, and Ctrl-C at any moment of it."""
+
+import os
+import random
+import signal
+import subprocess
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from tests.evidence.marker import compare
+from tests.evidence.page import ROOT, Bar, Figure, Progress
+
+INTERRUPTIONS = 8
+
+
+def fresh_clone() -> dict[str, Any]:
+    """Clones the project, runs only `make demo`, and looks at what it leaves."""
+    with tempfile.TemporaryDirectory() as folder:
+        clone = Path(folder) / "gloc3"
+        subprocess.run(["git", "clone", "-q", str(ROOT), str(clone)], check=True)
+        begin_s = time.perf_counter()
+        done = subprocess.run(["make", "demo"], cwd=clone, stdin=subprocess.DEVNULL, check=False)
+        took_s = time.perf_counter() - begin_s
+        out = clone / "runs" / "demo"
+        report = msgspec.json.decode((out / "report.json").read_bytes())
+        seen = compare(out)
+        kept = sorted(path.name for path in out.iterdir())
+    return {"code": done.returncode, "took_s": took_s, "report": report, "seen": seen, "kept": kept}
+
+
+def interrupt(seed: int) -> dict[str, Any]:
+    """Starts the demonstration and presses Ctrl-C at a random moment."""
+    moment_s = random.Random(seed).uniform(0.3, 45.0)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "demo"
+        command = [str(ROOT / ".venv/bin/gloc3"), "demo", "inspection", "--out", str(out)]
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True)
+        time.sleep(moment_s)
+        os.killpg(process.pid, signal.SIGINT)
+        begin_s = time.perf_counter()
+        process.wait(30.0)
+        ended_s = time.perf_counter() - begin_s
+        left = subprocess.run(["pgrep", "-f", str(out)], capture_output=True, text=True, check=False).stdout.split()
+        log = out / "log.mcap"
+        info = [str(ROOT / ".venv/bin/gloc3"), "log", "info", str(log)]
+        readable = not log.exists() or subprocess.run(info, capture_output=True, check=False).returncode == 0
+    return {"moment_s": moment_s, "ended_s": ended_s, "left": len(left), "is_readable": readable}
+
+
+def run(progress: Progress) -> list[Figure]:
+    """The bar."""
+    first = progress.part("fresh clone", fresh_clone)
+    report, seen = first["report"], first["seen"]
+    figures = [
+        Figure("exit code of `make demo`", str(first["code"]), "0", first["code"] == 0),
+        Figure("set-up and flight, seconds", f"{first['took_s']:.0f}"),
+        Figure("flight part, seconds", f"{report['wall']['total_s']:.0f}", "≤ 120", report["wall"]["total_s"] <= 120.0),
+        Figure("mission", report["mission_state"], "done", report["mission_state"] == "done"),
+        Figure("path error, RMS in m", str(report["path_rms_error_m"])),
+        Figure("images", str(report["images"]), "> 0", report["images"] > 0),
+        Figure("images that must show the marker", str(seen["must"]), "> 0", seen["must"] > 0),
+        Figure("… and show it", str(seen["shown"]), "all", seen["shown"] == seen["must"]),
+        Figure("images that cannot show it, and do", str(seen["false"]), "0", seen["false"] == 0),
+        Figure("left in the folder", ", ".join(first["kept"])),
+    ]
+    for seed in range(INTERRUPTIONS):
+        result = progress.part(f"interrupt {seed}", partial(interrupt, seed))
+        fine = result["left"] == 0 and result["is_readable"]
+        value = f"ended after {result['ended_s']:.1f} s, {result['left']} processes left, log readable: {result['is_readable']}"
+        figures.append(Figure(f"Ctrl-C after {result['moment_s']:.1f} s", value, "none left, readable", fine))
+        progress.say(value)
+    return figures
+
+
+BARS = (
+    Bar(
+        "demo",
+        "The main job on a fresh machine",
+        "A fresh clone and `make demo`: three processes fly the inspection within two minutes; the recorded images show "
+        "the floor marker where the truth says that it is in view; Ctrl-C leaves no process behind and a readable log.",
+        run,
+        seeds=f"0 to {INTERRUPTIONS - 1} choose the moments of Ctrl-C",
+    ),
+)

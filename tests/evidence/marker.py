@@ -1,0 +1,73 @@
+"""Compares what recorded images show with what the truth says that they must show."""
+
+import bisect
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from gloc3.log.reader import LogReader
+from gloc3_sitl.flight_messages import SimTruth
+from gloc3_sitl.truth import Truth
+from gloc3_sitl.world import World
+from gloc3_sitl.world.camera import Camera
+
+MUST_MARGIN_PX = 8.0
+"""A marker that lies so far inside the image by the truth must be found."""
+NEVER_MARGIN_PX = -40.0
+"""A marker that lies so far outside cannot be found: the detector reads it with its rim cut off."""
+
+
+def compare(out: Path) -> dict[str, int]:
+    """Counts images that must show the marker, that do, and that show it though it is out of view."""
+    world = World.load("hold")
+    camera = Camera(world)
+    with LogReader(_truth_log(out)) as reader:
+        truths = [
+            (entry.envelope.t_s, entry.envelope.payload)
+            for entry in reader.entries("sim/truth")
+            if isinstance(entry.envelope.payload, SimTruth)
+        ]
+    times = [t_s for t_s, _ in truths]
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    counts = {"must": 0, "shown": 0, "false": 0, "images": 0}
+    for line in (out / "images" / "poses.jsonl").read_text().splitlines():
+        tag = json.loads(line)
+        index = min(bisect.bisect_left(times, tag["t_s"]), len(truths) - 1)
+        truth = _as_truth(truths[index][1], world)
+        image = cv2.imread(str(out / "images" / tag["file"]), cv2.IMREAD_GRAYSCALE)
+        assert image is not None
+        _, ids, _ = detector.detectMarkers(image)
+        is_seen = ids is not None and world.marker is not None and world.marker.id in ids
+        counts["images"] += 1
+        if camera.marker_in_view(truth, MUST_MARGIN_PX):
+            counts["must"] += 1
+            counts["shown"] += bool(is_seen)
+        elif is_seen and not camera.marker_in_view(truth, NEVER_MARGIN_PX):
+            counts["false"] += 1
+    return counts
+
+
+def _truth_log(out: Path) -> Path:
+    """Three processes keep the truth in a log of its own, one process in its only one."""
+    return out / "truth.mcap" if (out / "truth.mcap").exists() else out / "log.mcap"
+
+
+def _as_truth(message: SimTruth, world: World) -> Truth:
+    place = world.frame.plane.geo_from_ned(message.position_ned_m)
+    fields: dict[str, Any] = dict.fromkeys(("t_s", "height_above_ground_m", "power_w"), 0.0)
+    return Truth(
+        **fields,
+        position_ned_m=message.position_ned_m,
+        velocity_ned_m_s=message.velocity_ned_m_s,
+        attitude_wxyz=message.ned_from_frd,
+        rate_frd_rad_s=(0.0, 0.0, 0.0),
+        specific_force_frd_m_s2=(0.0, 0.0, 0.0),
+        latitude_deg=place.latitude_deg,
+        longitude_deg=place.longitude_deg,
+        altitude_m=place.altitude_m,
+        is_on_ground=False,
+        wind_ned_m_s=(0.0, 0.0, 0.0),
+        standing_height_m=0.0973,
+    )

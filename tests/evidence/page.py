@@ -1,0 +1,98 @@
+"""A page of evidence: the claim, the command that shows it, and the figures that it gave."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / "docs" / "evidence"
+SCRATCH = ROOT / "runs" / "evidence"
+
+
+class Figure(NamedTuple):
+    """One figure of a page."""
+
+    name: str
+    value: str
+    bar: str = ""
+    """What it must be; empty where it only informs."""
+    is_met: bool = True
+
+
+class Bar(NamedTuple):
+    """One claim, and how it is shown."""
+
+    name: str
+    title: str
+    claim: str
+    run: Callable[["Progress"], Sequence[Figure]]
+    seeds: str = "none"
+
+
+class Progress:
+    """Remembers the results of the parts of a long run, for the commit they belong to, so that it can be resumed."""
+
+    def __init__(self, name: str, commit: str) -> None:
+        SCRATCH.mkdir(parents=True, exist_ok=True)
+        self._name = name
+        self._file = SCRATCH / f"{name}-{commit}.jsonl"
+        self._known: dict[str, Any] = {}
+        if self._file.exists():
+            for line in self._file.read_bytes().splitlines():
+                key, result = msgspec.json.decode(line)
+                self._known[key] = result
+
+    def part(self, key: str, work: Callable[[], Any]) -> Any:
+        """The result of a part: from the run before, or by doing it now."""
+        if key not in self._known:
+            result = msgspec.to_builtins(work())
+            with self._file.open("ab") as file:
+                file.write(msgspec.json.encode((key, result)) + b"\n")
+            self._known[key] = result
+        return self._known[key]
+
+    def say(self, text: str) -> None:
+        """Tells how far it is."""
+        print(f"{self._name}: {text}", file=sys.stderr, flush=True)
+
+
+def commit() -> str:
+    """The commit that is shown, marked when files differ from it."""
+    head = _git("rev-parse", "--short", "HEAD")
+    dirty = _git("status", "--porcelain", "--untracked-files=no", "--", ".", ":!docs/evidence")
+    return f"{head}-changed" if dirty else head
+
+
+def _git(*arguments: str) -> str:
+    return subprocess.run(["git", *arguments], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def write(bar: Bar, figures: Sequence[Figure], of: str) -> bool:
+    """Writes the page; returns whether every figure meets its bar."""
+    is_met = all(figure.is_met for figure in figures)
+    rows = [
+        f"| {figure.name} | {figure.value} | {figure.bar} | {'' if not figure.bar else 'yes' if figure.is_met else '**no**'} |"
+        for figure in figures
+    ]
+    lines = [
+        f"# {bar.title}",
+        "",
+        bar.claim,
+        "",
+        f"- command: `make evidence NAME={bar.name}`",
+        f"- commit: `{of}`",
+        f"- seeds: {bar.seeds}",
+        f"- result: {'every bar is met' if is_met else '**not every bar is met**'}",
+        "",
+        "| figure | value | bar | met |",
+        "| --- | --- | --- | --- |",
+        *rows,
+        "",
+    ]
+    PAGES.mkdir(parents=True, exist_ok=True)
+    (PAGES / f"{bar.name}.md").write_text("\n".join(lines))
+    return is_met

@@ -1,0 +1,86 @@
+"""Bars that are shown by test suites: what ran, and what passed."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
+
+
+def run_tests(name: str, arguments: Sequence[str]) -> dict[str, Any]:
+    """Runs pytest; the outcome of every test, and the seconds that it took in all."""
+    report = SCRATCH / f"{name}.xml"
+    begin_s = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "pytest", "-q", f"--junitxml={report}", *arguments], cwd=ROOT, check=False)
+    took_s = time.perf_counter() - begin_s
+    outcomes: dict[str, str] = {}
+    for case in ET.parse(report).getroot().iter("testcase"):
+        bad = next((child.tag for child in case if child.tag in ("failure", "error", "skipped")), "passed")
+        outcomes[f"{case.get('classname', '').rpartition('.')[2]}: {case.get('name', '')}"] = bad
+    return {"outcomes": outcomes, "took_s": round(took_s, 1)}
+
+
+def suite(name: str, arguments: Sequence[str]) -> Callable[[Progress], list[Figure]]:
+    """A bar that is met when every test of a suite passes."""
+
+    def run(progress: Progress) -> list[Figure]:
+        result = progress.part("tests", lambda: run_tests(name, arguments))
+        outcomes: dict[str, str] = result["outcomes"]
+        passed = sum(outcome == "passed" for outcome in outcomes.values())
+        figures = [
+            Figure("tests passed", f"{passed} of {len(outcomes)}", "all, at least one", 0 < passed == len(outcomes))
+        ]
+        figures += [
+            Figure(test.replace("_", " ").replace("|", "\\|"), outcome, "passed", outcome == "passed")
+            for test, outcome in outcomes.items()
+        ]
+        return figures
+
+    return run
+
+
+def durations(progress: Progress) -> list[Figure]:
+    """How long the suites take."""
+    unit = progress.part("unit", lambda: run_tests("unit", ["-n", "2", "-m", "not flight and not sockets", "tests"]))
+    everything = progress.part("all", lambda: run_tests("all", ["-n", "2", "--dist", "worksteal", "tests"]))
+    failed = [test for test, outcome in everything["outcomes"].items() if outcome not in ("passed", "skipped")]
+    return [
+        Figure("unit suite, seconds", f"{unit['took_s']:g}", "< 10", unit["took_s"] < 10.0),
+        Figure("all tests, seconds", f"{everything['took_s']:g}", "< 480", everything["took_s"] < 480.0),
+        Figure("tests that fail", str(len(failed)), "0", not failed),
+        Figure("tests", str(len(everything["outcomes"]))),
+    ]
+
+
+BARS = (
+    Bar(
+        "mavsdk",
+        "MAVSDK 4.1 as an unmodified client",
+        "MAVSDK connects over UDP, sees the simulated vehicle healthy and armable, arms it, takes off, goes to places, "
+        "flies an uploaded mission and lands; and it is told the right result where something is refused.",
+        suite("mavsdk", ["tests/sitl/test_mavsdk_with_px4_style.py", "tests/sitl/test_mavsdk_with_ardupilot_style.py"]),
+    ),
+    Bar(
+        "policies",
+        "Policies, ownership of motion, and the human pilot, flown in both autopilot styles",
+        "Each policy row, each sentence about the owner of motion and about the pilot, hung and crashed components and "
+        "the hot standby are flown once in each style of autopilot.",
+        suite("policies", ["-n", "2", "tests/flight"]),
+        seeds="as in the tests",
+    ),
+    Bar(
+        "add-a-component",
+        "A component of an integrator's own package",
+        "`docs/add-a-component.md` is followed literally: its code becomes a package, and its test passes.",
+        suite("add-a-component", ["tests/architecture"]),
+    ),
+    Bar(
+        "suites",
+        "How long the tests take",
+        "The unit suite takes less than 10 s, all tests less than 8 minutes on 2 cores. (Wall time on a shared machine.)",
+        durations,
+    ),
+)

@@ -1,0 +1,29 @@
+"""`make bench`: what the parts cost on this machine. Costs are per cycle or per message; ratios compare machines."""
+
+import sys
+from collections.abc import Callable
+
+from tests.benchmarks import footprint, parts, turnaround
+
+BENCHES: dict[str, Callable[[], list[str]]] = {
+    "parts": parts.run,
+    "turnaround": turnaround.run,
+    "footprint": footprint.run,
+}
+
+
+def main(names: list[str]) -> int:
+    """Runs the benches of these names, or all."""
+    unknown = [name for name in names if name not in BENCHES]
+    if unknown:
+        print(f"no bench {unknown[0]!r}; there are: {', '.join(BENCHES)}", file=sys.stderr)
+        return 2
+    for name in names or list(BENCHES):
+        print(f"{name}:", flush=True)
+        for line in BENCHES[name]():
+            print(f"  {line}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -236,6 +236,8 @@ class Commander:
     def _mind_pilot(self) -> None:
         craft = self.craft
         pilot = craft.pilot
+        if craft.now_s > pilot.held_until_s:
+            pilot.switch_off()
         if not pilot.is_on:
             return
         pilot.last_seen_s = craft.now_s

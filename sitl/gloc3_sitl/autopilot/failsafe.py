@@ -63,6 +63,10 @@ class Failsafes:
         """Whether the vehicle does something because of a failsafe."""
         return self.acting > Action.WARN
 
+    def is_standing(self, name: str) -> bool:
+        """Whether the alarm of a row has risen and not been cleared."""
+        return name in self._alarms
+
     def station_heard(self, system: int) -> None:
         """A heartbeat of a ground station came in."""
         wanted = self.craft.tuning.station_system
@@ -177,7 +181,7 @@ def _stream_lost(safes: Failsafes) -> str:
     commander, craft = safes.commander, safes.craft
     if commander.mode.behaviour is not Behaviour.STREAMED or not commander.style.streamed_needs_stream:
         # Not in the mode any more: the alarm stands until setpoints come again, so that it is told once.
-        return "setpoints lost" if "setpoints" in safes._alarms and safes.cause == "setpoints" else ""
+        return "setpoints lost" if safes.is_standing("setpoints") and safes.cause == "setpoints" else ""
     if craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
         return ""
     return "setpoints lost"
@@ -195,7 +199,7 @@ def _position_lost(safes: Failsafes) -> str:
     commander, craft = safes.commander, safes.craft
     estimator, now_s = craft.estimator, craft.now_s
     needs = commander.mode.behaviour in POSITIONED
-    standing = "position" in safes._alarms
+    standing = safes.is_standing("position")
     if not (needs or standing) or estimator.is_position_good(now_s):
         return ""
     last = max(estimator.fix_state.accepted_s, estimator.external_state.accepted_s)
@@ -206,10 +210,6 @@ def _fence_broken(safes: Failsafes) -> str:
     if safes.craft.is_landed:
         return ""
     return safes.commander.fence.watch(safes.craft)
-
-
-def _position_action(tuning: Tuning) -> Action:
-    return tuning.position_lost_action
 
 
 WATCHES: Final = (
@@ -245,7 +245,7 @@ WATCHES: Final = (
         condition=_battery(lambda tuning: tuning.battery_emergency, "nearly empty"),
         action=lambda tuning: tuning.battery_emergency_action,
     ),
-    Watch(name="position", condition=_position_lost, action=_position_action),
+    Watch(name="position", condition=_position_lost, action=lambda tuning: tuning.position_lost_action),
     Watch(name="fence", condition=_fence_broken, action=lambda tuning: tuning.fence_action),
 )
 """Every failsafe, in the order in which they are looked at."""

@@ -1,6 +1,7 @@
 """The human pilot with a transmitter: sticks and a mode switch, simulated."""
 
 from dataclasses import dataclass, field
+from math import inf
 
 
 @dataclass(slots=True)
@@ -26,6 +27,9 @@ class Pilot:
     last_seen_s: float = field(default=-1e9)
     """Last time that the receiver gave valid channels."""
 
+    held_until_s: float = inf
+    """A joystick over MAVLink counts only so long; a transmitter until it is switched off."""
+
     def switch_on(self) -> None:
         """Switches the transmitter on, sticks centred."""
         self.is_on = True
@@ -33,6 +37,7 @@ class Pilot:
     def switch_off(self) -> None:
         """Switches the transmitter off, or flies out of its range."""
         self.is_on = False
+        self.held_until_s = inf
 
     def sticks(self, *, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0, throttle: float = 0.5) -> None:
         """Holds the sticks like this."""

@@ -125,3 +125,27 @@ def test_a_mode_that_needs_a_pilot_is_refused_in_flight_without_one() -> None:
     bench = Bench()
     bench.take_off()
     assert bench.set_mode("Altitude") is Result.TEMPORARILY_REJECTED
+
+
+def test_a_joystick_over_mavlink_flies_until_it_falls_silent() -> None:
+    bench = Bench()
+    bench.set_parameter("NAV_RCL_ACT", 3)
+    bench.take_off()
+    stick = {"x": 500, "y": 0, "z": 500, "r": 0, "target": 1}
+    bench.send("MANUAL_CONTROL", **stick)
+    bench.set_mode("Position")
+    for _ in range(40):
+        bench.send("MANUAL_CONTROL", **stick)
+        bench.run(0.05)
+    assert bench.mode == "Position"
+    assert bench.position[0] > 0.8
+    bench.run_until(lambda: bench.mode == "Land", 8.0)
+
+
+def test_a_joystick_is_not_taken_where_the_parameters_forbid_it() -> None:
+    px4, ardupilot = Bench(), Bench("ardupilot", system=200, component=190)
+    px4.set_parameter("COM_RC_IN_MODE", 4)
+    for bench in (px4, ardupilot):
+        bench.send("MANUAL_CONTROL", x=500, y=0, z=500, r=0, target=1)
+        bench.run(0.1)
+        assert not bench.sim.pilot.is_on

@@ -286,6 +286,12 @@ class Front:
         estimator.set_origin(place)
         return ACCEPTED
 
+    def takes_joystick(self, sender: Address) -> bool:
+        """Whether sticks over MAVLink are taken: PX4 by COM_RC_IN_MODE, ArduPilot from its own station."""
+        if self.is_px4:
+            return self.autopilot.parameters["COM_RC_IN_MODE"] in (1.0, 2.0, 3.0)
+        return sender.system == self.craft.tuning.station_system
+
     def station_heard(self, system: int) -> None:
         """A ground station's heartbeat came in."""
         self.autopilot.failsafes.station_heard(system)

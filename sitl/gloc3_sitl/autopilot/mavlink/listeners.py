@@ -1,13 +1,14 @@
 """Messages that are neither commands nor a microservice: heartbeats, setpoints, sticks, origin, odometry."""
 
 from collections.abc import Callable, Mapping
+from math import inf
 from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3_sitl.autopilot.mavlink.odometry import odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
-from gloc3_sitl.autopilot.modes import PILOTED, Behaviour
+from gloc3_sitl.autopilot.modes import Behaviour
 from gloc3_sitl.autopilot.verdict import Author
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 Listener = Callable[["Front", MavlinkMessage, Address], None]
 
 _GROUND_STATION: Final = 6
+_JOYSTICK_S: Final = 0.5
+"""A joystick that is silent for so long is gone."""
 
 
 def _heartbeat(front: "Front", message: MavlinkMessage, sender: Address) -> None:
@@ -55,16 +58,15 @@ def _data_stream(front: "Front", message: MavlinkMessage, sender: Address) -> No
 
 
 def _manual_control(front: "Front", message: MavlinkMessage, sender: Address) -> None:
-    """A joystick at the ground station: the same as the pilot's sticks."""
-    del sender
+    """A joystick at the ground station: the same as the pilot's sticks, as long as it goes on."""
+    if not front.takes_joystick(sender):
+        return
     pilot = front.craft.pilot
-    if front.commander.mode.behaviour in PILOTED or pilot.is_on:
-        pilot.sticks(
-            roll=message.y / 1000.0,
-            pitch=-message.x / 1000.0,
-            yaw=message.r / 1000.0,
-            throttle=message.z / 1000.0,
-        )
+    if pilot.is_on and pilot.held_until_s == inf:
+        return  # a transmitter goes first
+    roll, pitch, yaw = (value / 1000.0 for value in (message.y, -message.x, message.r))
+    pilot.sticks(roll=roll, pitch=pitch, yaw=yaw, throttle=message.z / 1000.0)
+    pilot.held_until_s = front.craft.now_s + _JOYSTICK_S
 
 
 def _origin(front: "Front", message: MavlinkMessage, sender: Address) -> None:

@@ -25,6 +25,8 @@ HELLO_PERIOD_S: Final = {Role.STATION: 0.5, Role.PLATFORM: 1.0}
 LONELY_PERIOD_S: Final = 0.5
 """While nobody is there."""
 HELLO_SPACING_S: Final = 0.25
+BUSY_AFTER_S: Final = 3.0
+"""So long after the last of a large message best effort keeps to its smaller share: often another one follows."""
 
 _Chosen = tuple[Address, TunnelFrame, bool]
 """To whom, what, and whether it counts as best effort."""
@@ -66,6 +68,7 @@ class Outbox:
         self._hello_s = 0.0
         self._greeted_s = -HELLO_SPACING_S
         self._turn = 0
+        self._busy_until_s = 0.0
         self.news: list[int] = []
         """Rows of the table that nobody has been told yet."""
         self.tokens: list[int] = []
@@ -79,9 +82,9 @@ class Outbox:
         """What may leave now: target system and component, and the payload of a TUNNEL message."""
         pacer, counters = self._pacer, self._counters
         pacer.fill(now_s)
-        pacer.set_busy(
-            any(peer.sender.is_open(Lane.BULK) or peer.receiver.is_receiving_bulk(now_s) for peer in self._peers)
-        )
+        if any(peer.sender.is_open(Lane.BULK) or peer.receiver.is_receiving_bulk(now_s) for peer in self._peers):
+            self._busy_until_s = now_s + BUSY_AFTER_S
+        pacer.set_busy(now_s < self._busy_until_s)
         sent = []
         while pacer.line.is_open:
             chosen = self._choose(now_s)

@@ -33,7 +33,7 @@ class LinkBudget(msgspec.Struct, frozen=True, kw_only=True):
     """Of the line, for the tunnel as a whole."""
     status_share: float = 0.5
     """Of the line, for best effort while nothing large is transferred."""
-    busy_status_share: float = 0.13
+    busy_status_share: float = 0.12
     """The same while a mission is transferred; greetings and tables come on top and need 1 to 2 %."""
     overhead_bytes: int = WIRE_OVERHEAD
     """Around each payload: MAVLink 2 and TUNNEL's own fields; 30 on a signed link."""

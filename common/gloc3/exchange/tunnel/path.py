@@ -12,7 +12,7 @@ SMALLEST_VARIATION_S: Final = 0.05
 SHORTEST_OF_S: Final = 20.0
 """The shortest round trip is that of the last 20 to 40 s."""
 CLOCK_SAMPLES: Final = 12
-FIRST_LOSS: Final = 0.1
+FIRST_LOSS: Final = 0.2
 """Before anything is known."""
 
 

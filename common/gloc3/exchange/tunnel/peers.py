@@ -21,6 +21,9 @@ from gloc3.link.message import Address
 MAX_PEERS: Final = 32
 FORGET_AFTER_S: Final = 300.0
 """A peer that is silent for so long is forgotten, and with it what waited for it."""
+MAKE_ROOM_AFTER_S: Final = 130.0
+"""A peer that is silent for so long gives way to a new one when there are too many. It is longer than any message is
+repeated, so that none of them is taken for a new one if that peer comes back."""
 GHOST_AFTER_S: Final = 3.0
 """Frames of a former life are late until then; afterwards two processes share an address."""
 MAX_TROUBLES: Final = 256
@@ -77,7 +80,7 @@ class Peers:
             return None
         peer = self._peers.get(address)
         if peer is None:
-            if not self._make_room():
+            if not self._make_room(now_s):
                 self._counters.too_many_peers += 1
                 return None
             peer = self._peers[address] = Peer(address, hello, boot, self._number(), self._counters, now_s)
@@ -168,10 +171,10 @@ class Peers:
         """A number that no message of this process has had, so that a forgotten peer never mistakes one."""
         return max(self._first_number, *(peer.sender.next_number for peer in self), 0)
 
-    def _make_room(self) -> bool:
+    def _make_room(self, now_s: float) -> bool:
         if len(self._peers) < MAX_PEERS:
             return True
-        silent = [peer for peer in self if not peer.is_alive]
+        silent = [peer for peer in self if now_s - peer.heard_s > MAKE_ROOM_AFTER_S]
         if silent:
             self._forget(min(silent, key=lambda peer: peer.heard_s))
         return bool(silent)

@@ -187,19 +187,22 @@ class ReliableSender:
             now_s: the time.
             is_idle: there is nothing else to send; if not, only what is urgent or stands nearly alone is repeated.
         """
-        oldest = self._oldest(is_idle=is_idle)
-        if oldest is None or now_s < oldest[0] + COPY_SPACING_S:
+        first = self._first_copy(is_idle=is_idle)
+        if first is None or now_s < first[0]:
             return None
-        _, lane, transfer, index = oldest
-        transfer.copies[index] += 1
+        _, lane, transfer, index = first
+        transfer.copies[index] = transfer.copies[index] + 1 if transfer.copies[index] < self._copies else 0
         self._counters.repeats += 1
         return self._data(lane, transfer, index, now_s)
 
-    def _oldest(self, *, is_idle: bool) -> tuple[float, Lane, _Transfer, int] | None:
-        loss = self._round_trips.loss
-        if loss < LOSS_WORTH_COPIES:
+    def _first_copy(self, *, is_idle: bool) -> tuple[float, Lane, _Transfer, int] | None:
+        """Which fragment is to be repeated unasked next, and when: a few times soon, and anew after a round trip."""
+        trips = self._round_trips
+        if trips.loss < LOSS_WORTH_COPIES:
             return None
-        copies = min(MAX_COPIES, ceil(log(ENOUGH) / log(min(loss, 0.9))) - 1)
+        copies = self._copies
+        slow_s = max(COPY_SPACING_S, LATE_ROUND_TRIPS * trips.smoothed_s)
+        latest_s = self._heard_s + trips.smoothed_s + ANSWER_GRACE_S
         best: tuple[float, Lane, _Transfer, int] | None = None
         for lane in Lane:
             if not is_idle and lane is not Lane.URGENT and len(self._lanes[lane]) > HURRIED_COPIES:
@@ -208,10 +211,17 @@ class ReliableSender:
                 if not is_idle and transfer.count > HURRIED_COPIES:
                     continue
                 for index in transfer.open_fragments():
-                    sent_s = transfer.sent_s[index]
-                    if transfer.copies[index] < copies and (best is None or sent_s < best[0]):
-                        best = (sent_s, lane, transfer, index)
+                    is_soon = transfer.copies[index] < copies
+                    due_s = transfer.sent_s[index] + (COPY_SPACING_S if is_soon else slow_s)
+                    may_copy = lane is Lane.URGENT or due_s < latest_s
+                    if may_copy and (best is None or due_s < best[0]):
+                        best = (due_s, lane, transfer, index)
         return best
+
+    @property
+    def _copies(self) -> int:
+        """How often a fragment is repeated before an answer can be there."""
+        return min(MAX_COPIES, ceil(log(ENOUGH) / log(min(self._round_trips.loss, 0.9))) - 1)
 
     @property
     def _may_fly(self) -> bool:
@@ -329,8 +339,8 @@ class ReliableSender:
 
     def copy_s(self) -> float | None:
         """When `next_copy` has something to send."""
-        oldest = self._oldest(is_idle=True)
-        return None if oldest is None else oldest[0] + COPY_SPACING_S
+        first = self._first_copy(is_idle=True)
+        return None if first is None else first[0]
 
     def _probe_s(self) -> float:
         wait_s = min(LONGEST_PROBE_S, self._round_trips.timeout_s * 1.5**self._probes + 0.1)

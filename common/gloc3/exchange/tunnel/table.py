@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Any, Final
 
 import msgspec
@@ -112,7 +113,7 @@ class PeerTable:
         """The numbers to ask for, at most so many."""
         if len(self._channels) >= self._size:
             return ()
-        return tuple(number for number in range(self._size) if number not in self._channels)[:limit]
+        return tuple(islice((number for number in range(self._size) if number not in self._channels), limit))
 
     def add(self, rows: bytes) -> None:
         """Takes rows in.

@@ -150,37 +150,38 @@ def test_two_stations_of_one_name_are_shown_as_a_clash() -> None:
     assert run_virtual(fly()).troubles() == ["two stations call themselves 255"]
 
 
+async def a_minute_of_restarts(seed: int) -> None:
+    random = Random(seed)
+    station, platform, link = pair_on(seed)
+    given: list[tuple[int, int]] = []
+    acknowledged: list[tuple[int, int]] = []
+
+    def bury(end: Station | Platform) -> None:
+        end.close()
+        if isinstance(end, Platform):
+            given.extend((request.boot, request.sequence) for _, request in end.given)
+        else:
+            acknowledged.extend((end.boot, sequence) for sequence in end.acknowledged())
+
+    for boot in range(1, 9):
+        for _ in range(5):
+            await asyncio.sleep(random.uniform(0.1, 1.0))
+            station.ask(PAUSE)
+        await asyncio.sleep(random.uniform(0.0, 3.0))
+        if boot % 2:
+            bury(platform)
+            platform = Platform(boot, link.b)
+        else:
+            bury(station)
+            station = Station(boot, link.a)
+    await asyncio.sleep(20.0)
+    bury(station)
+    bury(platform)
+    assert len(set(given)) == len(given)
+    assert set(acknowledged) <= set(given)
+    assert len(given) > 20
+
+
 def test_a_whole_minute_with_restarts_of_both_ends_hands_nothing_over_twice() -> None:
-    async def fly(seed: int) -> None:
-        random = Random(seed)
-        station, platform, link = pair_on(seed)
-        given: list[tuple[int, int]] = []
-        acknowledged: list[tuple[int, int]] = []
-
-        def bury(end: Station | Platform) -> None:
-            end.close()
-            if isinstance(end, Platform):
-                given.extend((request.boot, request.sequence) for _, request in end.given)
-            else:
-                acknowledged.extend((end.boot, sequence) for sequence in end.acknowledged())
-
-        for boot in range(1, 9):
-            for _ in range(5):
-                await asyncio.sleep(random.uniform(0.1, 1.0))
-                station.ask(PAUSE)
-            await asyncio.sleep(random.uniform(0.0, 3.0))
-            if boot % 2:
-                bury(platform)
-                platform = Platform(boot, link.b)
-            else:
-                bury(station)
-                station = Station(boot, link.a)
-        await asyncio.sleep(20.0)
-        bury(station)
-        bury(platform)
-        assert len(set(given)) == len(given)
-        assert set(acknowledged) <= set(given)
-        assert len(given) > 20
-
     for seed in range(3):
-        run_virtual(fly(seed))
+        run_virtual(a_minute_of_restarts(seed))

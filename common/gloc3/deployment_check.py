@@ -2,13 +2,16 @@
 
 import inspect
 from collections.abc import Collection, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from gloc3.component import Component
 from gloc3.deployment import Begin, ComponentRow, OnFault
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.settings import load_settings
 from gloc3.topics import TopicTable, matches
+
+TOLD_BY_HOSTS: Final = ("status", "reply", "function_reply", "event", "internal")
+"""What the host of every component publishes."""
 
 Classes = dict[str, type[Component[Any]]]
 """The classes of the rows that could be loaded, by the component's name."""
@@ -158,7 +161,7 @@ def _topic_problems(
     rows: Sequence[ComponentRow], classes: Classes, topics: TopicTable, external: Collection[str]
 ) -> Iterator[Problem]:
     produced = [topic for row in rows for _, topic in _topics_of(row, classes, "outputs")]
-    produced += [f"components/{row.name}/{what}" for row in rows for what in ("status", "reply", "event", "internal")]
+    produced += [f"components/{row.name}/{what}" for row in rows for what in TOLD_BY_HOSTS]
     known = sorted({*(topic for topic in produced if topics.row(f"platform/{topic}")), *(topic for topic, _ in topics)})
     for index, row in enumerate(rows):
         if row.name not in classes:

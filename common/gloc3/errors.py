@@ -2,8 +2,12 @@
 
 from collections.abc import Sequence
 from difflib import get_close_matches
+from typing import Final
 
 import msgspec
+
+LISTED_MAX: Final = 16
+"""Known words that a hint lists when none is near."""
 
 
 class Gloc3Error(Exception):
@@ -51,4 +55,11 @@ def nearest(name: str, known: Sequence[str]) -> str:
     close = get_close_matches(name, known, n=1, cutoff=0.6)
     if close:
         return f"did you mean {close[0]!r}?"
-    return "known: " + ", ".join(sorted(known)) if known else "none is known"
+    if not known:
+        return "none is known"
+    names = sorted(known)
+    return (
+        "known: "
+        + ", ".join(names[:LISTED_MAX])
+        + (f" and {len(names) - LISTED_MAX} more" if names[LISTED_MAX:] else "")
+    )

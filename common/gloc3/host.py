@@ -18,7 +18,7 @@ from gloc3.exchange.base import Unsubscribe
 from gloc3.function_desk import FunctionDesk
 from gloc3.guard import guard
 from gloc3.hosted import Answer, HostedComponent
-from gloc3.lci import Command, State, transition
+from gloc3.lci import CREATE, Command, State, transition
 from gloc3.messages import (
     CommandReply,
     CommandRequest,
@@ -31,9 +31,6 @@ from gloc3.messages import (
 from gloc3.settings import load_settings
 
 __all__ = ["BEGIN_COMMANDS", "CREATE", "ComponentHost", "HostContext"]
-
-CREATE: Final = "create"
-"""Beside the LCI's commands: makes an absent component anew from its row."""
 
 BEGIN_COMMANDS: Final[Mapping[Begin, tuple[Command, ...]]] = {
     Begin.IDLE: (),

@@ -40,6 +40,10 @@ class Command(StrEnum):
     SHUTDOWN = "shutdown"
 
 
+CREATE: Final = "create"
+"""Beside the commands: has the host make an absent component anew from its row."""
+
+
 class Transition(NamedTuple):
     """What a command does: the methods that are run, in order, and the state that follows."""
 

@@ -24,8 +24,7 @@ from gloc3.ci import (
     Verb,
 )
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.host import CREATE
-from gloc3.lci import OPERATING, Command, transition
+from gloc3.lci import CREATE, OPERATING, Command, transition
 from gloc3.messages import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.executor import MissionExecutor

@@ -1,0 +1,45 @@
+"""The architecture's import contracts: static, by import-linter, and at run time, in a fresh interpreter."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from importlinter.cli import lint_imports
+
+ROOT = Path(__file__).parents[2]
+
+HEAVY = ("textual", "jsbsim", "matplotlib", "cv2", "mavsdk", "scipy", "pytest")
+"""What may only be loaded where it is used."""
+
+LOADER = """
+import importlib, json, pkgutil, sys
+for name in sys.argv[1:]:
+    package = importlib.import_module(name)
+    for module in pkgutil.walk_packages(getattr(package, "__path__", []), name + "."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+
+def loaded_by(*modules: str) -> set[str]:
+    """The top-level packages that are loaded after importing modules, and everything in them, in a fresh interpreter."""
+    paths = [str(ROOT / folder) for folder in ("common", "onboard", "groundstation", "sitl")]
+    code = f"import sys; sys.path[:0] = {paths!r}\n{LOADER}"
+    done = subprocess.run([sys.executable, "-c", code, *modules], capture_output=True, text=True, check=True)
+    return set(json.loads(done.stdout))
+
+
+def test_the_import_contracts_are_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True) == 0, capsys.readouterr().out
+
+
+def test_the_vehicle_loads_nothing_that_only_the_ground_or_the_simulation_needs() -> None:
+    assert loaded_by("gloc3", "gloc3_onboard").isdisjoint(HEAVY)
+
+
+def test_the_generic_component_loads_no_mavlink_no_log_format_and_no_command_line() -> None:
+    loaded = loaded_by("gloc3.host", "gloc3.supervision", "gloc3.testing", "gloc3.standard_topics")
+    assert loaded.isdisjoint({*HEAVY, "pymavlink", "mcap", "rich", "cyclopts", "serial", "numpy"})

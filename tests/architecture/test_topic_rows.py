@@ -1,0 +1,61 @@
+"""Topics as rows: each has a type, somebody who produces it, and a sensible rate; the platform's own rows are right."""
+
+from typing import Final
+
+import pytest
+
+from gloc3.deployment_check import TOLD_BY_HOSTS, check_deployment
+from gloc3.messages import Message
+from gloc3.platform import load_platform
+from gloc3.topics import TopicTable, matches
+from gloc3.wire import type_name
+
+TABLE = TopicTable.installed()
+PLATFORMS = ("pelican",)
+
+FROM_ELSEWHERE: Final = {
+    "ci/request": "the stations, through their links",
+    "ci/heard": "the links to the stations",
+    "sim/*": "the flight harness",
+}
+
+
+def produced() -> set[str]:
+    """The topics that the components of our platforms publish, a key as `*`."""
+    found = {f"components/*/{what}" for what in TOLD_BY_HOSTS}
+    for name in PLATFORMS:
+        for row in load_platform(name, is_loading_classes=True).components:
+            for port in row.load_class().outputs:
+                found |= {topic.replace("{key}", "*") for topic in row.topics(port)}
+    return found
+
+
+def test_every_topic_has_a_message_type_with_a_name_on_the_wire() -> None:
+    for name, row in TABLE:
+        assert issubclass(row.message, Message), name
+        assert type_name(row.message).startswith(f"{row.message.__name__}#")
+
+
+def test_every_topic_has_somebody_who_produces_it() -> None:
+    known = [*produced(), *FROM_ELSEWHERE]
+    orphans = [name for name, _ in TABLE if not any(matches(name, topic) or matches(topic, name) for topic in known)]
+    assert orphans == []
+
+
+def test_every_topic_has_a_rate_that_a_component_can_keep() -> None:
+    for name, row in TABLE:
+        assert 0.0 <= row.rate_hz <= 1000.0, name
+        assert row.silent_after >= 2.0, name
+        assert row.downlink_every >= 0, name
+
+
+def test_the_pose_is_silent_after_three_periods() -> None:
+    row = TABLE.row("pelican/pose")
+    assert row is not None
+    assert row.silent_after == 3.0
+
+
+@pytest.mark.parametrize("name", PLATFORMS)
+def test_our_platforms_rows_fit_their_classes_the_topics_and_each_other(name: str) -> None:
+    rows = load_platform(name, is_loading_classes=True).components
+    assert check_deployment(rows, TABLE, external=tuple(FROM_ELSEWHERE)) == []

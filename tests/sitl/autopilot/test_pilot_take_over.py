@@ -84,8 +84,9 @@ def test_the_kill_switch_stops_the_motors(style: str, position: str) -> None:
     assert not bench.is_armed
 
 
-def test_a_lost_transmitter_returns_in_flight_by_hand_but_not_in_offboard() -> None:
+def test_a_lost_transmitter_returns_in_flight_by_hand_but_not_in_a_mode_that_is_exempt() -> None:
     bench = Bench()
+    bench.set_parameter("COM_RCL_EXCEPT", 4)
     bench.set_parameter("RTL_RETURN_ALT", 4.0)
     bench.sim.pilot.switch_on()
     bench.take_off()

@@ -1,4 +1,8 @@
-"""ArduPilot's parameters that matter here, with the names, types and units of Copter 4.7."""
+"""ArduPilot's parameters that matter here, with the names, types and units of Copter 4.7.
+
+Defaults are ArduPilot's where they decide what happens (failsafes, time-outs); gains, speeds and the battery's are the
+airframe's. Streams are those of its first link, and here act on every link.
+"""
 
 from collections.abc import Callable, Mapping
 from math import radians

@@ -1,4 +1,8 @@
-"""PX4's parameters that matter here, with the names, types, bounds and meanings of its parameter reference (v1.16)."""
+"""PX4's parameters that matter here, with the names, types, bounds and meanings of its parameter reference (v1.16).
+
+Defaults are PX4's where they decide what happens (failsafes, time-outs); gains, speeds and return heights are the
+airframe's, as an airframe file of PX4 would set them.
+"""
 
 from collections.abc import Callable, Mapping
 from math import radians
@@ -60,7 +64,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("COM_RC_STICK_OV", 30.0, 5.0, 80.0, "stick deflection that takes over, %", "pilot_override_stick", 0.01),
     whole("NAV_RCL_ACT", 2, 1, 6, "manual control loss action", "pilot_lost_action", _PILOT_LOST),
     whole(
-        "COM_RCL_EXCEPT", 4, 0, 31, "modes without manual control loss: mission, hold, offboard", "pilot_lost_exempt"
+        "COM_RCL_EXCEPT", 0, 0, 31, "modes without manual control loss: mission, hold, offboard", "pilot_lost_exempt"
     ),
     whole("NAV_DLL_ACT", 0, 0, 6, "ground station loss action", "station_lost_action", _STATION_LOST),
     whole("COM_DL_LOSS_T", 10, 5, 300, "ground station loss timeout, s", "station_timeout_s"),

@@ -32,13 +32,19 @@ class ActionPerformer:
 
     action_status = Output(ActionStatus)
 
+    earlier_progress: float = 0.0
+    """How far an earlier attempt at the action that begins had come (0 to 1); more than 0 after a restart in flight."""
     _action: ActionStatus | None = None
     _is_changed: bool = False
     _reported_s: float = float("-inf")
 
     @abstractmethod
     def begin_action(self, capability: str, arguments: Any, now_s: float) -> None:
-        """Starts an action with checked arguments; raises `Refused` if it cannot be done now."""
+        """Starts an action with checked arguments, or goes on where `earlier_progress` says.
+
+        Raises:
+            Refused: it cannot be done now.
+        """
 
     def pause_action(self, now_s: float) -> None:
         """Rests, keeping what has been achieved."""
@@ -100,6 +106,7 @@ class ActionPerformer:
             arguments = msgspec.convert(request.arguments, arguments_type)
         except msgspec.ValidationError as error:
             raise Refused(f"{request.capability}: {error}") from error
+        self.earlier_progress = min(max(request.progress, 0.0), 1.0)
         self.begin_action(request.capability, arguments, now_s)
         self._action = ActionStatus(action_id=request.action_id, state=ActionState.RUNNING)
         self._is_changed = True

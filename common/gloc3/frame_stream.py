@@ -7,7 +7,7 @@ name), the name, and rows of 8-bit grey values.
 import struct
 from typing import Final, NamedTuple
 
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Misuse
 
 MAGIC: Final = b"G3F1"
 _HEADER: Final = struct.Struct("<4sQHHB")
@@ -31,8 +31,15 @@ class GreyFrame(NamedTuple):
 
 
 def encode(frame: GreyFrame) -> bytes:
-    """A frame as bytes."""
+    """A frame as bytes.
+
+    Raises:
+        Misuse: the data is not that of the frame's width and height, or a number does not fit.
+    """
     name = frame.camera.encode()
+    is_whole = 0 < frame.width * frame.height == len(frame.data) <= MOST_PIXELS
+    if not is_whole or len(name) > 255 or max(frame.width, frame.height) > 0xFFFF or frame.boot_us < 0:
+        raise Misuse(f"{len(frame.data)} bytes are no frame of {frame.width} x {frame.height} pixels")
     return _HEADER.pack(MAGIC, frame.boot_us, frame.width, frame.height, len(name)) + name + frame.data
 
 

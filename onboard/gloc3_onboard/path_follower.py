@@ -6,9 +6,19 @@ from typing import Final, NamedTuple
 
 from gloc3.frames import Vector3
 
-LEAD_M: Final = 0.6
-"""The point waits for a vehicle that is farther behind than this."""
 SAME_M: Final = 1e-6
+"""Waypoints that are no farther apart are one place."""
+REACHED_M: Final = 1e-3
+WAITING_SHARE: Final = 0.05
+"""A point that makes less than this share of the wanted speed waits for the vehicle."""
+CORNER_S: Final = 0.06
+"""A corner is passed no faster than the acceleration could turn the velocity in this time."""
+SHARP: Final = 0.5
+"""Where the direction changes by more than this (30 degrees; it is the distance of the unit vectors) is a corner."""
+LEAD_M: Final = 0.3
+LEAD_S: Final = 0.35
+"""The point slows down for a vehicle that is farther behind than `LEAD_M` and the way of this time at its speed, and
+waits at twice as much."""
 
 
 class Leg(NamedTuple):
@@ -18,12 +28,13 @@ class Leg(NamedTuple):
     along: Vector3
     """Unit vector."""
     length_m: float
-    start_s_m: float
-    """Way from the polyline's begin to the leg's."""
+    speed_m_s: float
     end_speed_m_s: float
     """The largest speed at which its end may be passed."""
     waypoint: int
-    """Index of the waypoint at its end."""
+    """Index of the waypoint that it leads to."""
+    is_checked: bool
+    """Whether the point waits at its end until the vehicle has come near."""
 
 
 class Target(NamedTuple):
@@ -38,12 +49,16 @@ class Target(NamedTuple):
 class PathFollower:
     """Moves a point along waypoints: accelerates, slows down before corners, stops at the end.
 
+    At a corner, at a rest and at the end it waits until the vehicle is within the acceptance distance.
+
     Args:
         start_ned_m: where the vehicle is.
         waypoints_ned_m: where it shall pass, in their order.
         speed_m_s: on the legs.
         acceleration_m_s2: along the way, and what corners may ask for.
-        hold_s: rest at each waypoint.
+        hold_s: rest at each waypoint, once the vehicle is there.
+        climb_m_s: largest vertical speed; steep legs are flown slower.
+        acceptance_m: how near to a waypoint the vehicle must come.
     """
 
     def __init__(
@@ -53,17 +68,30 @@ class PathFollower:
         speed_m_s: float,
         acceleration_m_s2: float,
         hold_s: float = 0.0,
+        *,
+        climb_m_s: float = math.inf,
+        acceptance_m: float = 0.25,
     ) -> None:
-        self._speed_m_s = speed_m_s
+        self.waited_s = 0.0
+        """How long the point has been standing because the vehicle does not come."""
+        self._waypoints = tuple(waypoints_ned_m)
+        self._speed_m_s, self._climb_m_s = speed_m_s, climb_m_s
         self._acceleration = acceleration_m_s2
         self._hold_s = hold_s
-        self._legs = _legs_of(start_ned_m, waypoints_ned_m, speed_m_s, stops=hold_s > 0.0)
-        self._end = waypoints_ned_m[-1]
-        self._index = 0
-        self._on_leg_m = 0.0
-        self._now_m_s = 0.0
-        self._rest_s = 0.0
+        self._acceptance_m = acceptance_m
+        is_there = math.dist(start_ned_m, self._waypoints[0]) <= SAME_M
+        self._rest_s = hold_s if is_there else 0.0
+        self._is_waiting = False
+        self._lay(start_ned_m, list(enumerate(self._waypoints)))
         self.length_m = sum(leg.length_m for leg in self._legs)
+
+    def _lay(self, start: Vector3, way: Sequence[tuple[int, Vector3]]) -> None:
+        self._legs = _legs_of(
+            start, way, self._speed_m_s, self._climb_m_s, self._acceleration, stops=self._hold_s > 0.0
+        )
+        self._index, self._on_leg_m, self._now_m_s = 0, 0.0, 0.0
+
+    # --- where it is ---
 
     @property
     def is_at_end(self) -> bool:
@@ -72,65 +100,107 @@ class PathFollower:
 
     @property
     def waypoint(self) -> int:
-        """Index of the waypoint that is being flown to."""
-        return self._legs[min(self._index, len(self._legs) - 1)].waypoint if self._legs else 0
+        """Index of the waypoint that is being flown to, or stayed at."""
+        index = self._index - self._is_staying
+        if not self._legs or index < 0:
+            return 0
+        return self._legs[min(index, len(self._legs) - 1)].waypoint
+
+    @property
+    def _is_staying(self) -> bool:
+        """Whether the point stands at a waypoint that it has come to, for the vehicle or to rest."""
+        return self._is_waiting or self._rest_s > 0.0
 
     @property
     def travelled_m(self) -> float:
         """Way made by the point."""
+        left_m = sum(leg.length_m for leg in self._legs[self._index :]) - self._on_leg_m
+        return max(0.0, self.length_m - left_m)
+
+    @property
+    def progress(self) -> float:
+        """Waypoints passed, and the share of the way to the next, of all: 0 to 1."""
         if self._index >= len(self._legs):
-            return self.length_m
-        return self._legs[self._index].start_s_m + self._on_leg_m
+            return 1.0
+        leg = self._legs[self._index]
+        passed = leg.waypoint + self._on_leg_m / leg.length_m - (0.01 if self._is_waiting else 0.0)
+        return max(0.0, passed) / len(self._waypoints)
+
+    # --- moving on ---
 
     def halt(self) -> None:
         """Begins again from rest, as after a pause."""
-        self._now_m_s = 0.0
+        self._now_m_s = self.waited_s = 0.0
+
+    def rejoin(self, position_ned_m: Vector3) -> None:
+        """Leads the vehicle back to where the point is, at the speed of the way, and on from there."""
+        self.halt()
+        here = self._here().position_ned_m
+        if self._index >= len(self._legs) or math.dist(here, position_ned_m) <= LEAD_M:
+            return
+        next_waypoint = self._legs[self._index].waypoint
+        rest = list(enumerate(self._waypoints))[next_waypoint:]
+        self._lay(position_ned_m, [(next_waypoint, here), *rest])
 
     def advance(self, duration_s: float, position_ned_m: Vector3) -> Target:
         """Moves the point on and says where it is."""
-        if self._rest_s > 0.0:
-            self._rest_s -= duration_s
-            return self._here()
-        if self._index < len(self._legs):
-            self._move(duration_s, math.dist(self._here().position_ned_m, position_ned_m))
+        here = self._here().position_ned_m
+        behind_m = math.dist(here, position_ned_m)
+        if self._is_staying:
+            self._stay(duration_s, behind_m)
+        elif self._index < len(self._legs):
+            self._move(duration_s, behind_m)
+            self._count_wait(duration_s, is_moving=self._now_m_s > WAITING_SHARE * self._speed_m_s)
         return self._here()
 
+    def _stay(self, duration_s: float, behind_m: float) -> None:
+        """At a waypoint: waits for the vehicle, then rests with it."""
+        if behind_m > self._acceptance_m:
+            self._count_wait(duration_s, is_moving=False)
+        else:
+            self._is_waiting, self.waited_s = False, 0.0
+            self._rest_s -= duration_s
+
+    def _count_wait(self, duration_s: float, *, is_moving: bool) -> None:
+        self.waited_s = 0.0 if is_moving else self.waited_s + duration_s
+
     def _move(self, duration_s: float, behind_m: float) -> None:
-        leg = self._legs[self._index]
-        left_m = leg.length_m - self._on_leg_m
-        allowed = min(self._speed_m_s, math.sqrt(leg.end_speed_m_s**2 + 2.0 * self._acceleration * left_m))
-        if behind_m > LEAD_M:
-            allowed = 0.0
+        left_s = duration_s
+        while left_s > 0.0 and self._index < len(self._legs):
+            leg = self._legs[self._index]
+            left_m = leg.length_m - self._on_leg_m
+            speed = self._speed(leg, left_m, left_s, behind_m)
+            self._now_m_s = speed
+            if left_m > REACHED_M and speed * left_s < left_m:
+                self._on_leg_m += speed * left_s
+                return
+            left_s -= left_m / speed if speed > 0.0 else left_s
+            self._now_m_s = min(speed, leg.end_speed_m_s)
+            self._index, self._on_leg_m = self._index + 1, 0.0
+            if leg.is_checked:
+                self._is_waiting, self._rest_s = behind_m > self._acceptance_m, self._hold_s
+                if self._is_staying:
+                    self._now_m_s = 0.0
+                    return
+
+    def _speed(self, leg: Leg, left_m: float, duration_s: float, behind_m: float) -> float:
+        """For the next step: near to the wanted one, and such that the end's can still be kept."""
+        lead_m = LEAD_M + LEAD_S * leg.speed_m_s
+        wanted = leg.speed_m_s * min(max(2.0 - behind_m / lead_m, 0.0), 1.0)
         change = self._acceleration * duration_s
-        self._now_m_s = min(max(allowed, self._now_m_s - change), self._now_m_s + change)
-        self._now_m_s = min(self._now_m_s, max(allowed, 0.0)) if allowed else max(self._now_m_s, 0.0)
-        step_m = self._now_m_s * duration_s
-        # The last steps before a stop would become ever shorter; a crawl ends them.
-        step_m = max(step_m, min(0.05 * self._speed_m_s * duration_s, left_m)) if behind_m <= LEAD_M else step_m
-        while step_m >= left_m - SAME_M:
-            step_m -= left_m
-            self._index += 1
-            self._on_leg_m = 0.0
-            if self._hold_s > 0.0:
-                self._rest_s, self._now_m_s = self._hold_s, 0.0
-                return
-            if self._index >= len(self._legs):
-                self._now_m_s = 0.0
-                return
-            left_m = self._legs[self._index].length_m
-            step_m = min(max(step_m, 0.0), left_m)
-            self._now_m_s = min(self._now_m_s, self._legs[self._index - 1].end_speed_m_s)
-            if step_m <= 0.0:
-                break
-        self._on_leg_m += max(step_m, 0.0)
+        speed = min(max(wanted, self._now_m_s - change), self._now_m_s + change)
+        is_late = leg.is_checked and behind_m > self._acceptance_m
+        end_speed = 0.0 if is_late else leg.end_speed_m_s
+        to_end = math.sqrt(change * change + 2.0 * self._acceleration * left_m + end_speed**2) - change
+        return min(speed, to_end)
 
     def _here(self) -> Target:
         if self._index >= len(self._legs):
-            return Target(self._end, (0.0, 0.0, 0.0), self._bearing(len(self._legs) - 1))
+            return Target(self._waypoints[-1], (0.0, 0.0, 0.0), self._bearing(len(self._legs) - 1))
         leg, way, speed = self._legs[self._index], self._on_leg_m, self._now_m_s
         n, e, d = leg.along
         position = (leg.start[0] + n * way, leg.start[1] + e * way, leg.start[2] + d * way)
-        return Target(position, (n * speed, e * speed, d * speed), self._bearing(self._index))
+        return Target(position, (n * speed, e * speed, d * speed), self._bearing(self._index - self._is_staying))
 
     def _bearing(self, index: int) -> float | None:
         if index < 0:
@@ -139,22 +209,35 @@ class PathFollower:
         return math.atan2(east, north) if math.hypot(north, east) > 0.05 else None
 
 
-def _legs_of(start: Vector3, waypoints: Sequence[Vector3], speed_m_s: float, *, stops: bool) -> list[Leg]:
-    """The legs, without those of no length."""
+def _legs_of(
+    start: Vector3,
+    way: Sequence[tuple[int, Vector3]],
+    speed_m_s: float,
+    climb_m_s: float,
+    acceleration_m_s2: float,
+    *,
+    stops: bool,
+) -> list[Leg]:
+    """The legs, without those of no length; from the last to the first, since each must be able to end as it shall."""
     pieces: list[tuple[Vector3, Vector3, float, int]] = []
     at = start
-    for index, waypoint in enumerate(waypoints):
-        length_m = math.dist(at, waypoint)
+    for waypoint, place in way:
+        length_m = math.dist(at, place)
         if length_m > SAME_M:
-            along = tuple((b - a) / length_m for a, b in zip(at, waypoint, strict=True))
-            pieces.append((at, (along[0], along[1], along[2]), length_m, index))
-        at = waypoint
+            along = ((place[0] - at[0]) / length_m, (place[1] - at[1]) / length_m, (place[2] - at[2]) / length_m)
+            pieces.append((at, along, length_m, waypoint))
+            at = place
     legs: list[Leg] = []
-    way_m = 0.0
-    for number, (begin, along, length_m, index) in enumerate(pieces):
-        is_last = number == len(pieces) - 1
-        turn = 0.0 if is_last else sum(a * b for a, b in zip(along, pieces[number + 1][1], strict=True))
-        end_speed = 0.0 if is_last or stops else speed_m_s * max(0.0, turn) ** 4
-        legs.append(Leg(begin, along, length_m, way_m, end_speed, index))
-        way_m += length_m
-    return legs
+    next_speed, next_along = 0.0, None
+    for begin, along, length_m, waypoint in reversed(pieces):
+        speed = min(speed_m_s, climb_m_s / abs(along[2])) if along[2] else speed_m_s
+        end_speed, is_checked = 0.0, True
+        if next_along is not None and not stops:
+            turn = math.dist(along, next_along)
+            in_corner = CORNER_S * acceleration_m_s2 / turn if turn > SAME_M else math.inf
+            end_speed, is_checked = min(speed, next_speed, in_corner), turn > SHARP
+        legs.append(Leg(begin, along, length_m, speed, end_speed, waypoint, is_checked))
+        # No faster into this leg than one can be slow enough again at its end.
+        next_speed = min(speed, math.sqrt(end_speed**2 + 2.0 * acceleration_m_s2 * length_m))
+        next_along = along
+    return legs[::-1]

@@ -49,12 +49,20 @@ class Card:
     # --- begin and end ---
 
     def begin(self, mission: str, *, is_started: bool = True, **plan: Any) -> None:
-        """Everything is switched on, the mission (a name or a text) brought up and, unless told otherwise, started."""
-        if "\n" in mission:
-            file = self._folder / "mission.yaml"
-            file.write_text(mission)
-            mission = str(file)
-        self.run(self._enter(FlightPlan(mission=mission, **{"autopilot": self.style, **plan})))
+        """Everything is switched on, the mission brought up and, unless told otherwise, started.
+
+        Args:
+            mission: the name of an example, or a text.
+            is_started: whether the operator starts it.
+            plan: other fields of the `FlightPlan`; `platform` may be a text, too.
+        """
+        plan = {"mission": mission, "autopilot": self.style, **plan}
+        for key in ("mission", "platform"):
+            if "\n" in plan.get(key, ""):
+                file = self._folder / f"{key}.yaml"
+                file.write_text(plan[key])
+                plan[key] = str(file)
+        self.run(self._enter(FlightPlan(**plan)))
         self.flight.exchange.subscribe(f"{self.flight.name}/**", self._hear)
         if is_started:
             self.run(self.flight.upload_and_start())

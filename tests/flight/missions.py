@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from gloc3.platform import find_platform
+
 FENCE = "{polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}"
 UP = "depart: {actions: {climb: {take_off: {height_m: 1.5}}}}"
 DOWN = "recover: {after: [sweep], actions: {down: {land: {}}}}"
@@ -22,3 +24,12 @@ def mission(sweep: str = "{out: {" + OUT + "}}", *, options: str = "", fence: st
     sweep = f"sweep: {{after: [depart], {options} actions: {sweep}}}"
     tasks = [f"  {task}" for task in (UP, sweep, DOWN)]
     return "\n".join(["mission: card", "frame: hold", f"geofence: {fence}", *tops, "tasks:", *tasks]) + "\n"
+
+
+def platform(changes: dict[str, str]) -> str:
+    """The Pelican's platform file with other words in it, under another name: text to what stands in its place."""
+    text = find_platform("pelican").read_text()
+    for old, new in {"platform: pelican": "platform: heron", **changes}.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    return text

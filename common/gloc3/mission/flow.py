@@ -205,6 +205,7 @@ def due_s(board: Board) -> float:
                     times.append(run.reaches_s(run.action.order.duration_s))
             elif run.unavailable_since_s is not None:
                 times.append(run.unavailable_since_s + PATIENCE_S)
+    times.append(manoeuvres.lost_at_s(board))
     manoeuvre = board.manoeuvre
     if manoeuvre is not None:
         times += [at_s for at_s in (manoeuvre.land_at_s, manoeuvre.again_s) if at_s is not None]

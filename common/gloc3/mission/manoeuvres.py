@@ -1,5 +1,6 @@
 """Carries out the policies that move the vehicle: hold, return, land; the most severe of several wins."""
 
+from math import inf
 from typing import Final
 
 from gloc3.messages import Severity
@@ -12,6 +13,8 @@ from gloc3.mission.states import ENDED, ActionState, Trigger
 
 AGAIN_S: Final = 1.0
 """A landing that cannot be begun is tried again after this time, for as long as it takes."""
+PATIENCE_S: Final = 2.0
+"""A return outlives the loss of what it needs for this long; then it becomes a landing here."""
 
 _CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
     Policy.RETURN: ("return_home", ReturnHome()),
@@ -129,6 +132,11 @@ def advance(board: Board, now_s: float) -> None:
         cause = f"{manoeuvre.cause}; nobody acted for {board.policies.hold_s:g} s"
         apply(board, Policy.LAND, cause, now_s)
         advance(board, now_s)
+    elif manoeuvre.assignment is not None and now_s >= lost_at_s(board):
+        board.assignments.drop(manoeuvre.assignment)
+        manoeuvre.assignment = None
+        lacking = ", ".join(board.missing["return_home"])
+        _fall_back(board, manoeuvre, f"return_home is no longer available ({lacking})", now_s)
     elif manoeuvre.again_s is not None and now_s >= manoeuvre.again_s and manoeuvre.assignment is None:
         manoeuvre.again_s = None
         name, order = _CAPABILITY[manoeuvre.policy]
@@ -139,6 +147,14 @@ def advance(board: Board, now_s: float) -> None:
             return
         board.is_changed = True
         manoeuvre.assignment = board.assignments.start(f"policy.{name}", name, row, order, None, now_s)
+
+
+def lost_at_s(board: Board) -> float:
+    """When the return that is under way is given up for the want of something; never, if it lacks nothing."""
+    manoeuvre = board.manoeuvre
+    if manoeuvre is None or manoeuvre.assignment is None or manoeuvre.policy is not Policy.RETURN:
+        return inf
+    return board.missing_since_s.get("return_home", inf) + PATIENCE_S
 
 
 def ended(board: Board, assignment: Assignment, state: ActionState, reason: str, now_s: float) -> None:

@@ -89,10 +89,15 @@ def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformS
 
 
 def _counted(link: LinkStatistics, topic: str, sequence: int) -> LinkStatistics | None:
-    """The statistics after a message; None where it is not newer than the last."""
+    """The statistics after a message; None where it is older than the last.
+
+    A long summary comes in several messages of one sequence, each with rows of its own.
+    """
     last = link.sequences.get(topic)
-    if last is not None and sequence <= last:
+    if last is not None and sequence < last:
         return None
+    if sequence == last:
+        return link
     gap = 0 if last is None else sequence - last - 1
     kept = (1.0 - SMOOTHING) ** gap
     loss = (1.0 - (1.0 - link.loss) * kept) * (1.0 - SMOOTHING)

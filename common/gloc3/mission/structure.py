@@ -148,7 +148,8 @@ class PartialOrder:
             task = target.partition(".")[0]
             found = set[str]().union(*(of_task[other] for other in tasks[task].after))
             for other in actions[target].after:
-                found |= {f"{task}.{other}"} | ended[f"{task}.{other}"]
+                # an action that is not usable itself has findings of its own, and is not in the mission
+                found |= {f"{task}.{other}"} | ended.get(f"{task}.{other}", frozenset())
             waiting = list(found)
             while waiting:
                 for companion in ends_with.get(waiting.pop(), ()):

@@ -70,6 +70,7 @@ class RequestHandler:
         self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
         self._journal = Journal(site.journal)
         self._open: dict[str, _Open] = {}
+        self._emergencies: dict[tuple[str, int], int] = {}
         self._count = 0
         self.for_components: list[ForComponent] = []
         self.wants_everything = False
@@ -86,12 +87,21 @@ class RequestHandler:
         if not known.is_new:
             return known.reply
         try:
+            self._refuse_overtaken(request)
             reply = self._carry_out(request, now_s)
         except Gloc3Error as refusal:
             reply = _answer(request, Outcome.REFUSED, str(refusal))
         if reply is not None:
             self._journal.end(reply)
         return reply
+
+    def _refuse_overtaken(self, request: CiRequest) -> None:
+        """An emergency overtakes on the link; what its sender asked for before it is not done after it."""
+        life = (request.sender, request.boot)
+        if isinstance(request.body, Emergency):
+            self._emergencies[life] = max(request.sequence, self._emergencies.get(life, -1))
+        elif request.sequence < self._emergencies.get(life, -1):
+            raise Refused("overtaken by an emergency; ask again if it is still wanted")
 
     def _query(self, request: CiRequest, body: Query) -> CiReply:
         outcome, reply = self._journal.query(request.sender, body.boot, body.sequence)

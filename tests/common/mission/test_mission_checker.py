@@ -223,3 +223,18 @@ def test_a_file_that_is_no_mission_is_told_without_a_traceback(pelican: Platform
         "m:1:1: a mission file is a mapping (begin with 'mission: NAME')"
     ]
     assert told(check_file("no_such_mission", Circumstances()))[0].startswith("no_such_mission: no such mission")
+
+
+def test_an_action_that_cannot_be_read_does_not_hide_what_comes_after_it(pelican: Platform) -> None:
+    text = """
+mission: m
+frame: hold
+tasks:
+  t:
+    actions:
+      up: {take_of: {height_m: 1.5}}
+      down: {land: {}, after: [up]}
+"""
+    report = check_text(text, "m.yaml", Circumstances(platform=pelican))
+    assert not report.is_ok
+    assert any("take_off" in str(finding) and finding.line == 7 for finding in report.findings)

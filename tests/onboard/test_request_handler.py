@@ -1,0 +1,184 @@
+"""The command interface server's requests: authority, at most once, checks, and what running actions need."""
+
+from typing import Any
+
+import pytest
+
+from gloc3.ci import (
+    AnyBody,
+    CallFunction,
+    CiReply,
+    CiRequest,
+    CommandComponent,
+    Control,
+    ControlVerb,
+    Emergency,
+    EmergencyVerb,
+    LoadMission,
+    Outcome,
+    Query,
+    ReadMission,
+    RequestAction,
+    Steer,
+    Verb,
+)
+from gloc3.lci import State
+from gloc3.messages import CommandReply, ComponentStatus, Envelope, Kind, Source
+from gloc3.mission.executor import MissionExecutor
+from gloc3.platform import Platform, load_platform
+from gloc3.vehicle import AutopilotState, LandedState, Pose
+from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.requests import RequestHandler
+from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.storage import MemoryRecords
+
+HOP = """
+mission: hop
+frame: hold
+tasks:
+  hop:
+    actions:
+      up: {take_off: {height_m: 1.5}}
+      down: {land: {}, after: [up]}
+"""
+ORIGIN = (39.5528, 2.6285, 2.0)
+
+
+class Desk:
+    """A handler with a vehicle on the ground and every component working."""
+
+    def __init__(self) -> None:
+        self.platform: Platform = load_platform("pelican")
+        self.journal = MemoryRecords()
+        self.said: list[str] = []
+        self.sequence = -1
+        self.executor = MissionExecutor(self.platform)
+        self.handler = self.begin()
+
+    def begin(self) -> RequestHandler:
+        facts = VehicleFacts(self.platform, None)
+        facts.see_autopilot(AutopilotState(is_connected=True, landed=LandedState.ON_GROUND, is_armable=True))
+        pose = Pose(
+            position_ned_m=(0.0, 0.0, 0.0),
+            velocity_ned_m_s=(0.0, 0.0, 0.0),
+            ned_from_frd=(1.0, 0.0, 0.0, 0.0),
+            origin_geo=ORIGIN,
+        )
+        facts.see_pose(Envelope("p/pose", Source("p", "pose", 1), 0, 0.0, "ned", "Pose", pose))
+        self.book = ComponentBook(self.platform.components)
+        for row in self.platform.components:
+            self.book.hear(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
+        self.authority = ControlAuthority()
+        site = Site(self.platform, self.journal, MemoryRecords())
+        handler = RequestHandler(site, facts, self.book, self.authority, lambda _, text: self.said.append(text))
+        handler.executor = self.executor
+        return handler
+
+    def ask(self, body: AnyBody, sender: str = "255", sequence: int | None = None, boot: int = 7) -> CiReply | None:
+        if sequence is None:
+            self.sequence += 1
+            sequence = self.sequence
+        return self.handler.handle(CiRequest(sender=sender, boot=boot, sequence=sequence, body=body), 0.0)
+
+    def told(self, body: AnyBody, **kwargs: Any) -> CiReply:
+        reply = self.ask(body, **kwargs)
+        assert reply is not None
+        return reply
+
+
+@pytest.fixture
+def desk() -> Desk:
+    made = Desk()
+    assert made.told(Control(verb=ControlVerb.REQUEST)).outcome is Outcome.ACCEPTED
+    return made
+
+
+def test_a_station_without_control_is_refused_and_told_who_holds_it(desk: Desk) -> None:
+    reply = desk.told(LoadMission(name="hop", text=HOP), sender="254")
+    assert reply.outcome is Outcome.REFUSED
+    assert "station 255 holds control" in reply.reason
+
+
+def test_a_mission_is_loaded_and_read_back_as_it_was(desk: Desk) -> None:
+    assert desk.told(LoadMission(name="hop", text=HOP)).outcome is Outcome.ACCEPTED
+    assert desk.told(ReadMission(), sender="254").text == HOP
+
+
+def test_a_mission_with_errors_is_refused_with_the_findings_and_the_one_before_stays(desk: Desk) -> None:
+    desk.told(LoadMission(name="hop", text=HOP))
+    reply = desk.told(LoadMission(name="bad", text=HOP.replace("take_off", "take_of")))
+    assert reply.outcome is Outcome.REFUSED
+    assert "bad:7:" in reply.text
+    assert "take_off" in reply.text
+    assert desk.told(ReadMission()).text == HOP
+
+
+def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice(desk: Desk) -> None:
+    assert desk.ask(CommandComponent(component="height", command="stop"), sequence=50) is None
+    assert desk.ask(CommandComponent(component="height", command="stop"), sequence=50) is None
+    assert len(desk.handler.for_components) == 1
+    message = desk.handler.for_components[0].message
+    reply = CommandReply(
+        request_id=message.request_id, component="height", command="stop", is_accepted=True, state=State.STANDBY
+    )
+    answer = desk.handler.replied(reply)
+    assert answer is not None
+    assert desk.told(CommandComponent(component="height", command="stop"), sequence=50) == answer
+
+
+def test_what_was_under_way_when_the_process_ended_is_unknown(desk: Desk) -> None:
+    desk.ask(CommandComponent(component="height", command="stop"), sequence=60)
+    desk.handler = desk.begin()
+    reply = desk.told(CommandComponent(component="height", command="stop"), sequence=60)
+    assert reply.outcome is Outcome.UNKNOWN
+    assert desk.told(Query(boot=7, sequence=60)).outcome is Outcome.UNKNOWN
+    assert not desk.handler.for_components
+
+
+def test_what_ended_before_a_restart_gets_the_same_reply_after_it(desk: Desk) -> None:
+    before = desk.told(LoadMission(name="hop", text=HOP), sequence=70)
+    desk.handler = desk.begin()
+    assert desk.told(LoadMission(name="hop", text=HOP), sequence=70) == before
+
+
+def test_an_emergency_is_taken_from_anybody_and_named(desk: Desk) -> None:
+    reply = desk.told(Emergency(verb=EmergencyVerb.HOLD, author="ana"), sender="253")
+    assert reply.outcome is Outcome.ACCEPTED
+    assert "ana" in reply.reason
+
+
+def test_what_was_asked_before_an_emergency_is_not_done_after_it(desk: Desk) -> None:
+    desk.told(LoadMission(name="hop", text=HOP))
+    desk.told(Emergency(verb=EmergencyVerb.HOLD), sequence=91)
+    reply = desk.told(Steer(verb=Verb.START), sequence=90)
+    assert reply.outcome is Outcome.REFUSED
+    assert "emergency" in reply.reason
+
+
+def test_an_lci_command_is_held_against_the_state_table_before_it_goes_out(desk: Desk) -> None:
+    reply = desk.told(CommandComponent(component="height", command="start"))
+    assert reply.outcome is Outcome.REFUSED
+    assert "start is not accepted in working" in reply.reason
+    assert not desk.handler.for_components
+
+
+def test_an_unknown_component_is_refused_with_those_that_there_are(desk: Desk) -> None:
+    assert "limiter" in desk.told(CommandComponent(component="hieght", command="stop")).reason
+
+
+def test_a_component_that_does_not_answer_leaves_the_outcome_unknown(desk: Desk) -> None:
+    desk.ask(CallFunction(component="height", function="set_rate", arguments={"rate_hz": 5.0}))
+    assert [reply.outcome for reply in desk.handler.expire(100.0)] == [Outcome.UNKNOWN]
+
+
+def test_actions_are_not_started_behind_the_executors_back(desk: Desk) -> None:
+    reply = desk.told(CallFunction(component="waypoints", function="action.start"))
+    assert reply.outcome is Outcome.REFUSED
+
+
+def test_a_single_action_is_checked_like_a_mission(desk: Desk) -> None:
+    reply = desk.told(RequestAction(capability="go_to", arguments={"position_m": [1, 1, 500]}))
+    assert reply.outcome is Outcome.REFUSED
+    assert reply.text

@@ -108,6 +108,10 @@ class Card:
     async def _fault(self, text: str) -> Injection:
         return schedule_faults(self.flight, (text,))[0]
 
+    async def take_control(self) -> None:
+        """The station asks for control, and gets it."""
+        await flights.take_control(self.flight.station, self.flight.name)
+
     def ask(self, body: AnyBody) -> CiReply:
         """The station asks for something."""
         return self.run(self.flight.station.client.ask(self.flight.name, body))
@@ -264,6 +268,9 @@ class Card:
     def story(self, what: str) -> str:
         """What to say when something is wrong: what happened last."""
         lines = [f"{event.t_s:8.2f}  {event.source}: {event.text}" for event in self.events[-25:]]
+        for topic, heard in self.heard.items():
+            if topic == "components/command_server/event":  # what it cannot tell itself
+                lines += [f"{one.t_s:8.2f}  command_server: {one.payload.text}" for one in heard[-5:]]
         texts = [f"{t_s:8.2f}  autopilot: {text}" for t_s, _, text in list(self.flight.simulator.texts)[-10:]]
         state = (
             f"now {self.now_s:.2f} s at {tuple(round(x, 2) for x in self.position_m)}" if self.flight.samples else ""

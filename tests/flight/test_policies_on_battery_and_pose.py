@@ -1,5 +1,7 @@
 """DESIGN §6, on_low_battery and on_pose_lost: the vehicle's own conditions, and what then happens."""
 
+from typing import Any
+
 import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission, platform
@@ -16,7 +18,7 @@ HOLDS_BLINDLY = {"needs: [pose, limiter, autopilot_driver]}\n  return": "needs: 
 
 def sweep(flight: Card, changes: dict[str, str] | None = None, **policies: str) -> None:
     """On the way, three seconds into the sweep; with changes in the platform's file."""
-    plan = {"platform": platform(changes)} if changes else {}
+    plan: dict[str, Any] = {"platform": platform(changes)} if changes else {}
     flight.begin(mission(**policies), **plan)
     flight.await_state("sweep", "running")
     flight.wait(3.0)

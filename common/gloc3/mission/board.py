@@ -168,4 +168,5 @@ class Board:
             programs=[program.keep(now_s) for program in self.programs.values()],
             policy=self.manoeuvre.policy if self.manoeuvre is not None else None,
             cause=self.manoeuvre.cause if self.manoeuvre is not None else "",
+            has_pilot=self.has_pilot,
         )

@@ -52,7 +52,7 @@ class MissionExecutor:
             raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
         self._refuse_taken(mission, [program for name, program in self.board.programs.items() if name != MISSION])
         self.board.program(MISSION, mission)
-        self._settle(now_s)
+        self.settle(now_s)
 
     def clear(self, now_s: float) -> None:
         """Forgets the loaded mission.
@@ -65,7 +65,7 @@ class MissionExecutor:
             raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
         if self.board.programs.pop(MISSION, None) is not None:
             self.board.is_changed = True
-        self._settle(now_s)
+        self.settle(now_s)
 
     def steer(self, verb: str, target: str, now_s: float, home_ned_m: Vector3 | None = None) -> None:
         """Starts, pauses, resumes, skips, aborts or retries the mission, a task or an action.
@@ -83,7 +83,7 @@ class MissionExecutor:
         if verb not in commands:
             raise Refused(f"no command {verb!r}; known: {', '.join(commands)}")
         steering.steer(self.board, Trigger(verb), target, now_s, home_ned_m)
-        self._settle(now_s)
+        self.settle(now_s)
 
     def command(self, mission: Mission, now_s: float) -> str:
         """Runs a single task or action, given as a checked mission, at once; the loaded mission stays as it is.
@@ -104,7 +104,7 @@ class MissionExecutor:
         if board.mission is None or not board.mission.is_open:
             board.policies = mission.policies
         board.move(program, Trigger.START, now_s)
-        self._settle(now_s)
+        self.settle(now_s)
         return name
 
     def emergency(self, kind: Literal["hold", "land"], author: str, now_s: float) -> None:
@@ -115,7 +115,7 @@ class MissionExecutor:
             self.board.tell(Severity.WARNING, "the pilot has control: nothing is done")
             return
         manoeuvres.apply(self.board, policy, f"emergency {kind} by {author}", now_s, Trigger.ABORT, is_ordered=True)
-        self._settle(now_s)
+        self.settle(now_s)
 
     def free_name(self) -> str:
         """A name for a single command's task that is not taken."""
@@ -136,7 +136,7 @@ class MissionExecutor:
         else:
             what = f"{assignment.component} refused to {verb}: {reason}"
             flow.lose(self.board, assignment, what, now_s, is_over=verb in ("start", "resume"))
-        self._settle(now_s)
+        self.settle(now_s)
 
     def reported(self, status: ActionStatus, now_s: float) -> None:
         """A component has reported on an action."""
@@ -155,7 +155,7 @@ class MissionExecutor:
             flow.finish_action(self.board, assignment.run, now_s)
         elif status.state in (ActionState.DONE, ActionState.FAILED, ActionState.ABORTED):
             self._ended(assignment, status, now_s)
-        self._settle(now_s)
+        self.settle(now_s)
 
     def available(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
         """Which capabilities are not available now, with what each lacks; all others are."""
@@ -167,7 +167,7 @@ class MissionExecutor:
         for name in missing:
             since_s.setdefault(name, now_s)
         self.board.missing = dict(missing)
-        self._settle(now_s)
+        self.settle(now_s)
 
     def component_failed(self, component: str, reason: str, now_s: float) -> None:
         """A component has turned faulty, has left, or is taken away: its actions fail.
@@ -184,7 +184,7 @@ class MissionExecutor:
             self.board.missing_since_s.setdefault(name, now_s)
         for assignment in lost:
             flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
-        self._settle(now_s)
+        self.settle(now_s)
 
     def component_lost(self, component: str, policy: Policy, reason: str, now_s: float) -> None:
         """A component's function is lost for good: neither a standby nor another attempt is left.
@@ -201,7 +201,7 @@ class MissionExecutor:
             return
         board.tell(Severity.ERROR, f"{cause}; policy: {policy}")
         manoeuvres.apply(board, resolved(policy, board.policies.on_failure), cause, now_s)
-        self._settle(now_s)
+        self.settle(now_s)
 
     def vehicle(self, is_airborne: bool, now_s: float) -> None:
         """Whether the vehicle is in the air (also while it takes off or lands)."""
@@ -213,7 +213,7 @@ class MissionExecutor:
             board.is_taking_off = False
         else:
             board.has_landed = False
-        self._settle(now_s)
+        self.settle(now_s)
 
     def pilot(self, has_control: bool, reason: str, now_s: float) -> None:
         """Whether a human pilot (or the autopilot by itself) has taken over, as the driver reports it."""
@@ -231,7 +231,7 @@ class MissionExecutor:
                 elif program.is_open:
                     board.end_all(program, Trigger.ABORT, now_s, "pilot")
                     board.move(program, Trigger.ABORT, now_s, "pilot")
-        self._settle(now_s)
+        self.settle(now_s)
 
     def condition(self, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
         """Whether a condition holds; its policy is carried out once, when it arises."""
@@ -245,7 +245,7 @@ class MissionExecutor:
             del board.conditions[condition]
             board.unanswered.pop(condition, None)
             board.tell(Severity.INFO, f"{condition}: over")
-        self._settle(now_s)
+        self.settle(now_s)
 
     def link(self, silent_s: float, now_s: float) -> None:
         """For how long nothing was heard from the holder of control."""
@@ -255,7 +255,7 @@ class MissionExecutor:
     def tick(self, now_s: float) -> None:
         """Lets the time pass."""
         if now_s >= self._due_s:
-            self._settle(now_s)
+            self.settle(now_s)
 
     # what follows
 
@@ -335,7 +335,8 @@ class MissionExecutor:
             if task in taken:
                 raise Refused(f"a task {task!r} is there already")
 
-    def _settle(self, now_s: float) -> None:
+    def settle(self, now_s: float) -> None:
+        """Does everything that can be done now."""
         flow.advance(self.board, now_s)
         self._due_s = flow.due_s(self.board)
 

@@ -23,7 +23,7 @@ def restore(
     """An executor that goes on where the last one was.
 
     In the air the mission's `on_restart` is carried out; on the ground it waits, paused, for an operator: a restart
-    never arms the vehicle. Single commands are not taken up again.
+    never arms the vehicle. Single commands are not taken up again. A pilot who had control keeps it.
 
     Args:
         platform: the platform.
@@ -52,13 +52,15 @@ def restore(
             board.end_all(program, Trigger.ABORT, now_s, _RESTART)
             board.move(program, Trigger.ABORT, now_s, _RESTART)
     mission = board.mission
-    if snapshot.policy is not None and is_airborne:
+    if snapshot.has_pilot:
+        executor.pilot(True, f"he had it before the {_RESTART}", now_s)
+    elif snapshot.policy is not None and is_airborne:
         manoeuvres.apply(board, snapshot.policy, f"{snapshot.cause}, {_RESTART}", now_s)
     elif mission is not None and mission.is_open:
         _go_on(executor, mission, is_airborne, now_s)
     elif mission is None and is_airborne and any(kept.own.state is ActionState.RUNNING for kept in snapshot.programs):
         manoeuvres.apply(board, Policy.HOLD, _RESTART, now_s)
-    flow.advance(board, now_s)
+    executor.settle(now_s)
     return executor
 
 

@@ -44,3 +44,5 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The policy that is being carried out."""
     cause: str = ""
     """Why."""
+    has_pilot: bool = False
+    """A pilot has control, and no operator has said resume since."""

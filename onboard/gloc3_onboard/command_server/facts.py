@@ -49,6 +49,12 @@ class VehicleFacts:
         return self.autopilot is not None and self.autopilot.is_armed and self.autopilot.landed in AIRBORNE
 
     @property
+    def is_flight_known(self) -> bool:
+        """Whether it is known if the vehicle is in the air."""
+        autopilot = self.autopilot
+        return autopilot is not None and (not autopilot.is_armed or autopilot.landed is not LandedState.UNKNOWN)
+
+    @property
     def origin(self) -> GeoPoint | None:
         """The origin of NED."""
         origin = self.pose.origin_geo if self.pose is not None else None

@@ -24,11 +24,13 @@ from gloc3.ci import (
     Verb,
 )
 from gloc3.errors import Gloc3Error, Refused
+from gloc3.frames import GeoPoint
 from gloc3.lci import CREATE, OPERATING, Command, transition
 from gloc3.messages import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
+from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.supervision import Supervision
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
@@ -164,8 +166,15 @@ class RequestHandler:
         )
 
     def read_again(self, text: str) -> Mission:
-        """A mission that was checked before the process ended; raises `InputError` where it cannot be read."""
-        return check_text(text, "kept mission", self.circumstances()).flyable()
+        """A mission that was checked before the process ended; raises `InputError` where it cannot be read.
+
+        It is not checked again: now it would begin elsewhere. Home tells where NED begins, even without a pose.
+        """
+        home = self._facts.home
+        origin = GeoPoint(*home.origin_geo) if home is not None and home.origin_geo is not None else self._facts.origin
+        altitude_m = None if home is None or origin is None else origin.altitude_m - home.position_ned_m[2]
+        surroundings = Surroundings.of(self._site.platform, origin=origin, home_altitude_m=altitude_m)
+        return read_mission(text, "kept mission", surroundings)
 
     def _load(self, request: CiRequest, body: LoadMission, executor: MissionExecutor, now_s: float) -> CiReply:
         report = check_text(body.text, body.name, self.circumstances())

@@ -32,6 +32,8 @@ from gloc3.mission.messages import ActionStatus
 from gloc3.mission.policy import Policy
 from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
 from gloc3.mission.restore import restore
+from gloc3.mission.snapshot import Snapshot
+from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.supervision import Order, Step, Supervision, Verdict
@@ -46,6 +48,8 @@ from gloc3_onboard.command_server.summaries import mission_summary, vehicle_summ
 
 OURS = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
 """Modes in which a vehicle that a former life of this process flew may be taken up again."""
+TAKE_OVER_S = 2.0
+"""How long the driver is asked to take it up again."""
 
 
 class ServerSettings(Settings, frozen=True):
@@ -199,23 +203,33 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     def _try_to_begin(self, now_s: float) -> list[Result]:
         """Takes up what was kept, once it is known whether the vehicle flies."""
-        if not self._facts.is_connected:
+        facts, kept = self._facts, self._snapshot
+        if not facts.is_connected:
             return []
         if self._connected_s is None:
             self._connected_s = now_s
-        kept = self._snapshot
+        waited_s = now_s - self._connected_s - self._settings.settle_s
         if kept is None or not kept.programs:
             self._executor = MissionExecutor(self._site.platform)
+        elif waited_s < 0.0 or not facts.is_flight_known:
+            return []
+        elif waited_s < TAKE_OVER_S and self._flies_for_us(kept):
+            return [TakeOver(is_resumed=True)]
         else:
-            is_placed = self._facts.pose is not None and self._facts.home is not None
-            if now_s - self._connected_s < self._settings.settle_s or not is_placed:
-                return []
             read = self._requests.read_again
-            self._executor = restore(self._site.platform, kept, read, self._facts.is_airborne, now_s)
+            self._executor = restore(self._site.platform, kept, read, facts.is_airborne, now_s)
         self._requests.executor = self._executor
-        autopilot = self._facts.autopilot
-        is_ours = kept is not None and autopilot is not None and autopilot.is_armed and autopilot.mode in OURS
-        return [TakeOver(is_resumed=True)] if is_ours else []
+        return []
+
+    def _flies_for_us(self, kept: Snapshot) -> bool:
+        """Whether the vehicle does what a former life of this process had begun, and the driver takes it for a pilot's."""
+        facts = self._facts
+        was_under_way = kept.policy is not None or any(
+            program.own.state in (ActionState.RUNNING, ActionState.PAUSED) for program in kept.programs
+        )
+        is_ours = facts.is_airborne and facts.autopilot is not None and facts.autopilot.mode in OURS
+        is_taken = facts.driver is None or facts.driver.has_pilot_control
+        return was_under_way and is_ours and is_taken and not kept.has_pilot
 
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""

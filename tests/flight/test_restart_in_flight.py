@@ -1,0 +1,173 @@
+"""DESIGN §6 and §7: the onboard process dies in flight and comes back; requests run at most once."""
+
+import pytest
+from tests.flight.card import Card
+from tests.flight.missions import mission
+
+from gloc3.ci import CiRequest, CommandComponent, Outcome, Query, Steer
+from gloc3.exchange import Publisher
+from gloc3.vehicle import FlightMode
+
+HOME_M = 0.7
+TWO_WAYS = (
+    "{out: {follow_waypoints: {waypoints_m: [[5, 0, 1.5]], speed_m_s: 1.0}}, "
+    "side: {follow_waypoints: {waypoints_m: [[5, 4, 1.5]], speed_m_s: 1.0}, after: [out]}}"
+)
+
+
+def restart_on_the_second_way(flight: Card, **policies: str) -> None:
+    """The onboard process dies for two seconds when the first way is done and the second is half done."""
+    flight.begin(mission(TWO_WAYS, **policies))
+    flight.await_state("sweep.side", "running", 20.0)
+    flight.wait(2.0)
+    flight.fault("restart")
+    flight.wait(0.1)
+    assert flight.flight.onboard is None
+    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+
+
+def test_while_the_onboard_process_is_away_the_autopilot_holds(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    flight.wait(2.0)
+    flight.fault("restart", for_s=8.0)
+    flight.wait(4.0)
+    commander = flight.flight.simulator.autopilot.commander
+    assert flight.speed_m_s < 0.1
+    assert flight.height_m == pytest.approx(1.5, abs=0.4)
+    assert commander.craft.is_armed
+    place = flight.position_m
+    flight.always(lambda: abs(flight.position_m[0] - place[0]) < 0.2, 3.0, "it stays there")
+
+
+def test_a_restart_in_flight_holds_with_progress_kept_until_an_operator_acts(flight: Card) -> None:
+    restart_on_the_second_way(flight)
+    back_s = flight.now_s
+    flight.await_policy("hold", 10.0)
+    flight.wait(2.0)
+    assert flight.state("mission") == "paused"
+    assert flight.state("sweep.out") == "done"
+    assert flight.state("sweep.side") == "paused"
+    place = flight.position_m
+    flight.always(lambda: abs(flight.position_m[1] - place[1]) < 0.3, 3.0, "it holds")
+    flight.run(flight.take_control())
+    flight.command("resume")
+    flight.await_state("mission", "done", 30.0)
+    assert flight.position_m[1] == pytest.approx(4.0, abs=HOME_M)
+    assert not [status for status in flight.since(back_s, "action_status/waypoints") if "out" in status.action_id]
+
+
+def test_a_restart_in_flight_continues_where_the_mission_says_so(flight: Card) -> None:
+    restart_on_the_second_way(flight, on_restart="continue")
+    flight.await_state("mission", "done", 40.0)
+    assert flight.position_m[1] == pytest.approx(4.0, abs=HOME_M)
+
+
+def test_a_restart_in_flight_lands_where_the_mission_says_so(flight: Card) -> None:
+    restart_on_the_second_way(flight, on_restart="land")
+    flight.await_policy("land", 10.0)
+    flight.await_landed()
+    assert flight.state("mission") == "failed"
+
+
+def test_a_hold_after_a_restart_in_which_nobody_acts_ends_in_a_landing(flight: Card) -> None:
+    restart_on_the_second_way(flight, hold_s="3")
+    flight.await_policy("hold", 10.0)
+    flight.await_policy("land", 6.0)
+    flight.await_landed()
+
+
+def test_a_restart_on_the_ground_never_arms_and_never_starts(flight: Card) -> None:
+    flight.begin(mission(on_restart="continue"))
+    flight.fault("restart", for_s=15.0)  # before the motors run, or just then: the autopilot disarms by itself
+    flight.until(lambda: not flight.flight.simulator.autopilot.commander.craft.is_armed, 14.0, "disarmed")
+    flight.until(lambda: flight.flight.onboard is not None, 16.0, "it is back")
+    flight.wait(3.0)
+    flight.always(lambda: not flight.autopilot.is_armed, 10.0, "it stays disarmed")
+    assert flight.state("mission") == "paused"
+    assert abs(flight.height_m) < 0.1
+
+
+def test_a_restart_during_a_landing_goes_on_landing(flight: Card) -> None:
+    flight.begin(mission(on_restart="continue"))
+    flight.await_state("recover.down", "running", 30.0)
+    flight.wait(0.5)
+    flight.fault("restart")
+    flight.wait(2.5)
+    flight.await_landed()
+    flight.wait(2.0)
+    assert flight.state("mission") in ("done", "paused")
+
+
+def test_a_pilot_who_took_over_while_the_process_was_away_keeps_control(flight: Card) -> None:
+    flight.begin(mission(on_restart="continue"))
+    flight.await_state("sweep", "running")
+    flight.wait(1.0)
+    flight.fault("restart", for_s=3.0)
+    flight.wait(1.0)
+    flight.fault("pilot:position")
+    flight.wait(3.0)
+    flight.until(lambda: flight.driver.has_pilot_control, 4.0, "the pilot has control")
+    flight.always(lambda: flight.autopilot.mode is FlightMode.MANUAL, 6.0, "the mode stays the pilot's")
+    assert flight.state("mission") == "paused"
+    assert flight.mission.policy == "pilot"
+
+
+# --- requests run at most once ---
+
+
+def send(flight: Card, request: CiRequest) -> None:
+    """Puts a request on the platform's topic once more, as a repeat over the radio would."""
+    publisher = Publisher(flight.flight.exchange, flight.flight.name, "station_link", 7)
+    publisher.publish(f"{flight.flight.name}/ci/request", request, flight.now_s)
+
+
+def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice_also_after_a_restart(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    flight.command("pause")
+    pause = next(r for r in reversed(flight.since(0.0, "ci/request")) if isinstance(r.body, Steer))
+    first = next(r for r in flight.since(0.0, "ci/reply") if r.sequence == pause.sequence)
+    flight.command("resume")
+    flight.fault("restart")
+    flight.wait(5.0)
+    flight.run(flight.take_control())
+    flight.command("resume")
+    flight.await_state("sweep.out", "running")
+    begin_s = flight.now_s
+    send(flight, pause)
+    flight.wait(0.5)
+    again = [r for r in flight.since(begin_s, "ci/reply") if r.sequence == pause.sequence]
+    assert again == [first]
+    assert flight.state("sweep.out") == "running"
+
+
+def test_a_query_tells_what_became_of_a_request_and_unknown_of_one_that_never_came(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    flight.command("pause")
+    pause = next(r for r in reversed(flight.since(0.0, "ci/request")) if isinstance(r.body, Steer))
+    flight.fault("restart")
+    flight.wait(5.0)
+    assert flight.ask(Query(boot=pause.boot, sequence=pause.sequence)).outcome is Outcome.ACCEPTED
+    assert flight.ask(Query(boot=pause.boot, sequence=999)).outcome is Outcome.UNKNOWN
+
+
+def test_a_request_under_way_when_the_process_dies_is_unknown_and_is_not_run_again(flight: Card) -> None:
+    flight.begin(mission(), is_started=False)
+    stop = CiRequest(
+        sender=flight.flight.station.id, boot=77, sequence=1, body=CommandComponent(component="height", command="stop")
+    )
+    flight.fault("hang:height")
+    flight.wait(0.1)
+    send(flight, stop)
+    flight.wait(0.06)
+    flight.fault("restart")
+    flight.wait(5.0)
+    begin_s = flight.now_s
+    send(flight, stop)
+    flight.wait(1.0)
+    replies = [reply for reply in flight.since(0.0, "ci/reply") if reply.boot == 77]
+    assert [reply.outcome for reply in replies] == [Outcome.UNKNOWN]
+    assert "the process ended" in replies[0].reason
+    assert not flight.since(begin_s, "components/height/command")

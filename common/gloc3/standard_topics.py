@@ -21,6 +21,8 @@ from gloc3.vehicle import (
     AutopilotPose,
     AutopilotState,
     DriverState,
+    FenceState,
+    GeoFence,
     HeightAboveGround,
     Home,
     Image,
@@ -50,10 +52,12 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "image_recorded": TopicRow(ImageRecorded),
     # drivers
     "driver": TopicRow(DriverState, 5.0),
+    "autopilot_fence": TopicRow(FenceState, 1.0),
     # the command interface server, towards the components
     "motion/grant": TopicRow(MotionGrant, 5.0),
     "motion/limits": TopicRow(MotionLimits),
     "motion/home": TopicRow(Home),
+    "motion/geofence": TopicRow(GeoFence),
     "motion/take_over": TopicRow(TakeOver),
     # the command interface server, towards the stations
     "ci/request": TopicRow(CiRequest),

@@ -7,6 +7,8 @@ in the envelope.
 
 from enum import StrEnum
 
+import msgspec
+
 from gloc3.frames import Quaternion, Vector3
 from gloc3.messages import Message
 from gloc3.mission.fence import Fence
@@ -203,6 +205,8 @@ class DriverState(Message, frozen=True):
     """Times that no valid setpoint came for 0.5 s and the autopilot's hold was commanded."""
     is_guided: bool = False
     """The autopilot follows the stream of setpoints."""
+    refusal: str = ""
+    """Why the autopilot does not take the mode that the stream, or its end, asks for."""
 
 
 class MotionLimits(Message, frozen=True):
@@ -219,6 +223,43 @@ class MotionLimits(Message, frozen=True):
     home_ned_m: Vector3 | None = None
     """Home, from which `height_min_m` and `height_max_m` count; None while it is not known: then only the fence's
     ceiling limits the height."""
+
+
+class GeoArea(msgspec.Struct, frozen=True, array_like=True):
+    """One area of a fence on Earth: a polygon, or a circle where there is a centre."""
+
+    is_inclusion: bool
+    """Where the vehicle may be, else where it may not."""
+    polygon: list[tuple[float, float]] = []
+    """Corners: latitude and longitude in degrees."""
+    center: tuple[float, float] | None = None
+    radius_m: float = 0.0
+
+
+class GeoFence(Message, frozen=True):
+    """The fence of the loaded mission, for the autopilot to keep too; without areas where it has none on Earth."""
+
+    digest: str
+    """Of the mission; what is uploaded is known by it."""
+    areas: list[GeoArea] = []
+
+
+class FenceProgress(StrEnum):
+    """How far the autopilot's fence is."""
+
+    NONE = "none"
+    UPLOADING = "uploading"
+    CONFIRMED = "confirmed"
+    """The autopilot has it, and gave it back equal."""
+    FAILED = "failed"
+
+
+class FenceState(Message, frozen=True):
+    """What has become of the fence that the autopilot was given."""
+
+    digest: str
+    progress: FenceProgress
+    reason: str = ""
 
 
 class Home(Message, frozen=True):

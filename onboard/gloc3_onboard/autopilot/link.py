@@ -6,7 +6,7 @@ command is handed over to the loop.
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 from gloc3.clock import Clock
@@ -16,10 +16,13 @@ from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, Parser
 from gloc3.link.command import CommandCall, CommandClient, CommandResult
 from gloc3.link.heartbeat import PeerChange, Peers
+from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.node import Node
 from gloc3.messages import Severity
+from gloc3.mission.formats.items import FenceArea
 from gloc3.vehicle import AutopilotState, FlightMode
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
+from gloc3_onboard.autopilot.fence_upload import FenceUpload
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.style import AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
@@ -77,7 +80,9 @@ class AutopilotLink:
         self._encoder = Encoder(*self.own)
         self._commands = CommandClient(self.own)
         self._peers = Peers(self.own, gone_after_s=2.5)
-        self._node = Node(self.own, [self._commands, self._peers])
+        self._plans = MissionClient(self.own)
+        self._fence = FenceUpload(self._plans)
+        self._node = Node(self.own, [self._commands, self._peers, self._plans])
         self._telemetry = Telemetry()
         self._wanted = {codec.shape(name).id for name in Telemetry.HANDLES}
         self._target: Address | None = None
@@ -127,15 +132,19 @@ class AutopilotLink:
 
     def _settle(self, now_s: float) -> None:
         """Acts on what the services have found out, and sends what they have to say."""
-        for event in self._peers.events():
-            if event.peer.is_autopilot and event.peer.address == self._target:
-                self._say(Severity.WARNING, f"the autopilot has {event.change}")
-                if event.change in (PeerChange.RETURNED, PeerChange.RESTARTED):
+        for change in self._peers.events():
+            if change.peer.is_autopilot and change.peer.address == self._target:
+                self._say(Severity.WARNING, f"the autopilot has {change.change}")
+                if change.change in (PeerChange.RETURNED, PeerChange.RESTARTED):
                     self._ask_for_streams()
         if self._target is None:
             self._adopt(now_s)
         for call in self._commands.events():
             self._answered(call)
+        for event in self._plans.events():
+            ended = self._fence.heard(event, now_s) if isinstance(event, Transfer) else None
+            if ended is not None:
+                self._answers[ended[0]] = ended[1]
         self._pump(now_s)
         for message in self._node.outgoing():
             self.send_message(message)
@@ -278,6 +287,22 @@ class AutopilotLink:
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place."""
         return self._command(lambda: self.style.take_off_command(height_m, self._telemetry.altitude_m))
+
+    def command_fence(self, areas: Sequence[FenceArea]) -> int:
+        """Uploads a fence and reads it back; without areas the autopilot's fence is cleared."""
+        self._tickets += 1
+        ticket = self._tickets
+
+        def begin() -> None:
+            now_s = self._loop.time()
+            if self._target is None:
+                self._answers[ticket] = Answer(False, "the autopilot has not been heard")
+            else:
+                self._fence.begin(ticket, areas, self._target, now_s)
+                self._settle(now_s)
+
+        self._post(begin)
+        return ticket
 
     def answer(self, ticket: int) -> Answer | None:
         """The answer to a command; None while there is none."""

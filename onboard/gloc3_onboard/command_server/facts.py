@@ -10,7 +10,7 @@ from gloc3.messages import Envelope
 from gloc3.mission.board import Condition
 from gloc3.mission.fence import Fence
 from gloc3.platform import Platform
-from gloc3.vehicle import AutopilotState, DriverState, LandedState, Pose
+from gloc3.vehicle import AutopilotState, DriverState, FenceState, LandedState, Pose
 
 POSE_SILENT_S: Final = 0.2
 """A pose that is older counts as lost: three periods, and the wait for the next cycle."""
@@ -30,6 +30,7 @@ class VehicleFacts:
     def __init__(self, platform: Platform, home: KeptHome | None) -> None:
         self.autopilot: AutopilotState | None = None
         self.driver: DriverState | None = None
+        self.fence: FenceState | None = None
         self.pose: Pose | None = None
         self.home = home
         self.is_home_new = False

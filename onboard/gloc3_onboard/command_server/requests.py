@@ -32,14 +32,18 @@ from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.supervision import Supervision
+from gloc3.vehicle import FenceProgress
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.journal import Journal
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.summaries import geofence_of
 
 ANSWER_S: Final = 8.0
 """A component that has not answered within this time leaves its request's outcome unknown."""
+FENCE_S: Final = 12.0
+"""So long the loading of a mission waits for its fence to be in the autopilot."""
 OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 """What a station may ask for without holding control."""
 TAKES_AWAY: Final = (Command.GOQUIET, Command.STOP, Command.FINISH, Command.SHUTDOWN)
@@ -59,6 +63,12 @@ class _Open(NamedTuple):
     until_s: float
 
 
+class _FenceWait(NamedTuple):
+    request: CiRequest
+    findings: str
+    until_s: float
+
+
 class RequestHandler:
     """One for each life of the server. `handle` answers now, or later through `replied`."""
 
@@ -72,6 +82,7 @@ class RequestHandler:
         self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
         self._journal = Journal(site.journal)
         self._open: dict[str, _Open] = {}
+        self._fence_wait: _FenceWait | None = None
         self._emergencies: dict[tuple[str, int], int] = {}
         self._count = 0
         self.for_components: list[ForComponent] = []
@@ -176,13 +187,16 @@ class RequestHandler:
         surroundings = Surroundings.of(self._site.platform, origin=origin, home_altitude_m=altitude_m)
         return read_mission(text, "kept mission", surroundings)
 
-    def _load(self, request: CiRequest, body: LoadMission, executor: MissionExecutor, now_s: float) -> CiReply:
+    def _load(self, request: CiRequest, body: LoadMission, executor: MissionExecutor, now_s: float) -> CiReply | None:
         report = check_text(body.text, body.name, self.circumstances())
         findings = "\n".join(str(finding) for finding in report.findings)
         if not report.is_ok:
             count = sum(not finding.is_warning for finding in report.findings)
             return _answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
         executor.load(report.flyable(), now_s)
+        if geofence_of(executor).areas:
+            self._fence_wait = _FenceWait(request, findings, now_s + FENCE_S)
+            return None
         return _answer(request, text=findings)
 
     def _steer(self, body: Steer, executor: MissionExecutor, now_s: float) -> None:
@@ -191,7 +205,40 @@ class RequestHandler:
             return
         if body.verb is Verb.START and not self._facts.is_connected:
             raise Refused("the autopilot does not answer")
+        if body.verb is Verb.START and not body.target:
+            self._refuse_without_fence(executor)
         executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)
+
+    def _refuse_without_fence(self, executor: MissionExecutor) -> None:
+        """A mission with a fence on Earth starts when the autopilot has given the same fence back."""
+        if self._fence_progress(executor) is not FenceProgress.CONFIRMED:
+            raise Refused(self._fence_problem())
+
+    def _fence_progress(self, executor: MissionExecutor) -> FenceProgress:
+        wanted, held = geofence_of(executor), self._facts.fence
+        if not wanted.areas:
+            return FenceProgress.CONFIRMED
+        return held.progress if held is not None and held.digest == wanted.digest else FenceProgress.NONE
+
+    def _fence_problem(self) -> str:
+        held = self._facts.fence
+        return f"the autopilot does not hold the mission's fence: {held.reason if held and held.reason else 'not uploaded yet'}"
+
+    def _fence_answer(self, now_s: float) -> list[CiReply]:
+        """A mission with a fence on Earth is loaded when the autopilot has given its fence back, or will not."""
+        wait = self._fence_wait
+        if wait is None or self.executor is None:
+            return []
+        progress = self._fence_progress(self.executor)
+        if progress is FenceProgress.CONFIRMED:
+            answer = _answer(wait.request, text=wait.findings)
+        elif progress is FenceProgress.FAILED or now_s > wait.until_s:
+            answer = _answer(wait.request, Outcome.REFUSED, self._fence_problem(), text=wait.findings)
+        else:
+            return []
+        self._fence_wait = None
+        self._journal.end(answer)
+        return [answer]
 
     def _single(self, request: CiRequest, text: str, executor: MissionExecutor, now_s: float) -> CiReply:
         report = check_text(text, "command", self.circumstances())
@@ -288,9 +335,9 @@ class RequestHandler:
         return answer
 
     def expire(self, now_s: float) -> list[CiReply]:
-        """The answers to requests whose component has not answered."""
+        """The answers to requests that have waited: for a fence, or for a component that has not answered."""
         late = [request_id for request_id, entry in self._open.items() if now_s > entry.until_s]
-        answers = []
+        answers = self._fence_answer(now_s)
         for request_id in late:
             request = self._open.pop(request_id).request
             answer = _answer(request, Outcome.UNKNOWN, f"the component has not answered within {ANSWER_S:g} s")

@@ -37,14 +37,25 @@ from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.supervision import Order, Step, Supervision, Verdict
-from gloc3.vehicle import AutopilotState, DriverState, FlightMode, Home, MotionGrant, MotionLimits, Pose, TakeOver
+from gloc3.vehicle import (
+    AutopilotState,
+    DriverState,
+    FenceState,
+    FlightMode,
+    GeoFence,
+    Home,
+    MotionGrant,
+    MotionLimits,
+    Pose,
+    TakeOver,
+)
 from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.command_server.summaries import mission_summary, vehicle_summary
+from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, vehicle_summary
 
 OURS = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
 """Modes in which a vehicle that a former life of this process flew may be taken up again."""
@@ -81,6 +92,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     autopilot = Input(AutopilotState)
     pose = Input(Pose)
     driver = Input(DriverState)
+    fence_state = Input(FenceState)
 
     ci_reply = Output(CiReply)
     summary = Output(Summary)
@@ -95,6 +107,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     grant = Output(MotionGrant)
     limits = Output(MotionLimits)
     home = Output(Home)
+    geofence = Output(GeoFence)
     take_over = Output(TakeOver)
 
     def __init__(self, site: Site) -> None:
@@ -125,6 +138,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._told_control: ControlState | None = None
         self._told_table: ComponentTable | None = None
         self._told_limits: MotionLimits | None = None
+        self._told_fence = ""
         self._connected_s: float | None = None
         self._count = 0
         self._due = dict.fromkeys(("summary", "grant", "slow"), float("-inf"))
@@ -175,6 +189,8 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._facts.see_autopilot(state.payload)
         for driver in inbox.new(self.driver):
             self._facts.driver = driver.payload
+        for fence in inbox.new(self.fence_state):
+            self._facts.fence = fence.payload
         for event in inbox.new(self.event):
             self._forward(event)
 
@@ -351,6 +367,10 @@ class CommandServer(CommandInterface[ServerSettings]):
         if is_slow or limits != self._told_limits:
             self._told_limits = limits
             results.append(limits)
+        geofence = geofence_of(self._executor)
+        if is_slow or geofence.digest != self._told_fence:
+            self._told_fence = geofence.digest
+            results.append(geofence)
         if is_slow and self._facts.home is not None:
             results.append(Home(position_ned_m=self._facts.home.position_ned_m))
         return results

@@ -6,7 +6,10 @@ from hashlib import blake2s
 from gloc3.ci import MissionSummary, VehicleSummary
 from gloc3.frames import TangentPlane, yaw_of
 from gloc3.mission.executor import MissionExecutor
+from gloc3.mission.formats.from_mission import fence_areas
+from gloc3.mission.model import GEO
 from gloc3.platform import Platform
+from gloc3.vehicle import GeoArea, GeoFence
 from gloc3_onboard.command_server.facts import VehicleFacts
 
 
@@ -28,6 +31,18 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
         progress=progress,
         policy=executor.policy,
     )
+
+
+def geofence_of(executor: MissionExecutor | None) -> GeoFence:
+    """The loaded mission's fence on Earth; without areas where it has none, or no mission is loaded."""
+    mission = executor.mission.mission if executor is not None and executor.mission is not None else None
+    if mission is None or mission.frame != GEO or mission.geofence is None:
+        return GeoFence(digest="")
+    areas = [
+        GeoArea(area.is_inclusion, list(area.polygon), area.center, area.radius_m)
+        for area in fence_areas(mission.geofence)
+    ]
+    return GeoFence(digest=digest_of(mission.text), areas=areas)
 
 
 def digest_of(text: str) -> str:

@@ -5,16 +5,14 @@ command is handed over to the loop.
 """
 
 import asyncio
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Protocol
 
 from gloc3.clock import Clock
-from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, Parser
-from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.command import CommandClient
 from gloc3.link.heartbeat import PeerChange, Peers
 from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.node import Node
@@ -22,17 +20,21 @@ from gloc3.messages import Severity
 from gloc3.mission.formats.items import FenceArea
 from gloc3.vehicle import AutopilotState, FlightMode
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
+from gloc3_onboard.autopilot.commands import CommandDesk
 from gloc3_onboard.autopilot.fence_upload import FenceUpload
 from gloc3_onboard.autopilot.px4 import Px4
-from gloc3_onboard.autopilot.style import AutopilotStyle, Command
+from gloc3_onboard.autopilot.streams import StreamRequests
+from gloc3_onboard.autopilot.style import ARM_DISARM, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.devices import Answer, Stamped, StampedHeight
 
 COMPANION: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
 TICK_S: Final = 0.1
-ARDUPILOTMEGA: Final = 3
-SET_MESSAGE_INTERVAL: Final = 511
+EXPLAIN_S: Final = 0.3
+"""How long an autopilot is given to say in words why it turned a command down."""
+STYLES: Final[Mapping[int, type[AutopilotStyle]]] = {3: ArduPilot, 12: Px4}
+"""By MAV_AUTOPILOT; any other autopilot is left alone: we would not know what its modes mean."""
 
 IGNORE_VELOCITY: Final = 0b0000_0000_0011_1000
 IGNORE_POSITION: Final = 0b0000_0000_0000_0111
@@ -86,11 +88,10 @@ class AutopilotLink:
         self._telemetry = Telemetry()
         self._wanted = {codec.shape(name).id for name in Telemetry.HANDLES}
         self._target: Address | None = None
-        self._waiting: deque[tuple[int, Command]] = deque()
-        self._calls: dict[int, CommandCall] = {}
-        self._answers: dict[int, Answer] = {}
-        self._tickets = 0
-        self._streams: deque[tuple[int, float]] = deque()
+        self._strangers: set[Address] = set()
+        self._desk = CommandDesk(self._commands, self._telemetry.texts_since)
+        self._streams = StreamRequests(self._commands)
+        self._restarts = 0
         self._timer: asyncio.TimerHandle | None = None
 
     # --- life ---
@@ -114,6 +115,7 @@ class AutopilotLink:
             self.frames_received += 1
             self._node.receive(frame, now_s)
             if frame.message_id in self._wanted and frame.sender == self._target:
+                self._streams.heard(frame.message_id, now_s)
                 message = frame.decode()
                 if message is not None:
                     self._telemetry.receive(message, now_s)
@@ -133,89 +135,68 @@ class AutopilotLink:
     def _settle(self, now_s: float) -> None:
         """Acts on what the services have found out, and sends what they have to say."""
         for change in self._peers.events():
-            if change.peer.is_autopilot and change.peer.address == self._target:
+            if change.peer.address == self._target:
                 self._say(Severity.WARNING, f"the autopilot has {change.change}")
-                if change.change in (PeerChange.RETURNED, PeerChange.RESTARTED):
-                    self._ask_for_streams()
+                if change.change is PeerChange.RETURNED:
+                    self._streams.ask_all(self.style.streams)
+        if self._telemetry.restarts != self._restarts:
+            self._restarts = self._telemetry.restarts
+            self._say(Severity.WARNING, "the autopilot has restarted")
+            self._streams.ask_all(self.style.streams)
         if self._target is None:
             self._adopt(now_s)
         for call in self._commands.events():
-            self._answered(call)
+            self._desk.ended(call, now_s)
+            self._streams.ended(call, now_s)
         for event in self._plans.events():
             ended = self._fence.heard(event, now_s) if isinstance(event, Transfer) else None
             if ended is not None:
-                self._answers[ended[0]] = ended[1]
-        self._pump(now_s)
+                self._desk.put(*ended)
+        self._desk.tick(now_s)
+        is_alive = self._target is not None and self._peers[self._target].is_alive
+        self._telemetry.connected(is_alive)
+        if self._target is not None and is_alive:
+            self._streams.tick(self._target, now_s)
+        for text in self._streams.refused:
+            self._say(Severity.NOTICE, f"the autopilot refuses {text}")
+        self._streams.refused.clear()
         for message in self._node.outgoing():
             self.send_message(message)
 
     def _adopt(self, now_s: float) -> None:
         own_system = [peer for peer in self._peers.autopilots if peer.address.system == self.own.system]
         peer = own_system[0] if len(own_system) == 1 else self._peers.autopilot(now_s)
-        if peer is None:
+        if peer is None or peer.address in self._strangers:
             return
-        self._target = peer.address
-        self.style = ArduPilot() if peer.heartbeat.autopilot == ARDUPILOTMEGA else Px4()
+        address, family = peer.address, peer.heartbeat.autopilot
+        name = f"{address.system}/{address.component}"
+        if family not in STYLES:
+            self._strangers.add(address)
+            self._say(
+                Severity.ERROR, f"{name} is an autopilot of a kind that is not supported (MAV_AUTOPILOT {family})"
+            )
+            return
+        self._target, self.style = address, STYLES[family]()
         self._telemetry.adopt(self.style)
         self._telemetry.receive(peer.heartbeat, now_s)
-        self._say(
-            Severity.INFO, f"{self.style.style} autopilot found as {peer.address.system}/{peer.address.component}"
-        )
-        self._ask_for_streams()
-
-    def _ask_for_streams(self) -> None:
-        self._streams = deque((stream.message_id, stream.rate_hz) for stream in self.style.streams)
+        self._say(Severity.INFO, f"{self.style.style} autopilot found as {name}")
+        self._streams.ask_all(self.style.streams)
 
     # --- commands ---
 
-    def _pump(self, now_s: float) -> None:
-        """Sends what waits; a command of a kind that is under way waits for its end."""
-        if self._target is None:
-            return
-        for _ in range(len(self._waiting)):
-            ticket, command = self._waiting.popleft()
-            try:
-                self._calls[ticket] = self._commands.send_long(
-                    self._target, command.number, command.parameters, now_s=now_s
-                )
-            except Refused:
-                self._waiting.append((ticket, command))
-        if self._streams and not any(call.command == SET_MESSAGE_INTERVAL for call in self._calls.values()):
-            number, rate_hz = self._streams.popleft()
-            self._waiting.append((0, Command(SET_MESSAGE_INTERVAL, (number, 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0))))
-            self._pump(now_s)
+    def _command(self, make: Callable[[], Command | Answer]) -> int:
+        """Sends what `make` gives in the loop's thread, or keeps its answer where that is one."""
+        ticket = self._desk.ticket()
 
-    def _answered(self, call: CommandCall) -> None:
-        if call.result is None:
-            return
-        for ticket, known in list(self._calls.items()):
-            if known is call:
-                del self._calls[ticket]
-                reason = "" if call.result is CommandResult.ACCEPTED else self._why(call)
-                if ticket:
-                    self._answers[ticket] = Answer(call.result is CommandResult.ACCEPTED, reason)
-                elif reason:
-                    self._say(Severity.DEBUG, f"message interval: {reason}")
+        def send() -> None:
+            now_s, made = self._loop.time(), make()
+            if isinstance(made, Answer):
+                self._desk.put(ticket, made)
+            else:
+                self._desk.send(ticket, made, self._target, now_s)
+            self._settle(now_s)
 
-    def _why(self, call: CommandCall) -> str:
-        assert call.result is not None
-        reasons = "; ".join(self._telemetry.state.reasons)
-        return call.result.words + (f": {reasons}" if reasons else "")
-
-    def _command(self, command: Callable[[], Command]) -> int:
-        self._tickets += 1
-        ticket = self._tickets
-
-        def enqueue() -> None:
-            made = command()
-            # Only the newest command of a kind matters: an older one that still waits is overtaken.
-            for old in [entry for entry in self._waiting if entry[0] and entry[1].number == made.number]:
-                self._waiting.remove(old)
-                self._answers[old[0]] = Answer(False, "overtaken by a later command")
-            self._waiting.append((ticket, made))
-            self._settle(self._loop.time())
-
-        self._post(enqueue)
+        self._post(send)
         return ticket
 
     def _post(self, call: Callable[[], None]) -> None:
@@ -278,25 +259,31 @@ class AutopilotLink:
 
     def command_arm(self) -> int:
         """Asks to arm."""
-        return self._command(lambda: Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        return self._command(lambda: Command(ARM_DISARM, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
     def command_disarm(self) -> int:
         """Asks to disarm; the autopilot refuses it in flight."""
-        return self._command(lambda: Command(400, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        return self._command(lambda: Command(ARM_DISARM, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place."""
-        return self._command(lambda: self.style.take_off_command(height_m, self._telemetry.altitude_m))
+
+        def make() -> Command | Answer:
+            ground_m = self._telemetry.altitude_m
+            if ground_m is None:
+                return Answer(False, "the autopilot has not told its altitude yet")
+            return self.style.take_off_command(height_m, ground_m)
+
+        return self._command(make)
 
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
         """Uploads a fence and reads it back; without areas the autopilot's fence is cleared."""
-        self._tickets += 1
-        ticket = self._tickets
+        ticket = self._desk.ticket()
 
         def begin() -> None:
             now_s = self._loop.time()
             if self._target is None:
-                self._answers[ticket] = Answer(False, "the autopilot has not been heard")
+                self._desk.put(ticket, Answer(False, "the autopilot has not been heard"))
             else:
                 self._fence.begin(ticket, areas, self._target, now_s)
                 self._settle(now_s)
@@ -306,7 +293,11 @@ class AutopilotLink:
 
     def answer(self, ticket: int) -> Answer | None:
         """The answer to a command; None while there is none."""
-        return self._answers.get(ticket)
+        return self._desk.answer(ticket)
+
+    def abandon_commands(self) -> None:
+        """Sends nothing again that was commanded so far."""
+        self._post(lambda: self._desk.abandon("somebody else has control"))
 
     # --- the telemetry devices ---
 
@@ -316,8 +307,7 @@ class AutopilotLink:
 
     def state(self) -> AutopilotState:
         """Mode, arming, battery, as known now."""
-        is_connected = self._target is not None and self._target in self._peers and self._peers[self._target].is_alive
-        return self._telemetry.state_when(is_connected)
+        return self._telemetry.state
 
     def pose(self) -> Stamped | None:
         """The latest estimate; None before the first."""

@@ -1,12 +1,14 @@
 """What an autopilot tells in MAVLink, as our messages: state, pose, height."""
 
 import math
+from collections import deque
 from typing import ClassVar, Final
 
 import msgspec
 
 from gloc3.frames import normalize
 from gloc3.link.codec import MavlinkMessage
+from gloc3.messages import Severity
 from gloc3.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.style import AutopilotStyle
 from gloc3_onboard.devices import Stamped, StampedHeight
@@ -17,6 +19,10 @@ PREARM_BIT: Final = 1 << 28
 DOWNWARD: Final = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
 MOST_REASONS: Final = 8
+WARNING: Final = 4
+"""MAV_SEVERITY of texts that may be the reason of a refusal; smaller is worse."""
+RESTARTED_MS: Final = 500
+"""A clock that goes back by more than this has begun anew; messages overtake each other by less."""
 PREARM_WORDS: Final = ("prearm", "preflight", "arming denied", "arm:")
 """How a status text begins that says why the autopilot would not arm, in lower case."""
 
@@ -34,21 +40,23 @@ class BootClock:
     DRIFT: ClassVar[float] = 1e-4
 
     def __init__(self) -> None:
+        self.restarts = 0
+        """Times that the autopilot's clock has begun anew."""
         self._offset_s = math.inf
         self._last_s = 0.0
+        self._last_boot_ms = 0
 
     def t_s(self, boot_ms: int, now_s: float) -> float:
-        """Our time of something that the autopilot stamps with its own."""
-        difference_s = now_s - boot_ms * 1e-3
-        self._offset_s = min(self._offset_s + self.DRIFT * (now_s - self._last_s), difference_s)
-        if difference_s - self._offset_s > 1.0:  # it has restarted
-            self._offset_s = difference_s
+        """Our time of something that the autopilot stamps with its own; never later than now."""
+        if boot_ms + RESTARTED_MS < self._last_boot_ms:
+            self.restarts += 1
+            self._offset_s = math.inf
+            self._last_boot_ms = boot_ms
+        self._last_boot_ms = max(self._last_boot_ms, boot_ms)
+        drift_s = self.DRIFT * (now_s - self._last_s)
+        self._offset_s = min(self._offset_s + drift_s, now_s - boot_ms * 1e-3)
         self._last_s = now_s
         return boot_ms * 1e-3 + self._offset_s
-
-    def t_s_of(self, boot_s: float) -> float | None:
-        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
-        return boot_s + self._offset_s if math.isfinite(self._offset_s) else None
 
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
@@ -74,24 +82,27 @@ class Telemetry:
         self.state = AutopilotState(is_connected=False)
         self.pose: Stamped | None = None
         self.height: StampedHeight | None = None
-        self.altitude_m = 0.0
-        """Above mean sea level."""
+        self.altitude_m: float | None = None
+        """Above mean sea level; None before it is known."""
         self._style: AutopilotStyle | None = None
         self._clock = BootClock()
         self._origin: tuple[float, float, float] | None = None
         self._attitude = (1.0, 0.0, 0.0, 0.0)
         self._rate = (0.0, 0.0, 0.0)
         self._has_attitude = False
+        self._warnings: deque[tuple[float, str]] = deque(maxlen=8)
 
     def adopt(self, style: AutopilotStyle) -> None:
         """Reads mode numbers by this style from now on."""
         self._style = style
 
-    def state_when(self, is_connected: bool) -> AutopilotState:
-        """The state, marked as connected or not."""
-        if self.state.is_connected != is_connected:
-            self.state = msgspec.structs.replace(self.state, is_connected=is_connected)
-        return self.state
+    def connected(self, is_connected: bool) -> None:
+        """Whether the autopilot is heard."""
+        self._set(is_connected=is_connected)
+
+    def texts_since(self, t_s: float) -> list[str]:
+        """Warnings and worse that were heard since a time."""
+        return [text for heard_s, text in self._texts if heard_s >= t_s]
 
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
@@ -103,6 +114,17 @@ class Telemetry:
 
     def receive(self, message: MavlinkMessage, now_s: float) -> None:
         """Takes a message of the autopilot in."""
+        restarts = self._clock.restarts
+        self._take(message, now_s)
+        if self._clock.restarts != restarts:
+            self._forget()
+
+    def _forget(self) -> None:
+        """After a restart the estimator begins elsewhere, maybe with another origin."""
+        self.pose = self.height = self.altitude_m = self._origin = None
+        self._has_attitude = False
+
+    def _take(self, message: MavlinkMessage, now_s: float) -> None:
         match message.name:
             case "LOCAL_POSITION_NED":
                 self._local_position(message, now_s)
@@ -123,7 +145,7 @@ class Telemetry:
             case "GPS_GLOBAL_ORIGIN":
                 self._origin = (message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
             case "STATUSTEXT":
-                self._text(message.text)
+                self._text(message, now_s)
 
     def _set(self, **fields: object) -> None:
         if any(getattr(self.state, name) != value for name, value in fields.items()):
@@ -150,7 +172,14 @@ class Telemetry:
             reasons=[] if is_armable else self.state.reasons,
         )
 
-    def _text(self, text: str) -> None:
+    def warnings_since(self, t_s: float) -> list[str]:
+        """What the autopilot has said of warnings and worse since a time."""
+        return [text for said_s, text in self._warnings if said_s >= t_s]
+
+    def _text(self, message: MavlinkMessage, now_s: float) -> None:
+        text = message.text
+        if message.severity <= Severity.WARNING:
+            self._warnings.append((now_s, text))
         if text.lower().startswith(PREARM_WORDS) and text not in self.state.reasons:
             self._set(reasons=[*self.state.reasons, text][-MOST_REASONS:])
 

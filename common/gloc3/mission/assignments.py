@@ -29,12 +29,26 @@ class Phase(StrEnum):
 class Assignment:
     """One start of an action at a component."""
 
-    __slots__ = ("action_id", "asked_s", "claims", "component", "heard_s", "label", "phase", "run", "verb")
+    __slots__ = (
+        "action_id",
+        "asked_s",
+        "capability",
+        "claims",
+        "component",
+        "heard_s",
+        "label",
+        "phase",
+        "run",
+        "verb",
+    )
 
-    def __init__(self, action_id: str, label: str, row: Capability, run: ActionRun | None, now_s: float) -> None:
+    def __init__(
+        self, action_id: str, label: str, capability: str, row: Capability, run: ActionRun | None, now_s: float
+    ) -> None:
         self.action_id = action_id
         self.label = label
         """What operators call it."""
+        self.capability = capability
         self.component = row.performed_by
         self.claims = row.claims
         self.run = run
@@ -87,7 +101,7 @@ class Assignments:
         for other in [o for o in self.by_id.values() if o.component == row.performed_by and o.phase is Phase.PAUSED]:
             self.drop(other)
         self.count += 1
-        assignment = Assignment(f"{label}#{self.count}", label, row, run, now_s)
+        assignment = Assignment(f"{label}#{self.count}", label, capability, row, run, now_s)
         self.by_id[assignment.action_id] = assignment
         self.claims |= dict.fromkeys(row.claims, assignment)
         arguments: dict[str, Any] = msgspec.to_builtins(order)

@@ -13,7 +13,7 @@ from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Severity
 from gloc3.mission import flow, manoeuvres, steering
-from gloc3.mission.assignments import Assignment
+from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.items import MISSION, ActionRun, Program
 from gloc3.mission.messages import ActionStatus
@@ -186,6 +186,14 @@ class MissionExecutor:
             flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
         self.settle(now_s)
 
+    def taken_away(self, component: str, provides: tuple[str, ...], reason: str, now_s: float) -> None:
+        """An operator takes a component away by force: the actions that need it fail; see `in_use`."""
+        self.component_failed(component, reason, now_s)
+        for assignment in self._users(component, provides):
+            if assignment.action_id in self.board.assignments.by_id:
+                flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
+        self.settle(now_s)
+
     def component_lost(self, component: str, policy: Policy, reason: str, now_s: float) -> None:
         """A component's function is lost for good: neither a standby nor another attempt is left.
 
@@ -311,18 +319,21 @@ class MissionExecutor:
         return {name: assignment.label for name, assignment in self.board.assignments.claims.items()}
 
     def in_use(self, component: str, provides: tuple[str, ...] = ()) -> list[str]:
-        """The running actions that would lose something without a component.
+        """The running actions that would lose something without a component, those of a policy included.
 
         Args:
             component: its name.
-            provides: the topics that only it publishes.
+            provides: the topics that only it publishes, and the component whose part it plays.
         """
+        return [assignment.label for assignment in self._users(component, provides)]
+
+    def _users(self, component: str, provides: tuple[str, ...]) -> list[Assignment]:
         names = {component, *provides}
-        runs = [run for program in self.board.programs.values() for run in program.actions()]
         return [
-            run.target
-            for run in runs
-            if run.state is ActionState.RUNNING and (run.row.performed_by == component or names & {*run.row.needs})
+            assignment
+            for assignment in self.board.assignments.by_id.values()
+            if assignment.phase is not Phase.PAUSED
+            and (assignment.component in names or names & {*self.board.rows[assignment.capability].needs})
         ]
 
     def _refuse_taken(self, mission: Mission, programs: list[Program]) -> None:

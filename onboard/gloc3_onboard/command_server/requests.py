@@ -301,13 +301,18 @@ class RequestHandler:
 
     def _refuse_if_needed(self, body: CommandComponent, executor: MissionExecutor, now_s: float) -> None:
         row = self._book.rows[body.component]
-        topics = tuple(topic for port in row.load_class().outputs for topic in row.topics(port))
-        users = executor.in_use(body.component, topics)
+        provides = [topic for port in row.load_class().outputs for topic in row.topics(port)]
+        if row.standby_for is not None and self.supervision is not None:
+            if self.supervision.in_charge(body.component) != body.component:
+                return  # a quiet standby: somebody else performs its function
+            provides.append(row.standby_for)
+        users = executor.in_use(body.component, tuple(provides))
         if not users:
             return
         if not body.is_forced:
             raise Refused(f"{', '.join(users)} needs {body.component}; pause or abort it first, or force the command")
-        executor.component_failed(body.component, f"taken away by {body.command}, forced", now_s)
+        reason = f"taken away by {body.command}, forced"
+        executor.taken_away(body.component, tuple(provides), reason, now_s)
 
     def _call(self, request: CiRequest, body: CallFunction, now_s: float) -> CiReply | None:
         if body.component not in self._book.rows:

@@ -86,8 +86,14 @@ class AutopilotControl(Protocol):
     def command_arm(self) -> int:
         """Asks to arm."""
 
+    def command_disarm(self) -> int:
+        """Asks to disarm; the autopilot refuses it in flight."""
+
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place, in the mode that this style needs."""
 
     def answer(self, ticket: int) -> Answer | None:
         """The answer to a command; None while there is none."""
+
+    def abandon_commands(self) -> None:
+        """Sends nothing again that was commanded so far, and nothing that still waits."""

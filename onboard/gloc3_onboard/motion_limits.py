@@ -10,6 +10,7 @@ keeps that true, so there is always something that may be done, whatever the sha
 import math
 from typing import Final, NamedTuple
 
+from gloc3.errors import Misuse
 from gloc3.frames import Vector3
 from gloc3.mission.fence import Fence
 from gloc3.vehicle import MotionLimits, Setpoint
@@ -98,10 +99,13 @@ class SetpointLimiter:
         self._vehicle_ned_m, self._seen_s, self._resets = position_ned_m, now_s, resets
 
     def limit(self, wanted: Setpoint, now_s: float) -> Limited:
-        """The nearest setpoint that keeps all limits."""
+        """The nearest setpoint that keeps all limits.
+
+        Raises:
+            Misuse: it has not been told where the vehicle is.
+        """
         if self._at is None:
-            self.restart(self._vehicle_ned_m, _AT_REST, now_s)
-        assert self._at is not None
+            raise Misuse("the limiter has not been told where the vehicle is")
         duration_s = min(max(now_s - self._last_s, 0.0), LONGEST_STEP_S)
         self._last_s = max(now_s, self._last_s)
         if wanted.position_ned_m is None:

@@ -6,78 +6,123 @@ from typing import Final
 from gloc3.vehicle import AutopilotState, FlightMode
 
 FOLLOWS: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
-    FlightMode.TAKE_OFF: frozenset({FlightMode.TAKE_OFF, FlightMode.HOLD, FlightMode.GUIDED}),
+    FlightMode.TAKE_OFF: frozenset({FlightMode.TAKE_OFF, FlightMode.GUIDED}),
     FlightMode.GUIDED: frozenset({FlightMode.GUIDED}),
     FlightMode.HOLD: frozenset({FlightMode.HOLD}),
     FlightMode.LAND: frozenset({FlightMode.LAND}),
 }
 """The modes that a command of ours may lead to, by the mode that was commanded."""
+OURS: Final = frozenset(FOLLOWS)
+"""The modes that we ever command."""
 
-ANSWER_S: Final = 3.0
-"""A mode change within this time after our command for it is taken for ours."""
+ANSWER_S: Final = 5.0
+"""So long after a command of ours (its repetitions included) what it asks for is taken for ours."""
+BLIND_S: Final = 5.0
+"""Who has not looked for longer does not know who has done what meanwhile."""
 
 
 class PilotWatch:
-    """Compares the autopilot's modes and arming with what we commanded."""
+    """Compares the autopilot's modes and arming with what we commanded.
+
+    A quiet driver watches as a shadow: what its primary commands it cannot know, so that only modes which none of us
+    ever commands are somebody else's.
+    """
 
     def __init__(self) -> None:
         self.has_control = False
         self.reason = ""
         self._expected: FlightMode | None = None
-        self._pending: FlightMode | None = None
-        self._pending_until_s = 0.0
-        self._may_arm = False
+        self._commanded: dict[FlightMode, float] = {}
+        """Modes that we have commanded and not seen yet, oldest first, with the time until which they may come."""
+        self._arm_until_s = self._disarm_until_s = float("-inf")
         self._seen: AutopilotState | None = None
+        self._looked_s = float("-inf")
+
+    # --- what we do ---
 
     def command(self, mode: FlightMode, now_s: float) -> None:
         """We have commanded a mode."""
-        self._pending, self._pending_until_s = mode, now_s + ANSWER_S
+        self._commanded.pop(mode, None)
+        self._commanded[mode] = now_s + ANSWER_S
 
-    def command_arm(self) -> None:
+    def command_arm(self, now_s: float) -> None:
         """We have commanded arming."""
-        self._may_arm = True
+        self._arm_until_s = now_s + ANSWER_S
+
+    def command_disarm(self, now_s: float) -> None:
+        """We have commanded disarming."""
+        self._disarm_until_s = now_s + ANSWER_S
 
     def yield_back(self) -> None:
         """An operator says that we may go on: what the autopilot does now is taken for ours."""
         self.has_control, self.reason = False, ""
         self._expected = self._seen.mode if self._seen is not None else None
-        self._pending = None
+        self._commanded.clear()
 
-    def restart(self) -> None:
-        """Looks afresh, as at a start of the driver."""
-        self.__init__()  # type: ignore[misc] # the state of a new watch
+    def step_in(self, now_s: float) -> None:
+        """The shadow's primary is gone: its mode is ours now, and so is the hold that it left behind."""
+        seen = self._seen
+        if seen is not None:
+            self._expected = seen.mode
+            if seen.is_armed and seen.mode not in OURS:
+                self.lose(f"mode {seen.mode_name} was chosen by somebody else")
+        self.command(FlightMode.HOLD, now_s)
 
-    def see(self, state: AutopilotState, now_s: float) -> None:
-        """Takes the autopilot's state in."""
+    def lose(self, reason: str) -> None:
+        """Somebody else has control; the first reason stays."""
+        if not self.has_control:
+            self.has_control, self.reason = True, reason
+
+    # --- what we see ---
+
+    def see(self, state: AutopilotState, now_s: float, *, is_shadow: bool = False, may_settle: bool = False) -> None:
+        """Takes the autopilot's state in.
+
+        Args:
+            state: what it tells.
+            now_s: the time.
+            is_shadow: somebody else of ours commands the vehicle.
+            may_settle: our take-off is high enough for the autopilot to go over to hold by itself.
+        """
+        if now_s - self._looked_s > BLIND_S:
+            self._seen = None
+        self._looked_s = now_s
         if not state.is_connected:
             return
-        if now_s > self._pending_until_s:
-            self._pending = None
         before, self._seen = self._seen, state
-        if before is None:
+        for mode in [mode for mode, until_s in self._commanded.items() if now_s > until_s]:
+            del self._commanded[mode]
+        if is_shadow:
+            self._expected = state.mode
+            if state.is_armed and state.mode not in OURS:
+                self.lose(self._chosen(state))
+        elif before is None:
             self._expected = state.mode
             if state.is_armed:
-                self._lose(f"the vehicle was armed, in mode {state.mode_name}, before this process came")
-            return
-        if state.is_armed and not before.is_armed:
-            if not self._may_arm:
-                self._lose("the vehicle was armed by somebody else")
-            self._may_arm = False
+                self.lose(f"the vehicle was armed, in mode {state.mode_name}, before this driver came")
+        else:
+            self._compare(before, state, now_s, may_settle=may_settle)
+
+    def _compare(self, before: AutopilotState, state: AutopilotState, now_s: float, *, may_settle: bool) -> None:
+        if state.is_armed and not before.is_armed and now_s > self._arm_until_s:
+            self.lose("the vehicle was armed by somebody else")
         if before.is_armed and not state.is_armed:
-            if self._expected is not FlightMode.LAND and self._pending is not FlightMode.LAND:
-                self._lose("the vehicle was disarmed by somebody else")
-            self._expected, self._pending = state.mode, None
+            lands = self._expected is FlightMode.LAND or FlightMode.LAND in self._commanded
+            if not lands and now_s > self._disarm_until_s:
+                self.lose("the vehicle was disarmed by somebody else")
         if state.mode is before.mode:
             return
-        if self._pending is not None and state.mode in FOLLOWS.get(self._pending, ()):
-            self._expected, self._pending = self._pending, None
-        elif self._expected is not None and state.mode in FOLLOWS.get(self._expected, ()):
-            return
+        ours = next((mode for mode in reversed(self._commanded) if state.mode in FOLLOWS[mode]), None)
+        if ours is not None:
+            while next(iter(self._commanded)) is not ours:  # those before it have been overtaken
+                del self._commanded[next(iter(self._commanded))]
+            del self._commanded[ours]
         elif state.is_armed:
-            who = "the autopilot by itself (failsafe)" if state.is_failsafe else "somebody else"
-            self._lose(f"mode {state.mode_name} was chosen by {who}")
-        else:
-            self._expected = state.mode
+            settles = self._expected is FlightMode.TAKE_OFF and state.mode is FlightMode.HOLD
+            if not (settles and may_settle):
+                self.lose(self._chosen(state))
+        self._expected = state.mode
 
-    def _lose(self, reason: str) -> None:
-        self.has_control, self.reason = True, reason
+    def _chosen(self, state: AutopilotState) -> str:
+        who = "the autopilot by itself (failsafe)" if state.is_failsafe else "somebody else"
+        return f"mode {state.mode_name} was chosen by {who}"

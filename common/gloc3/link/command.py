@@ -172,6 +172,14 @@ class CommandClient(Service[CommandCall]):
         message = make("COMMAND_INT", command=command, frame=frame, x=x, y=y, z=z, **_to(target), **values)
         return self._begin(target, command, message, now_s)
 
+    def abandon(self, call: CommandCall) -> None:
+        """Asks no more and waits no more; the call does not come back as an event, and its kind is free again.
+
+        An answer that is still on its way is taken for one to the next command of the kind.
+        """
+        if self._calls.get((call.target, call.command)) is call:
+            del self._calls[call.target, call.command]
+
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Takes in an answer."""
         if not self._is_for_us(message):

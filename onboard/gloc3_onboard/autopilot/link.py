@@ -31,8 +31,6 @@ from gloc3_onboard.devices import Answer, Stamped, StampedHeight
 COMPANION: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
 TICK_S: Final = 0.1
-EXPLAIN_S: Final = 0.3
-"""How long an autopilot is given to say in words why it turned a command down."""
 STYLES: Final[Mapping[int, type[AutopilotStyle]]] = {3: ArduPilot, 12: Px4}
 """By MAV_AUTOPILOT; any other autopilot is left alone: we would not know what its modes mean."""
 

@@ -8,7 +8,6 @@ import msgspec
 
 from gloc3.frames import normalize
 from gloc3.link.codec import MavlinkMessage
-from gloc3.messages import Severity
 from gloc3.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.style import AutopilotStyle
 from gloc3_onboard.devices import Stamped, StampedHeight
@@ -58,6 +57,10 @@ class BootClock:
         self._last_s = now_s
         return boot_ms * 1e-3 + self._offset_s
 
+    def t_s_of(self, boot_s: float) -> float | None:
+        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        return boot_s + self._offset_s if math.isfinite(self._offset_s) else None
+
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
         return max(0, int((now_s - self._offset_s) * 1e3)) if math.isfinite(self._offset_s) else 0
@@ -92,6 +95,11 @@ class Telemetry:
         self._has_attitude = False
         self._warnings: deque[tuple[float, str]] = deque(maxlen=8)
 
+    @property
+    def restarts(self) -> int:
+        """Times that the autopilot has restarted."""
+        return self._clock.restarts
+
     def adopt(self, style: AutopilotStyle) -> None:
         """Reads mode numbers by this style from now on."""
         self._style = style
@@ -99,10 +107,6 @@ class Telemetry:
     def connected(self, is_connected: bool) -> None:
         """Whether the autopilot is heard."""
         self._set(is_connected=is_connected)
-
-    def texts_since(self, t_s: float) -> list[str]:
-        """Warnings and worse that were heard since a time."""
-        return [text for heard_s, text in self._texts if heard_s >= t_s]
 
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
@@ -172,13 +176,13 @@ class Telemetry:
             reasons=[] if is_armable else self.state.reasons,
         )
 
-    def warnings_since(self, t_s: float) -> list[str]:
-        """What the autopilot has said of warnings and worse since a time."""
+    def texts_since(self, t_s: float) -> list[str]:
+        """Warnings and worse that were heard since a time."""
         return [text for said_s, text in self._warnings if said_s >= t_s]
 
     def _text(self, message: MavlinkMessage, now_s: float) -> None:
         text = message.text
-        if message.severity <= Severity.WARNING:
+        if message.severity <= WARNING:
             self._warnings.append((now_s, text))
         if text.lower().startswith(PREARM_WORDS) and text not in self.state.reasons:
             self._set(reasons=[*self.state.reasons, text][-MOST_REASONS:])

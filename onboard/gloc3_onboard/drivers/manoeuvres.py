@@ -1,11 +1,14 @@
 """Manoeuvres that the autopilot flies in its own modes, step by step: a pure machine of the autopilot driver."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import AutopilotState, FlightMode, Manoeuvre, ManoeuvreKind, ManoeuvreState
+from gloc3.vehicle import AutopilotState, FlightMode, LandedState, Manoeuvre, ManoeuvreKind, ManoeuvreState
 from gloc3_onboard.devices import Answer
+
+SETTLING_M: Final = 1.0
+"""So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
 
 
 class DriverSettings(Settings, frozen=True):
@@ -18,23 +21,36 @@ class DriverSettings(Settings, frozen=True):
 
 
 class SetMode(NamedTuple):
-    """Write: ask for a mode."""
+    """Ask for a mode."""
 
     mode: FlightMode
 
+    @property
+    def words(self) -> str:
+        """For a person."""
+        return f"enter mode {self.mode}"
+
 
 class Arm(NamedTuple):
-    """Write: ask to arm."""
+    """Ask to arm."""
+
+    words: str = "arm"
+
+
+class Disarm(NamedTuple):
+    """Ask to disarm; only ever after a take-off that has failed on the ground."""
+
+    words: str = "disarm"
 
 
 class Climb(NamedTuple):
-    """Write: ask to take off."""
+    """Ask to take off."""
 
     height_m: float
+    words: str = "take off"
 
 
-Write = Any
-"""A `SetMode`, `Arm`, `Climb` or setpoint to send."""
+AutopilotCommand = SetMode | Arm | Disarm | Climb
 
 
 class ManoeuvreMachine:
@@ -42,9 +58,10 @@ class ManoeuvreMachine:
 
     Args:
         settings: time-outs.
+        arm_in_mode: the mode in which this style of autopilot wants to be armed; None for any.
     """
 
-    def __init__(self, settings: DriverSettings) -> None:
+    def __init__(self, settings: DriverSettings, arm_in_mode: FlightMode | None) -> None:
         self.action_id = ""
         self.kind: ManoeuvreKind | None = None
         self.state: ManoeuvreState | None = None
@@ -52,29 +69,32 @@ class ManoeuvreMachine:
         self.ticket = 0
         """Of the command under way; set by the driver when it is written."""
         self._settings = settings
-        self._steps: list[Write] = []
+        self._arm_in_mode = arm_in_mode
+        self._steps: list[AutopilotCommand] = []
         self._since_s = 0.0
         self._is_asked = False
+        self._has_armed = False
+        self._height_m = 0.0
 
     @property
     def is_under_way(self) -> bool:
         """Whether the autopilot is flying, or about to fly, a manoeuvre of ours."""
         return self.state is ManoeuvreState.RUNNING
 
-    def begin(self, manoeuvre: Manoeuvre, arm_in_mode: FlightMode | None, now_s: float) -> None:
-        """Takes a manoeuvre up, in place of the one before.
+    @property
+    def is_climbing(self) -> bool:
+        """Whether a take-off has left its last step behind; the owner's setpoints may end it from now on."""
+        return self.is_under_way and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
 
-        Args:
-            manoeuvre: what is wanted.
-            arm_in_mode: the mode in which this style of autopilot wants to be armed; None for any.
-            now_s: now.
-        """
+    def begin(self, manoeuvre: Manoeuvre, now_s: float) -> None:
+        """Takes a manoeuvre up, in place of the one before."""
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
-        self._since_s, self._is_asked = now_s, False
+        self._since_s, self._is_asked, self._has_armed = now_s, False, False
+        self._height_m = manoeuvre.height_m
         match manoeuvre.kind:
             case ManoeuvreKind.TAKE_OFF:
-                self._steps = [SetMode(arm_in_mode)] if arm_in_mode else []
+                self._steps = [SetMode(self._arm_in_mode)] if self._arm_in_mode else []
                 self._steps += [Arm()] if manoeuvre.may_arm else []
                 self._steps += [Climb(manoeuvre.height_m)]
             case ManoeuvreKind.LAND:
@@ -85,13 +105,29 @@ class ManoeuvreMachine:
     def abandon(self, reason: str) -> None:
         """Ends a manoeuvre that is under way, because somebody else moves the vehicle now."""
         if self.is_under_way:
-            self._end(ManoeuvreState.FAILED if self._steps else ManoeuvreState.DONE, reason)
+            self._end(ManoeuvreState.FAILED, reason)
 
-    def advance(self, now_s: float, autopilot: AutopilotState | None, answer: Answer | None) -> Sequence[Write]:
+    def finish(self) -> None:
+        """The owner's setpoints go on from a climb."""
+        if self.is_climbing:
+            self._end(ManoeuvreState.DONE, "")
+
+    def repeat(self, now_s: float) -> None:
+        """Asks for the step under way again: what was asked so far was withheld."""
+        self._is_asked, self._since_s = False, now_s
+
+    def may_settle(self, climbed_m: float | None) -> bool:
+        """Whether the autopilot may go over to hold by itself, having climbed so far (None: not known)."""
+        return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)
+
+    def advance(
+        self, now_s: float, autopilot: AutopilotState | None, answer: Answer | None
+    ) -> Sequence[AutopilotCommand]:
         """Looks at what has become of the step under way; returns what to command next."""
         if not self.is_under_way or autopilot is None:
             return ()
         while self._steps and self._is_reached(self._steps[0], autopilot, answer):
+            self._has_armed |= isinstance(self._steps[0], Arm) and self._is_asked
             self._steps.pop(0)
             self._since_s, self._is_asked, self.ticket, answer = now_s, False, 0, None
         if not self._steps:
@@ -99,44 +135,35 @@ class ManoeuvreMachine:
                 self._end(ManoeuvreState.DONE, "")
             return ()
         if answer is not None and not answer.is_accepted:
-            self._end(ManoeuvreState.FAILED, answer.reason)
-            return ()
+            return self._fail(answer.reason, autopilot)
         if now_s - self._since_s > self._settings.step_timeout_s:
-            self._end(ManoeuvreState.FAILED, f"the autopilot did not {_words(self._steps[0])} in time")
-            return ()
+            return self._fail(f"the autopilot did not {self._steps[0].words} in time", autopilot)
         if self._is_asked:
             return ()
         self._is_asked = True
         return (self._steps[0],)
 
-    def _is_reached(self, step: Write, autopilot: AutopilotState, answer: Answer | None) -> bool:
+    def _is_reached(self, step: AutopilotCommand, autopilot: AutopilotState, answer: Answer | None) -> bool:
         match step:
             case SetMode(mode=mode):
                 return autopilot.mode is mode
             case Arm():
                 return autopilot.is_armed
             case _:
-                return answer is not None and answer.is_accepted
+                is_up = autopilot.is_armed and autopilot.landed in (LandedState.TAKING_OFF, LandedState.IN_AIR)
+                return is_up or (answer is not None and answer.is_accepted)
 
     def _is_over(self, autopilot: AutopilotState) -> bool:
-        match self.kind:
-            case ManoeuvreKind.LAND:
-                return not autopilot.is_armed
-            case ManoeuvreKind.HOLD:
-                return autopilot.mode is FlightMode.HOLD
-            case _:
-                return autopilot.mode is FlightMode.HOLD  # PX4 has climbed; with ArduPilot the owner's setpoints end it
+        if self.kind is ManoeuvreKind.LAND:
+            return not autopilot.is_armed
+        return autopilot.mode is FlightMode.HOLD  # PX4 has climbed; with ArduPilot the owner's setpoints end it
+
+    def _fail(self, reason: str, autopilot: AutopilotState) -> Sequence[AutopilotCommand]:
+        """What we have armed for a take-off that does not come is not left with turning propellers."""
+        is_left_armed = self._has_armed and autopilot.is_armed and autopilot.landed is LandedState.ON_GROUND
+        self._end(ManoeuvreState.FAILED, reason)
+        return (Disarm(),) if is_left_armed else ()
 
     def _end(self, state: ManoeuvreState, reason: str) -> None:
         self.state, self.reason, self.ticket = state, reason, 0
         self._steps = []
-
-
-def _words(step: Write) -> str:
-    match step:
-        case SetMode(mode=mode):
-            return f"enter mode {mode}"
-        case Arm():
-            return "arm"
-        case _:
-            return "take off"

@@ -152,6 +152,21 @@ def test_a_goto_given_again_after_another_command_is_not_taken_for_a_repeat() ->
     assert [request.command for request in vehicle.ran] == [REPOSITION, ARM, REPOSITION]
 
 
+def test_an_abandoned_command_is_not_sent_again_and_makes_room_for_the_next_of_its_kind() -> None:
+    client = CommandClient(STATION)
+    first = client.send_long(VEHICLE, ARM, (1.0,), now_s=0.0)
+    client.outgoing()
+    client.abandon(first)
+    client.abandon(first)
+    client.tick(10.0)
+    assert (client.outgoing(), client.events(), client.next_tick_s()) == ([], [], None)
+    second = client.send_long(VEHICLE, ARM, (0.0,), now_s=10.0)
+    client.abandon(first)
+    client.receive(message("COMMAND_ACK", command=ARM), VEHICLE, 10.1)
+    assert client.events() == [second]
+    assert first.result is None
+
+
 def test_what_is_not_supported_is_said_by_who_was_meant() -> None:
     pair, client, _ = wired()
     assert finish(pair, client.send_long(VEHICLE, 31_010, now_s=0.0)) is CommandResult.UNSUPPORTED

@@ -1,0 +1,92 @@
+"""The commands to one autopilot: the newest of a kind wins at once, every one is answered, and none is sent late."""
+
+import itertools
+from collections.abc import Callable
+from typing import Final
+
+from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.message import Address
+from gloc3_onboard.autopilot.style import Command
+from gloc3_onboard.devices import Answer
+
+KEPT: Final = 64
+"""Answers that are kept."""
+REASON_S: Final = 0.3
+"""How long after a refusal its reason is waited for: autopilots say it in a text of its own."""
+NOBODY: Final = "there is no autopilot that could be commanded"
+
+
+class CommandDesk:
+    """Sends commands and keeps their answers by ticket.
+
+    A command is sent when it is given, or never: one that waited, for an autopilot or for an older command of its kind,
+    would be carried out when nobody expects it.
+
+    Args:
+        client: the command protocol; driven by its owner.
+        texts: what the autopilot has said since a time that could be a reason.
+    """
+
+    def __init__(self, client: CommandClient, texts: Callable[[float], list[str]]) -> None:
+        self._client = client
+        self._texts = texts
+        self._tickets = itertools.count(1)
+        self._calls: dict[int, tuple[CommandCall, float]] = {}
+        """Under way, with the time at which each was sent."""
+        self._refused: list[tuple[float, int, CommandCall, float]] = []
+        self._answers: dict[int, Answer] = {}
+
+    def ticket(self) -> int:
+        """A new ticket; may be asked for in any thread."""
+        return next(self._tickets)
+
+    def answer(self, ticket: int) -> Answer | None:
+        """The answer to a command; None while there is none. May be asked for in any thread."""
+        return self._answers.get(ticket)
+
+    def put(self, ticket: int, answer: Answer) -> None:
+        """Keeps an answer; the oldest ones make room."""
+        self._answers[ticket] = answer
+        while len(self._answers) > KEPT:
+            del self._answers[next(iter(self._answers))]
+
+    def send(self, ticket: int, command: Command, target: Address | None, now_s: float) -> None:
+        """Sends a command now; an older one of its kind that is under way is overtaken."""
+        if target is None:
+            self.put(ticket, Answer(False, NOBODY))
+            return
+        for older, (call, _) in list(self._calls.items()):
+            if call.command == command.number:
+                self._drop(older, "overtaken by a later command")
+        call = self._client.send_long(target, command.number, command.parameters, now_s=now_s)
+        self._calls[ticket] = (call, now_s)
+
+    def abandon(self, reason: str) -> None:
+        """Sends nothing again."""
+        for ticket in list(self._calls):
+            self._drop(ticket, reason)
+
+    def _drop(self, ticket: int, reason: str) -> None:
+        self._client.abandon(self._calls.pop(ticket)[0])
+        self.put(ticket, Answer(False, reason))
+
+    def ended(self, call: CommandCall, now_s: float) -> None:
+        """A call has come back from the client; those that are not from here are ignored."""
+        if call.result is None:
+            return
+        for ticket, (known, sent_s) in list(self._calls.items()):
+            if known is not call:
+                continue
+            del self._calls[ticket]
+            if call.result is CommandResult.ACCEPTED:
+                self.put(ticket, Answer(True, ""))
+            else:
+                self._refused.append((now_s + REASON_S, ticket, call, sent_s))
+
+    def tick(self, now_s: float) -> None:
+        """Answers refusals, with what the autopilot has said meanwhile."""
+        while self._refused and now_s >= self._refused[0][0]:
+            _, ticket, call, sent_s = self._refused.pop(0)
+            assert call.result is not None
+            said = "; ".join(self._texts(sent_s))
+            self.put(ticket, Answer(False, call.result.words + (f": {said}" if said else "")))

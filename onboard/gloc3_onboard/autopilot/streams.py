@@ -1,0 +1,74 @@
+"""Asks an autopilot for messages at the rates that we need, one after the other, and again when one stays away."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+from gloc3.errors import Refused
+from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.message import Address
+from gloc3_onboard.autopilot.style import Stream
+
+SET_MESSAGE_INTERVAL: Final = 511
+RETRY_S: Final = 1.0
+SILENT_S: Final = 5.0
+"""A message that was promised and has not come for this long is asked for again."""
+
+
+class StreamRequests:
+    """Told what has been heard; asks through the client of its owner.
+
+    A rate is asked for even if the message comes by itself: it would come at another rate.
+    """
+
+    def __init__(self, client: CommandClient) -> None:
+        self.refused: list[str] = []
+        """Why messages were refused since this was last emptied; they are not asked for again."""
+        self._client = client
+        self._waiting: deque[Stream] = deque()
+        self._promised: dict[int, Stream] = {}
+        self._heard_s: dict[int, float] = {}
+        self._asked: tuple[Stream, CommandCall] | None = None
+        self._next_s = 0.0
+
+    def ask_all(self, streams: Sequence[Stream]) -> None:
+        """Asks for everything, as at the begin and after a restart of the autopilot."""
+        if self._asked is not None:
+            self._client.abandon(self._asked[1])
+        self._asked, self._next_s = None, 0.0
+        self._waiting = deque(streams)
+        self._promised.clear()
+
+    def heard(self, message_id: int, now_s: float) -> None:
+        """A message has come."""
+        self._heard_s[message_id] = now_s
+
+    def ended(self, call: CommandCall, now_s: float) -> None:
+        """A call has come back from the client; those that are not from here are ignored."""
+        if self._asked is None or call is not self._asked[1] or call.result is None:
+            return
+        stream, self._asked = self._asked[0], None
+        if call.result is CommandResult.ACCEPTED:
+            self._promised[stream.message_id] = stream
+            self._heard_s[stream.message_id] = now_s
+        elif call.result in (CommandResult.NO_ANSWER, CommandResult.TEMPORARILY_REJECTED):
+            self._waiting.append(stream)
+            self._next_s = now_s + RETRY_S
+        else:
+            self.refused.append(f"message {stream.message_id} at {stream.rate_hz:g} Hz: {call.result.words}")
+
+    def tick(self, target: Address, now_s: float) -> None:
+        """Asks for the next one."""
+        if self._asked is not None or now_s < self._next_s:
+            return
+        if not self._waiting:
+            self._next_s = now_s + RETRY_S
+            for number in [n for n, stream in self._promised.items() if now_s - self._heard_s[n] > SILENT_S]:
+                self._waiting.append(self._promised.pop(number))
+        if self._waiting:
+            stream = self._waiting.popleft()
+            values = (float(stream.message_id), 1e6 / stream.rate_hz)
+            try:
+                self._asked = stream, self._client.send_long(target, SET_MESSAGE_INTERVAL, values, now_s=now_s)
+            except Refused:  # somebody else asks for one
+                self._waiting.appendleft(stream)

@@ -131,7 +131,7 @@ def _to_segment_m(n: float, e: float, n0: float, e0: float, n1: float, e1: float
     """Distance from a point to a segment, and the nearest point of it."""
     dn, de = n1 - n0, e1 - e0
     square = dn * dn + de * de
-    along = 0.0 if square < _SMALL_M else min(1.0, max(0.0, ((n - n0) * dn + (e - e0) * de) / square))
+    along = 0.0 if square < _SMALL_M * _SMALL_M else min(1.0, max(0.0, ((n - n0) * dn + (e - e0) * de) / square))
     near_n, near_e = n0 + along * dn, e0 + along * de
     return hypot(n - near_n, e - near_e), near_n, near_e
 

@@ -31,6 +31,7 @@ class Cycler:
         component: type[Component[Any]],
         context: HostContext,
         mailbox: Mailbox,
+        worker: Worker,
         *,
         may_begin: Callable[[], bool],
         ended: Callable[[CycleJob], None],
@@ -44,6 +45,7 @@ class Cycler:
             component: its class.
             context: what the hosts of the process share.
             mailbox: its input queues.
+            worker: where its cycles run.
             may_begin: asked before every cycle.
             ended: gets every cycle that has ended.
             hung: is told when one has not ended after so many seconds.
@@ -59,6 +61,7 @@ class Cycler:
         self._context = context
         self._loop = context.loop
         self._mailbox = mailbox
+        self._worker = worker
         self._may_begin = may_begin
         self._ended = ended
         self._hung = hung
@@ -72,7 +75,6 @@ class Cycler:
         self._began_s = float("-inf")
         self._job: CycleJob | None = None
         """None while there are no cycles."""
-        self._worker: Worker | None = None
         self._is_running = False
         self._is_triggered = False
 
@@ -106,16 +108,16 @@ class Cycler:
 
     # --- start, stop, rate ---
 
-    def start(self, job: CycleJob, worker: Worker) -> None:
+    def start(self, job: CycleJob) -> None:
         """Begins the cycles, the first one at once."""
         now_s = self._loop.time()
-        self._job, self._worker = job, worker
+        self._job = job
         self.statistics.restart(now_s)
         self._restart_timer(now_s)
 
     def stop(self) -> None:
         """Ends the cycles; one that is under way is forgotten."""
-        self._job = self._worker = None
+        self._job = None
         self._is_running = False
         for timer in (self._timer, self._deadline):
             if timer is not None:
@@ -162,7 +164,7 @@ class Cycler:
             self.statistics.overruns += missed
         self._tick = tick + 1
         self._timer = self._loop.call_at(self._start_s + self._tick / rate_hz, self._ticked)
-        if self._row.trigger is None or (now_s - self._began_s) * rate_hz > 0.5:
+        if self._row.trigger is None or (now_s - self._began_s) * rate_hz > 1.0 - _EARLY:
             self._begin(now_s)
 
     def _triggered(self) -> None:
@@ -176,15 +178,14 @@ class Cycler:
             return
         if not self._may_begin():
             return
-        job, worker = self._job, self._worker
+        job = self._job
         assert job is not None
-        assert worker is not None
         self._is_running = True
         self._began_s = job.now_s = now_s
         job.inbox = self._mailbox.take()
         job.is_quiet = self.is_quiet
         job.items = self.items
-        worker.run(job.run, self._done, self._model_cost_s(job, now_s) if self._is_modelled else 0.0)
+        self._worker.run(job.run, self._done, self._model_cost_s(job, now_s) if self._is_modelled else 0.0)
         if self._is_running:
             self._deadline = self._loop.call_later(self._limit_s, self._expired)
 
@@ -197,7 +198,7 @@ class Cycler:
         return cost_s if cost_s <= self._limit_s else float("inf")
 
     def _done(self, job: CycleJob) -> None:
-        if job is not self._job or not self._is_running:
+        if job is not self._job:  # the cycles have been stopped meanwhile
             return
         self._is_running = False
         if self._deadline is not None:

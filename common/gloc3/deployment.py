@@ -64,7 +64,7 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     rate_hz: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] | None = None
     """Periodic cycles; None for a component that only works when `trigger` brings something."""
     trigger: str | None = None
-    """The input whose arrival begins a cycle, beside the periodic ones."""
+    """The input whose arrival begins a cycle; the periodic ones, if there is a rate, fill its silence."""
     ports: dict[str, str | list[str]] = {}
     """Port to topic where they differ; an input may be bound to several topics."""
     devices: dict[str, str] = {}

@@ -18,14 +18,11 @@ class _Errand(NamedTuple):
 
 
 class Errands:
-    """Runs an author's methods on a worker; when one of them sticks, all are given up and a new worker takes over."""
+    """Runs an author's methods on a worker; when one of them sticks, all are given up."""
 
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, new_worker: Callable[[], Worker], expired: Callable[[str], None]
-    ) -> None:
-        self.worker = new_worker()
+    def __init__(self, loop: asyncio.AbstractEventLoop, worker: Worker, expired: Callable[[str], None]) -> None:
         self._loop = loop
-        self._new_worker = new_worker
+        self._worker = worker
         self._expired = expired
         self._under_way: dict[int, _Errand] = {}
         self._made = 0
@@ -58,18 +55,17 @@ class Errands:
         number = self._made
         cause = f"timeout: {what} took over {limit_s:g} s"
         self._under_way[number] = _Errand(self._loop.call_later(limit_s, self._expired, cause), gave_up)
-        self.worker.run(job, lambda result: self._end(number, ended, result), cost_s)
+        self._worker.run(job, lambda result: self._end(number, ended, result), cost_s)
 
     def _end(self, number: int, ended: Callable[[Any], None], result: Any) -> None:
         self._under_way.pop(number).deadline.cancel()
         ended(result)
 
     def abandon(self) -> list[GaveUp]:
-        """Leaves the worker to its fate and takes a new one; returns who has to be told, in order."""
+        """Leaves what is under way to its fate; returns who has to be told, in order."""
         errands = list(self._under_way.values())
         self._under_way.clear()
         for errand in errands:
             errand.deadline.cancel()
-        self.worker.abandon()
-        self.worker = self._new_worker()
+        self._worker.abandon()
         return [errand.gave_up for errand in errands]

@@ -44,7 +44,8 @@ class HostedComponent:
         """Whether a driver has worked on its device and has not left it safe since."""
         self._is_driver = isinstance(component, ActuatorDriver)
         self.gate = Gate()
-        self.errands: Final = Errands(context.loop, lambda: context.new_worker(row.name), self._give_up)
+        worker = context.new_worker(row.name)
+        self.errands: Final = Errands(context.loop, worker, self._give_up)
         self._create = create
         self._context = context
         self._loop = context.loop
@@ -58,6 +59,7 @@ class HostedComponent:
             type(component),
             context,
             self._mailbox,
+            worker,
             may_begin=self._may_begin,
             ended=self._cycle_ended,
             hung=lambda limit_s: self._give_up(f"hung: a cycle had not ended after {limit_s:g} s"),
@@ -159,7 +161,7 @@ class HostedComponent:
             stopwatch = None if self._context.clock.is_virtual else self._context.clock.cost_s
             cycles = CycleJob(self.component, self._outlets, self.gate, stopwatch)
             self._cycler.items = self._logger.items
-            self._cycler.start(cycles, self.errands.worker)
+            self._cycler.start(cycles)
         self.event(Severity.INFO, f"{command}: {was} -> {row.to or 'absent'}", details)
         self._notifier.changed()
         if row.to is None:
@@ -252,7 +254,7 @@ class HostedComponent:
         self.errands.run(job.run, ended, lambda _: None, what="stop", limit_s=self.row.timeout_s)
 
     def _give_up(self, cause: str) -> None:
-        """A job is stuck: it is abandoned with its worker, and everyone who waits is told."""
+        """A job is stuck: it is left to its fate, and everyone who waits is told."""
         called = self._transition.called if self._transition else []
         self._transition = None
         self._is_stuck = True

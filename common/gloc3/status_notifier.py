@@ -15,7 +15,6 @@ class StatusNotifier:
 
     def start(self) -> None:
         """Reports now and from now on."""
-        self.stop()
         self._timer = self._loop.call_later(self._period_s, self._periodic)
         self.changed()
 

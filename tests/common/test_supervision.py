@@ -178,6 +178,22 @@ def test_a_standby_that_does_not_take_over_is_passed_over() -> None:
         assert words(steps) == ["third: resume"]
 
 
+def test_the_loss_of_a_function_is_told_once_however_often_a_standby_refuses() -> None:
+    rows = (row("main", on_fault={"standby": "spare", "then": "land"}), PAIR[1])
+    supervision = Supervision(rows)
+    told(supervision, main=State.WORKING, spare=State.QUIET)
+    steps = told(supervision, 0.5, main=State.FAULTY)
+    found = words(steps)
+    for second in range(1, 6):
+        (resume,) = [step for step in steps if isinstance(step, Order)]
+        found += words(supervision.receive_reply(reply_to(resume, State.QUIET, "not ready"), float(second)))
+        told(supervision, float(second), main=State.FAULTY)
+        steps = told(supervision, float(second), spare=State.QUIET)
+        found += words(steps)
+    assert found.count("main: land!") == 1
+    assert found.count("spare: resume") == 6
+
+
 def test_a_failed_standby_that_is_not_in_charge_is_brought_up_quietly_and_is_no_loss() -> None:
     supervision = pair()
     assert told(supervision, 1.0, spare=State.FAULTY) == []

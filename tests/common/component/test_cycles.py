@@ -59,8 +59,9 @@ def test_with_rate_and_trigger_the_periodic_cycles_fill_the_silence_only() -> No
     with Bench() as bench:
         bench.host(row(rate_hz=10.0, trigger="given"), lambda: Specimen(Diary()))
         for _ in range(20):
-            bench.run(0.05)
+            bench.run(0.09)
             bench.send("given", Number(value=1.0))
+        assert len(times(bench)) == 21
         bench.envelopes.clear()
         bench.run(1.0)
         assert len(times(bench)) == pytest.approx(10, abs=1)
@@ -87,6 +88,38 @@ def test_overruns_are_counted_and_never_made_up() -> None:
         assert status.rate_hz == pytest.approx(5.0, abs=1.0)
         assert diary.calls.count("work") == pytest.approx(50, abs=1)
         assert status.state is State.WORKING
+
+
+def test_cycles_that_a_late_loop_has_missed_are_overruns_and_not_made_up() -> None:
+    with Bench() as bench:
+        bench.host(row(rate_hz=10.0), lambda: Specimen(Diary()))
+        bench.run(1.05)
+
+        def block() -> None:
+            bench.loop._now_s += 0.37  # as if a callback had taken so long
+
+        bench.loop.call_soon(block)
+        bench.envelopes.clear()
+        bench.run(0.3)
+        assert times(bench) == pytest.approx([1.42, 1.5, 1.6, 1.7])
+        assert status_of(bench).overruns == 3
+
+
+def test_a_cycle_that_is_under_way_when_cycles_are_stopped_is_forgotten() -> None:
+    with Bench(cycle_cost_s=lambda name, now_s: 0.1) as bench:
+        bench.host(row(rate_hz=1.0), lambda: Specimen(Diary()))
+        bench.run(1.05)
+        bench.envelopes.clear()
+        bench.hosts["specimen"]._hosted._cycler.stop()
+        bench.run(1.0)
+        assert times(bench) == []
+
+
+def test_a_command_under_way_is_no_overrun() -> None:
+    with Bench(method_cost_s=lambda name, method, now_s: 0.5 if method == "goquiet" else 0.0) as bench:
+        bench.host(row(rate_hz=10.0), lambda: Specimen(Diary()))
+        bench.command("specimen", "goquiet")
+        assert status_of(bench).overruns == 0
 
 
 def test_overruns_of_triggered_cycles_are_counted_and_what_came_waits_for_the_next() -> None:
@@ -240,6 +273,14 @@ def test_what_does_not_fit_a_bounded_queue_is_dropped_and_counted() -> None:
         bench.run(1.0)
         assert taken == [0.0, 1.0, 2.0, 3.0]
         assert status_of(bench).dropped == 3
+
+
+def test_what_comes_in_while_it_does_not_work_is_no_loss() -> None:
+    with Bench() as bench:
+        bench.host(row(begin="standby"), lambda: Specimen(Diary()))
+        for value in range(9):
+            bench.send("every", Number(value=float(value)))
+        assert status_of(bench).dropped == 0
 
 
 def test_the_reported_rate_is_of_the_time_since_the_last_report_and_of_this_start() -> None:

@@ -58,6 +58,23 @@ def test_whatever_a_method_raises_makes_its_component_faulty_and_harms_no_other(
         assert bench.last("other").value == pytest.approx(bench.loop.time(), abs=0.11)
 
 
+def test_a_keyed_output_takes_reports_with_a_key_and_nothing_else() -> None:
+    class Keyed(Specimen):
+        def work(self, now_s: float, inbox: Any) -> Any:
+            if self.cycles:
+                return [Number(value=now_s)]
+            self.cycles = 1
+            return [self.result.report(Number(value=1.0), key="a"), self.result.report(Number(value=2.0), key="b")]
+
+    with Bench() as bench:
+        bench.host(row(ports={"result": "to/{key}"}), lambda: Keyed(Diary()))
+        bench.run(0.05)
+        assert (bench.last("to/a").value, bench.last("to/b").value) == (1.0, 2.0)
+        bench.run(0.1)
+        assert bench.last("components/specimen/status").cause.startswith("Misuse: Keyed reported Number, which fits no")
+        assert bench.all("to/{key}") == []
+
+
 def test_an_operators_interrupt_goes_through() -> None:
     diary = Diary()
     diary.errors["work"] = KeyboardInterrupt()
@@ -137,6 +154,23 @@ def test_an_error_in_stop_itself_does_not_call_it_again() -> None:
         diary.errors["stop"] = ValueError("odd")
         assert bench.command("specimen", "stop").reason == "stop failed: ValueError: odd"
         assert diary.methods().count("stop") == 1
+
+
+def test_a_command_behind_a_cycle_that_fails_is_not_carried_out_and_stop_is_called_once() -> None:
+    diary = Diary()
+    with Bench(cycle_cost_s=lambda name, now_s: 0.1) as bench:
+        bench.host(row(rate_hz=1.0), lambda: Specimen(diary))
+        bench.run(0.95)
+        diary.errors["work"] = ValueError("odd")
+        bench.run(0.1)
+        for command in ("goquiet", "stop"):
+            diary.calls.clear()
+            reply = bench.command("specimen", command)
+            assert (reply.is_accepted, reply.state) == (False, State.FAULTY)
+            assert reply.reason == f"{command} was not carried out: ValueError: odd"
+            assert diary.methods() == ["stop"]
+            bench.command("specimen", "initialize", None, "start")
+            bench.run(0.05)
 
 
 def test_an_error_in_goquiet_stops_the_component() -> None:

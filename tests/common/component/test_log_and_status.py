@@ -55,6 +55,7 @@ def test_an_item_that_cannot_be_read_is_recorded_as_nothing_and_harms_nobody() -
         assert (status.state, status.cause) == (State.WORKING, "log item broken: ValueError: nothing to see here")
         warnings = [e for e in bench.all("components/specimen/event") if e.severity is Severity.WARNING]
         assert len(warnings) == 1
+        assert status.errors == status.cycles
 
 
 def test_the_record_is_a_snapshot_of_plain_data() -> None:
@@ -103,6 +104,13 @@ def test_status_comes_at_the_set_period_and_on_every_change() -> None:
         bench.run(0.5)
         assert [round(t_s, 6) for t_s, _ in told[3:]] == [0.5, 1.0, 1.2, 1.5]
         assert told[-1][1].state is State.QUIET
+
+
+def test_a_changed_rate_is_told_at_once() -> None:
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(Diary()))
+        bench.call("specimen", "set_rate", rate_hz=5.0)
+        assert bench.last("components/specimen/status").nominal_rate_hz == 5.0
 
 
 def test_status_says_what_the_row_says() -> None:

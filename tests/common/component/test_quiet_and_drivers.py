@@ -134,12 +134,45 @@ def test_a_working_driver_that_turns_faulty_leaves_its_device_safe_before_anybod
         assert len(diary.writes) == writes
 
 
-def test_a_driver_whose_cycle_hangs_is_made_safe_and_stopped() -> None:
+def test_a_driver_whose_cycle_hangs_is_made_safe_and_stopped_before_anybody_is_told() -> None:
     diary = Diary()
+    told: list[list[str]] = []
     with Bench(cycle_cost_s=lambda name, now_s: float("inf") if now_s >= 1.0 else 0.0) as bench:
+        bench.exchange.subscribe("bench/components/specimen/event", lambda e: told.append(diary.calls[-2:]))
         bench.host(row(), lambda: Driver(diary))
         bench.run(2.0)
-        assert diary.calls[-2:] == ["make_safe", "stop"]
+        assert told[-1] == diary.calls[-2:] == ["make_safe", "stop"]
+
+
+def test_an_error_in_the_question_whether_it_may_leave_is_a_fault_and_the_device_is_left_safe() -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(), lambda: Driver(diary))
+        bench.run(0.55)
+        diary.errors["check_leaving"] = ValueError("odd")
+        diary.calls.clear()
+        assert bench.command("specimen", "stop").state is State.FAULTY
+        assert diary.calls == ["check_leaving", "make_safe", "stop"]
+
+
+@pytest.mark.parametrize("way_down", ["stop", "goquiet", "fault"])
+def test_a_device_that_was_left_safe_is_not_disturbed_again(way_down: str) -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(), lambda: Driver(diary))
+        bench.run(0.55)
+        if way_down == "fault":
+            diary.errors["work"] = ValueError("odd")
+            bench.run(0.1)
+            diary.errors.clear()
+            bench.command("specimen", "initialize")
+        else:
+            bench.command("specimen", way_down)
+        assert diary.calls.count("make_safe") == 1
+        if way_down == "goquiet":
+            bench.command("specimen", "stop")
+        bench.command("specimen", "start", None, "goquiet", "stop", "shutdown")
+        assert diary.calls.count("make_safe") == 1
 
 
 def test_an_error_in_make_safe_does_not_hide_the_fault_and_is_counted() -> None:

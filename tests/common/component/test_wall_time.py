@@ -95,7 +95,11 @@ def test_a_stuck_cycle_is_hung_while_others_run_on_and_its_thread_does_nothing_w
             await here.until(lambda: other.calls.count("work") > cycles + 5)
             del diary.acts["work"]
             writes = len(diary.writes)
+            stuck = [thread for thread in threading.enumerate() if thread.name == "specimen"]
             release.set()
+            stuck[0].join(5.0)
+            assert not stuck[0].is_alive()
+            assert len(diary.writes) == writes
             assert (await here.command("initialize", "start")).state is State.WORKING
             assert diary.made == 2
             await here.until(lambda: len(diary.writes) > writes + 3)

@@ -46,7 +46,8 @@ def test_a_job_that_never_ends_never_begins_and_holds_up_those_behind_it_until_i
         await asyncio.sleep(100.0)
         assert ran == []
         worker.abandon()
-        worker.run(lambda: ran.append("next"), lambda _: ran.append("next ended"))
+        worker.run(lambda: ran.append("next"), lambda _: ran.append("next ended"), 1.0)
+        await asyncio.sleep(2.0)
         assert ran == ["next", "next ended"]
 
     run_virtual(main())
@@ -91,6 +92,8 @@ def test_an_abandoned_thread_ends_after_its_job_and_does_not_begin_those_behind_
         release.set()
         thread.join(5.0)
         assert not thread.is_alive()
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
         assert ran == ["next"]
         worker.abandon()
 
@@ -120,7 +123,7 @@ def test_an_errand_that_takes_too_long_is_told_and_all_that_wait_can_be_given_up
             for gave_up in errands.abandon():
                 gave_up(cause)
 
-        errands = Errands(loop, lambda: InlineWorker(loop), expired)
+        errands = Errands(loop, InlineWorker(loop), expired)
         errands.run(lambda: "1", told.append, told.append, what="first", limit_s=1.0, cost_s=0.5)
         errands.run(lambda: "2", told.append, told.append, what="second", limit_s=1.0, cost_s=9.0)
         errands.run(lambda: "3", told.append, told.append, what="third", limit_s=5.0)

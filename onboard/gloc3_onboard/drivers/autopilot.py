@@ -80,7 +80,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     def _reset(self) -> None:
         self._autopilot: AutopilotState | None = None
-        self._machine = ManoeuvreMachine(self._settings, self._control.arm_in_mode)
+        self._machine = ManoeuvreMachine(self._settings)
         self._stream.stop()
         self._is_quiet = False
         self._owner = ""
@@ -242,7 +242,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 continue
             self._stream.stop()
             self._asked = None
-            self._machine.begin(envelope.payload, now_s)
+            self._machine.begin(envelope.payload, now_s, self._control.arm_in_mode)
         if self._machine.action_id != self._owner:
             self._machine.abandon("motion was given to somebody else")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None

@@ -58,10 +58,9 @@ class ManoeuvreMachine:
 
     Args:
         settings: time-outs.
-        arm_in_mode: the mode in which this style of autopilot wants to be armed; None for any.
     """
 
-    def __init__(self, settings: DriverSettings, arm_in_mode: FlightMode | None) -> None:
+    def __init__(self, settings: DriverSettings) -> None:
         self.action_id = ""
         self.kind: ManoeuvreKind | None = None
         self.state: ManoeuvreState | None = None
@@ -69,7 +68,6 @@ class ManoeuvreMachine:
         self.ticket = 0
         """Of the command under way; set by the driver when it is written."""
         self._settings = settings
-        self._arm_in_mode = arm_in_mode
         self._steps: list[AutopilotCommand] = []
         self._since_s = 0.0
         self._is_asked = False
@@ -86,15 +84,21 @@ class ManoeuvreMachine:
         """Whether a take-off has left its last step behind; the owner's setpoints may end it from now on."""
         return self.is_under_way and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
 
-    def begin(self, manoeuvre: Manoeuvre, now_s: float) -> None:
-        """Takes a manoeuvre up, in place of the one before."""
+    def begin(self, manoeuvre: Manoeuvre, now_s: float, arm_in_mode: FlightMode | None = None) -> None:
+        """Takes a manoeuvre up, in place of the one before.
+
+        Args:
+            manoeuvre: what is asked for.
+            now_s: the time.
+            arm_in_mode: the mode in which this style of autopilot wants to be armed; None for any.
+        """
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
         self._since_s, self._is_asked, self._has_armed = now_s, False, False
         self._height_m = manoeuvre.height_m
         match manoeuvre.kind:
             case ManoeuvreKind.TAKE_OFF:
-                self._steps = [SetMode(self._arm_in_mode)] if self._arm_in_mode else []
+                self._steps = [SetMode(arm_in_mode)] if arm_in_mode else []
                 self._steps += [Arm()] if manoeuvre.may_arm else []
                 self._steps += [Climb(manoeuvre.height_m)]
             case ManoeuvreKind.LAND:

@@ -21,9 +21,11 @@ from gloc3.ci import (
 )
 from gloc3.clock import VirtualLoop
 from gloc3.lci import State
-from gloc3.messages import ComponentStatus, Envelope
+from gloc3.link.codec import MavlinkMessage, Parser
+from gloc3.messages import ComponentStatus, Envelope, Message, Source
 from gloc3.mission.states import ActionState
 from gloc3.vehicle import AutopilotState, DriverState, FlightMode, LandedState
+from gloc3.wire import type_name
 from gloc3_groundstation import flights
 from gloc3_groundstation.command_client import CommandClient
 from gloc3_groundstation.plans import Plan
@@ -42,6 +44,8 @@ class Card:
         self.style = style
         self.heard: dict[str, list[Envelope[Any]]] = {}
         """Everything that was published, by topic below the platform's name."""
+        self.to_autopilot: list[tuple[float, MavlinkMessage]] = []
+        """What the onboard process sent over the autopilot's cable, and when."""
         self.failures: list[BaseException] = []
         self._folder = folder
         self._runner = asyncio.Runner(loop_factory=VirtualLoop)
@@ -65,6 +69,7 @@ class Card:
                 plan[key] = str(file)
         self.run(self._enter(FlightPlan(**plan)))
         self.flight.exchange.subscribe(f"{self.flight.name}/**", self._hear)
+        self._listen_on_the_cable()
         if is_started:
             self.run(self.flight.upload_and_start())
         else:
@@ -288,6 +293,27 @@ class Card:
             f"now {self.now_s:.2f} s at {tuple(round(x, 2) for x in self.position_m)}" if self.flight.samples else ""
         )
         return "\n".join([what, state, *sorted([*lines, *texts])])
+
+    def envelope(self, topic: str, message: Message, component: str = "stranger") -> Envelope[Any]:
+        """A message as a component would publish it now."""
+        source = Source(self.flight.name, component, 7)
+        kind = type_name(type(message))
+        return Envelope(f"{self.flight.name}/{topic}", source, 0, self.now_s, "ned", kind, message)
+
+    def _listen_on_the_cable(self) -> None:
+        """Reads along what the onboard process says to the autopilot."""
+        end = self.flight.cable.a
+        receive, parser = end.on_data, Parser(is_datagram=True)
+        assert receive is not None
+
+        def listen(data: bytes) -> None:
+            for frame in parser.receive(data):
+                message = frame.decode()
+                if message is not None:
+                    self.to_autopilot.append((self.now_s, message))
+            receive(data)
+
+        end.on_data = listen
 
     def _hear(self, envelope: Envelope[Any]) -> None:
         self.heard.setdefault(envelope.topic.partition("/")[2], []).append(envelope)

@@ -145,6 +145,10 @@ class Card:
         assert reply.reason
         return reply.reason
 
+    def refused_steer(self, verb: str, target: str = "") -> str:
+        """The operator asks for what must be refused; the reason."""
+        return self.refused(Steer(verb=Verb(verb), target=target))
+
     def component(self, name: str, command: str, *, is_forced: bool = False) -> CiReply:
         """The station commands a component's LCI."""
         return self.ask(CommandComponent(component=name, command=command, is_forced=is_forced))
@@ -155,7 +159,11 @@ class Card:
 
     def emergency(self, verb: str) -> None:
         """The emergency key."""
-        assert self.ask(Emergency(verb=EmergencyVerb(verb))).outcome is Outcome.ACCEPTED
+        assert self.emergency_reply(verb).outcome is Outcome.ACCEPTED
+
+    def emergency_reply(self, verb: str, confirmation: str = "") -> CiReply:
+        """What becomes of the emergency key."""
+        return self.ask(Emergency(verb=EmergencyVerb(verb), confirmation=confirmation))
 
     # --- what is to be seen ---
 

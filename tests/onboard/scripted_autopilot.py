@@ -1,0 +1,115 @@
+"""An autopilot as a device: takes commands after a delay, changes modes by its style, and refuses what it is told to."""
+
+from msgspec.structs import replace
+
+from gloc3.frames import Vector3
+from gloc3.vehicle import AutopilotState, FlightMode, LandedState
+from gloc3_onboard.devices import Answer
+
+from .messages import standing
+
+
+class ScriptedAutopilot:
+    """Driven by `tick`; `state` is what its sampler would report.
+
+    Args:
+        style: `px4` or `ardupilot`.
+    """
+
+    def __init__(self, style: str = "px4") -> None:
+        self.is_px4 = style == "px4"
+        self.state: AutopilotState = standing(FlightMode.HOLD if self.is_px4 else FlightMode.MANUAL)
+        self.setpoints: list[tuple[float, Vector3 | None, Vector3 | None]] = []
+        """When, position, velocity."""
+        self.commands: list[str] = []
+        """Everything that was commanded, in words."""
+        self.refuses: dict[str, str] = {}
+        """The begin of a command's words to the reason."""
+        self.is_deaf = False
+        self.delay_s = 0.1
+        self.now_s = 0.0
+        self._waiting: list[tuple[float, int, str]] = []
+        self._answers: dict[int, Answer] = {}
+        self._tickets = 0
+
+    # --- the device ---
+
+    @property
+    def arm_in_mode(self) -> FlightMode | None:
+        return None if self.is_px4 else FlightMode.GUIDED
+
+    @property
+    def stream_before_guided_s(self) -> float:
+        return 1.0 if self.is_px4 else 0.0
+
+    def send_setpoint(
+        self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None
+    ) -> None:
+        self.setpoints.append((self.now_s, position_ned_m, velocity_ned_m_s))
+
+    def command_mode(self, mode: FlightMode) -> int:
+        return self._command(f"mode {mode}")
+
+    def command_arm(self) -> int:
+        return self._command("arm")
+
+    def command_disarm(self) -> int:
+        return self._command("disarm")
+
+    def command_take_off(self, height_m: float) -> int:
+        return self._command(f"take off to {height_m:g}")
+
+    def answer(self, ticket: int) -> Answer | None:
+        return self._answers.get(ticket)
+
+    def abandon_commands(self) -> None:
+        self.commands.append("abandon")
+        self._waiting.clear()
+
+    def _command(self, words: str) -> int:
+        self._tickets += 1
+        self.commands.append(words)
+        self._waiting.append((self.now_s + self.delay_s, self._tickets, words))
+        return self._tickets
+
+    # --- what it does ---
+
+    def tick(self, now_s: float) -> AutopilotState:
+        """Carries out what is due."""
+        self.now_s = now_s
+        while self._waiting and self._waiting[0][0] <= now_s + 1e-9:
+            _, ticket, words = self._waiting.pop(0)
+            if not self.is_deaf:
+                reason = next((why for begin, why in self.refuses.items() if words.startswith(begin)), "")
+                self._answers[ticket] = Answer(not reason, reason)
+                if not reason:
+                    self._do(words)
+        return self.state
+
+    def _do(self, words: str) -> None:
+        if words.startswith("mode "):
+            self.enter(FlightMode(words.removeprefix("mode ")))
+        elif words in ("arm", "disarm"):
+            self.state = replace(self.state, is_armed=words == "arm")
+        else:
+            mode = FlightMode.TAKE_OFF if self.is_px4 else self.state.mode
+            self.state = replace(self.state, mode=mode, mode_name=str(mode))
+
+    def enter(self, mode: FlightMode) -> None:
+        """Somebody changes the mode."""
+        landed = LandedState.LANDING if mode is FlightMode.LAND else self.state.landed
+        self.state = replace(self.state, mode=mode, mode_name=str(mode), landed=landed)
+
+    def fly(self, mode: FlightMode = FlightMode.HOLD) -> None:
+        """It is in the air."""
+        self.state = replace(self.state, is_armed=True, landed=LandedState.IN_AIR, mode=mode, mode_name=str(mode))
+
+    def touch_down(self) -> None:
+        """It has landed and disarms, as both styles do."""
+        mode = FlightMode.HOLD if self.is_px4 else self.state.mode
+        self.state = replace(self.state, is_armed=False, landed=LandedState.ON_GROUND, mode=mode, mode_name=str(mode))
+
+    @property
+    def modes_asked(self) -> list[str]:
+        """The modes that were commanded, in order."""
+        return [words.removeprefix("mode ") for words in self.commands if words.startswith("mode ")]

@@ -28,6 +28,8 @@ OUT_M: Final = 1e-3
 """So much nearer to the fence than the margin is outside, and more than a rounding."""
 SEEN_M: Final = 0.02
 """A difference that is worth counting."""
+REACTION_S: Final = 0.4
+"""So much later the vehicle does what the point does; the fence is kept by the vehicle, not only by the point."""
 _AT_REST: Final = (0.0, 0.0, 0.0)
 
 
@@ -239,6 +241,8 @@ class SetpointLimiter:
         if self._flat is None:
             return True
         room_m, margin_m = self._flat.clearance_m(at), self._limits.fence_margin_m
+        reach_s += REACTION_S
+        stop = _plus(at, velocity, reach_s)
         if room_m - margin_m >= speed * reach_s:
             return True
         needed_m = min(room_m, margin_m) - ROUNDING_M

@@ -390,4 +390,5 @@ class CommandServer(CommandInterface[ServerSettings]):
             height_max_m=limits.height_max_m,
             fence=fence,
             fence_margin_m=limits.fence_margin_m,
+            home_ned_m=self._facts.home_ned_m,
         )

@@ -56,9 +56,24 @@ def check_row(row: ComponentRow, component: type[Component[Any]]) -> list[Findin
 
 
 def problems_of(
-    rows: Sequence[ComponentRow], topics: TopicTable, *, external: Collection[str] = ()
+    rows: Sequence[ComponentRow],
+    topics: TopicTable | None,
+    *,
+    external: Collection[str] = (),
+    is_loading_classes: bool = True,
 ) -> Iterator[Problem]:
-    """The problems of a deployment, each with its place; see `check_deployment`."""
+    """The problems of a deployment, each with its place; see `check_deployment`.
+
+    Args:
+        rows: the components of a platform.
+        topics: the topics that are known; None does not check topics.
+        external: patterns of topics that come from elsewhere.
+        is_loading_classes: whether the classes are imported, and the rows checked against them.
+    """
+    yield from _row_problems(rows)
+    yield from _relation_problems(rows)
+    if not is_loading_classes:
+        return
     classes: Classes = {}
     for index, row in enumerate(rows):
         try:
@@ -69,9 +84,16 @@ def problems_of(
         yield from _class_problems(index, row, classes[row.name])
         yield from _settings_problems(index, row, classes[row.name])
         yield from _device_problems(index, row, classes[row.name])
-    yield from _relation_problems(rows)
     yield from _shared_outputs(rows, classes)
-    yield from _topic_problems(rows, classes, topics, external)
+    if topics is not None:
+        yield from _topic_problems(rows, classes, topics, external)
+
+
+def _row_problems(rows: Sequence[ComponentRow]) -> Iterator[Problem]:
+    for index, row in enumerate(rows):
+        if row.rate_hz is None and row.trigger is None:
+            hint = "give rate_hz, or trigger with the name of an input"
+            yield Problem(index, (), f"component {row.name} would never work", hint)
 
 
 def _class_problems(index: int, row: ComponentRow, component: type[Component[Any]]) -> Iterator[Problem]:
@@ -80,7 +102,7 @@ def _class_problems(index: int, row: ComponentRow, component: type[Component[Any
         if port not in ports:
             hint = nearest(port, ports)
             yield Problem(index, ("ports", port), f"{component.__name__} has no port {port!r}", hint, is_key=True)
-        elif not row.topics(port):
+        elif port in component.outputs and not row.topics(port):
             yield Problem(index, ("ports", port), "bound to no topic", f"leave the line out for {port!r} itself")
     inputs = sorted(component.inputs)
     if row.trigger is not None and row.trigger not in inputs:
@@ -90,9 +112,6 @@ def _class_problems(index: int, row: ComponentRow, component: type[Component[Any
         if item not in component.loggable:
             hint = nearest(item, component.loggable)
             yield Problem(index, ("log", position), f"{component.__name__} cannot log {item!r}", hint)
-    if row.rate_hz is None and row.trigger is None:
-        hint = "give rate_hz, or trigger with the name of an input"
-        yield Problem(index, (), f"component {row.name} would never work", hint)
 
 
 def _settings_problems(index: int, row: ComponentRow, component: type[Component[Any]]) -> Iterator[Problem]:
@@ -134,7 +153,7 @@ def _relation_problems(rows: Sequence[ComponentRow]) -> Iterator[Problem]:
             elif by_name[row.standby_for].standby_for is not None:
                 hint = f"name the primary: {by_name[row.standby_for].standby_for}"
                 yield Problem(index, ("standby_for",), f"{row.standby_for!r} is itself a standby", hint)
-            if row.begin is not Begin.QUIET:
+            elif row.begin is not Begin.QUIET:
                 hint = "at most one of a primary and its standbys is not quiet"
                 yield Problem(index, ("begin",), "a standby begins quiet", hint)
         standby = row.on_fault.standby if isinstance(row.on_fault, OnFault) else None
@@ -171,7 +190,10 @@ def _topic_problems(
             for port, topic in _topics_of(row, classes, kind):
                 where = ("ports", port)
                 declared = topics.row(f"platform/{topic}")
-                if declared is None:
+                if declared is None and kind == "inputs" and port not in row.ports:
+                    hint = f"bind {port!r} to a topic, or to [] if it is not needed here"
+                    yield Problem(index, where, "the input is bound to no known topic", hint, is_warning=True)
+                elif declared is None:
                     yield Problem(index, where, f"unknown topic {topic!r}", nearest(topic, known))
                 elif not issubclass(ports[port].message, declared.message):
                     wanted, found = declared.message.__name__, ports[port].message.__name__

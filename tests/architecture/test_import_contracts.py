@@ -1,12 +1,17 @@
 """The architecture's import contracts: static, by import-linter, and at run time, in a fresh interpreter."""
 
+import importlib
 import json
+import pkgutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 from importlinter.cli import lint_imports
+
+from gloc3.component import Component
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,6 +39,26 @@ def loaded_by(*modules: str) -> set[str]:
 
 def test_the_import_contracts_are_kept(capsys: pytest.CaptureFixture[str]) -> None:
     assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True) == 0, capsys.readouterr().out
+
+
+def test_the_contract_that_keeps_components_apart_names_every_component() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    (apart,) = [contract["modules"] for contract in contracts if contract["type"] == "independence"]
+    import gloc3_onboard
+
+    defining = set[str]()
+    for found in pkgutil.walk_packages(gloc3_onboard.__path__, "gloc3_onboard."):
+        module = importlib.import_module(found.name)
+        if any(_is_component_of(thing, found.name) for thing in vars(module).values()):
+            defining.add(found.name)
+    missing = {name for name in defining if not any(name == item or name.startswith(f"{item}.") for item in apart)}
+    assert missing == set()
+
+
+def _is_component_of(thing: object, module: str) -> bool:
+    return isinstance(thing, type) and issubclass(thing, Component) and thing.__module__ == module
 
 
 def test_the_vehicle_loads_nothing_that_only_the_ground_or_the_simulation_needs() -> None:

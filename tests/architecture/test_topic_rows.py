@@ -58,4 +58,5 @@ def test_the_pose_is_silent_after_three_periods() -> None:
 @pytest.mark.parametrize("name", PLATFORMS)
 def test_our_platforms_rows_fit_their_classes_the_topics_and_each_other(name: str) -> None:
     rows = load_platform(name, is_loading_classes=True).components
-    assert check_deployment(rows, TABLE, external=tuple(FROM_ELSEWHERE)) == []
+    findings = check_deployment(rows, TABLE, external=tuple(FROM_ELSEWHERE))
+    assert [str(finding) for finding in findings if not finding.is_warning] == []

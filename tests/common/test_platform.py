@@ -108,6 +108,7 @@ def test_ports_settings_and_needs_are_checked_against_the_classes() -> None:
         "unknown key 'gian' (did you mean 'gain'?)",
         "Steady cannot log 'lvel' (did you mean 'level'?)",
         "Steady has no input 'inn' (none is known)",
+        "'out' is an output of pose already (bind 'out' to another topic, or say standby_for: pose)",
     ]
 
 

@@ -122,6 +122,11 @@ def test_a_good_deployment_has_no_findings() -> None:
         ([source(ports={"given": "givn"})], "ports.given: unknown topic 'givn' (did you mean 'given'?)"),
         ([source(ports={"given": "news"})], "ports.given: 'news' carries Event, and the port Number"),
         (
+            [source(), listener(ports={})],
+            "warning: ports.event: the input is bound to no known topic (bind 'event' to a topic, or to [] if it is",
+        ),
+        ([listener(ports={"event": "evnt"})], "ports.event: unknown topic 'evnt'"),
+        (
             [source(), listener(ports={"given": "result", "event": "components/source/event"})],
             "warning: ports.given: nobody here brings 'result'",
         ),
@@ -140,6 +145,16 @@ def test_findings_have_their_place_in_the_row() -> None:
     rows = [source(), listener(log=["x"])]
     (problem,) = problems_of(rows, TOPICS)
     assert (problem.row, problem.path, problem.is_warning) == (1, ("log", 0), False)
+
+
+def test_an_input_may_be_bound_to_nothing_and_an_output_may_not() -> None:
+    assert found(source(), listener(ports={"event": []})) == []
+    assert found(source(ports={"given": []})) != []
+
+
+def test_without_loading_classes_only_the_rows_themselves_are_checked() -> None:
+    rows = [source(**{"class": "nowhere:Thing"}), source("b", standby_for="x")]
+    assert [problem.path for problem in problems_of(rows, None, is_loading_classes=False)] == [("standby_for",)]
 
 
 def test_two_standbys_of_one_primary_may_share_its_output() -> None:

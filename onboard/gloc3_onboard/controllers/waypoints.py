@@ -27,6 +27,9 @@ class WaypointsSettings(Settings, frozen=True):
     """Speed of a return home that names none."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
     """Longest wait at the end for the vehicle to come within the acceptance distance, before the action fails."""
+    at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.2
+    """The action is done when the vehicle is there and no faster than this, so that what follows begins there; in a
+    wind that never lets it rest it is done after `settle_s`."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """A pose older than this is lost."""
 
@@ -131,9 +134,11 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         state, reason = ActionState.RUNNING, ""
         if follower.is_at_end:
             self._waiting_s += duration_s
-            if self.cross_track_m <= order.acceptance_m:
+            has_waited = self._waiting_s > self._settings.settle_s
+            is_at_rest = math.hypot(*pose.velocity_ned_m_s) <= self._settings.at_rest_m_s
+            if self.cross_track_m <= order.acceptance_m and (is_at_rest or has_waited):
                 state = ActionState.DONE
-            elif self._waiting_s > self._settings.settle_s:
+            elif has_waited:
                 state, reason = ActionState.FAILED, f"the last waypoint stays {self.cross_track_m:.2f} m away"
         self._turn(order.heading, target.bearing_rad, pose, duration_s)
         self.advance(now_s, progress, state, reason)

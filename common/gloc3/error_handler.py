@@ -16,7 +16,7 @@ _ADDRESS: Final = re.compile(r" at 0x[0-9a-fA-F]+")
 class Cause(NamedTuple):
     """One kind of error that a component has had."""
 
-    count: int
+    times: int
     first_s: float
     last_s: float
 
@@ -51,7 +51,7 @@ class ErrorHandler:
         if not is_minor:
             self.last_cause = cause
         self.causes[cause] = (
-            Cause(1, now_s, now_s) if known is None else known._replace(count=known.count + 1, last_s=now_s)
+            Cause(1, now_s, now_s) if known is None else known._replace(times=known.times + 1, last_s=now_s)
         )
         if len(self.causes) > CAUSES_MAX:
             del self.causes[next(iter(self.causes))]
@@ -75,6 +75,12 @@ def describe(error: BaseException) -> str:
     text, _ = guard(str, error)
     line = one_line(text or "")
     return f"{type(error).__name__}: {line}" if line else type(error).__name__
+
+
+def reason_of(refusal: BaseException | None) -> str:
+    """The text of a refusal, whatever an author put into it; never empty."""
+    text, _ = guard(str, refusal)
+    return text or "refused"
 
 
 def one_line(text: str) -> str:

@@ -5,7 +5,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.component import Component, FunctionEntry
-from gloc3.error_handler import Failure, describe
+from gloc3.error_handler import Failure, describe, reason_of
 from gloc3.errors import Misuse, Refused
 from gloc3.functions import SetLogging, SetLoggingReply, SetRate, SetRateReply, decode_request
 from gloc3.gate import Gate
@@ -112,7 +112,7 @@ class FunctionDesk:
         if job.is_skipped:
             self._reply(request, f"{request.function} was not carried out: {self._hosted.errors.last_cause}")
         elif isinstance(job.error, Refused):
-            self._reply(request, str(job.error))
+            self._reply(request, reason_of(job.error))
         elif job.error is not None:
             self._hosted.fault(describe(job.error), job.error, is_device_safe=True)
             self._reply(request, f"{request.function} failed: {describe(job.error)}")

@@ -1,6 +1,5 @@
 """One life of a component under its host, from its creation to its shutdown: state, cycles, errors, status."""
 
-import json
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -13,7 +12,7 @@ from gloc3.cycle_job import CycleJob
 from gloc3.data_logger import DataLogger
 from gloc3.deployment import ComponentRow
 from gloc3.errands import Errands
-from gloc3.error_handler import ErrorHandler, Failure, describe
+from gloc3.error_handler import ErrorHandler, Failure, describe, reason_of
 from gloc3.exchange.base import Publisher, Unsubscribe
 from gloc3.gate import Gate
 from gloc3.guard import guard
@@ -22,7 +21,7 @@ from gloc3.messages import ComponentStatus, Envelope, Event, InternalState, Mess
 from gloc3.method_job import CHECK_LEAVING, MAKE_SAFE, MethodJob
 from gloc3.outlets import KEY, Outlets, Routed
 from gloc3.ports import Mailbox
-from gloc3.status_notifier import StatusNotifier
+from gloc3.status_notifier import StatusNotifier, health_report
 
 Answer = Callable[[str], None]
 """Gets an empty text, or why a command was refused or failed."""
@@ -97,11 +96,9 @@ class HostedComponent:
     def carry_out(self, command: Command, row: Transition, settings: Any, answer: Answer) -> None:
         """Runs the methods of a row of the table and commits the state; `answer` is told when that has ended."""
         assert self.state is not None
-        methods = list(row.methods)
+        methods = [name for name in row.methods if not (self._is_finish_stuck and name == "finish")]
         if self.is_device_live and ("stop" in methods or "goquiet" in methods):
             methods[:0] = [CHECK_LEAVING, MAKE_SAFE]
-        if self._is_finish_stuck and self.state is State.FAULTY:
-            methods.remove("finish")
         job = self._transition = MethodJob(
             self.component,
             methods,
@@ -119,7 +116,7 @@ class HostedComponent:
             if job.is_skipped:
                 answer(f"{command} was not carried out: {self.errors.last_cause}")
             elif job.is_refused:
-                answer(str(job.error))
+                answer(reason_of(job.error))
             elif job.error is not None:
                 cause = describe(job.error)
                 self.fault(cause, job.error, is_stopped="stop" in job.called, is_device_safe=True)
@@ -150,7 +147,7 @@ class HostedComponent:
         if job.component is not self.component:
             self.component, self._is_stuck, self._is_finish_stuck = job.component, False, False
         if command is Command.INITIALIZE:
-            details = json.dumps(msgspec.to_builtins(job.settings), sort_keys=True)
+            details = msgspec.json.encode(job.settings, order="sorted").decode()
         if command is Command.START:
             self._publisher.restart(self._new_boot())
             self._mailbox.clear()
@@ -292,22 +289,12 @@ class HostedComponent:
 
     def status(self) -> ComponentStatus:
         """The component's health as it is now."""
-        last, statistics = self.errors.last, self._cycler.statistics
-        return ComponentStatus(
-            name=self.row.name,
-            kind=self.component.kind,
-            state=self.state,
-            rate_hz=statistics.rate_hz if self.state in OPERATING else 0.0,
+        return health_report(
+            self.row,
+            self.component.kind,
+            self.state,
+            self.errors,
+            self._cycler.statistics,
             nominal_rate_hz=self._cycler.rate_hz or 0.0,
-            cycle_mean_s=statistics.mean_s,
-            cycle_max_s=statistics.max_s,
-            cycles=statistics.cycles,
-            overruns=statistics.overruns,
-            errors=self.errors.total,
-            cause=self.errors.last_cause,
-            cause_first_s=last.first_s if last else 0.0,
-            cause_last_s=last.last_s if last else 0.0,
             dropped=self._mailbox.dropped,
-            is_required=self.row.required,
-            standby_for=self.row.standby_for or "",
         )

@@ -3,6 +3,12 @@
 import asyncio
 from collections.abc import Callable
 
+from gloc3.deployment import ComponentRow
+from gloc3.error_handler import ErrorHandler
+from gloc3.lci import OPERATING, State
+from gloc3.messages import ComponentStatus, Kind
+from gloc3.statistics import CycleStatistics
+
 
 class StatusNotifier:
     """Asks for a report at a set period; `changed()` gives one in between."""
@@ -31,3 +37,35 @@ class StatusNotifier:
     def _periodic(self) -> None:
         self._timer = self._loop.call_later(self._period_s, self._periodic)
         self._report(True)
+
+
+def health_report(
+    row: ComponentRow,
+    kind: Kind,
+    state: State | None,
+    errors: ErrorHandler,
+    statistics: CycleStatistics,
+    *,
+    nominal_rate_hz: float,
+    dropped: int,
+) -> ComponentStatus:
+    """What a component's status message says."""
+    last = errors.last
+    return ComponentStatus(
+        name=row.name,
+        kind=kind,
+        state=state,
+        rate_hz=statistics.rate_hz if state in OPERATING else 0.0,
+        nominal_rate_hz=nominal_rate_hz,
+        cycle_mean_s=statistics.mean_s,
+        cycle_max_s=statistics.max_s,
+        cycles=statistics.cycles,
+        overruns=statistics.overruns,
+        errors=errors.total,
+        cause=errors.last_cause,
+        cause_first_s=last.first_s if last else 0.0,
+        cause_last_s=last.last_s if last else 0.0,
+        dropped=dropped,
+        is_required=row.required,
+        standby_for=row.standby_for or "",
+    )

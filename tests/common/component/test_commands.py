@@ -12,6 +12,13 @@ from gloc3.testing import Bench
 from .specimen import Diary, Number, Specimen, row
 
 
+class Unspeakable:
+    """What cannot be told."""
+
+    def __str__(self) -> str:
+        raise RuntimeError("no words")
+
+
 def ask(bench: Bench, command: str, *then: str, request_id: str = "x", **entries: Any) -> None:
     """Sends a command without waiting for the reply."""
     bench.send(
@@ -84,6 +91,18 @@ def test_a_component_can_refuse_a_command_itself() -> None:
         assert bench.hosts["specimen"].errors.total == 0
         bench.run(1.0)
         assert diary.calls[-1] == "work"
+
+
+@pytest.mark.parametrize("reason", [(), (Unspeakable(),)])
+def test_a_refusal_without_words_is_a_refusal(reason: tuple[object, ...]) -> None:
+    diary = Diary()
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(diary))
+        diary.errors["stop"] = diary.errors["scale"] = Refused(*reason)
+        for reply in (bench.command("specimen", "stop"), bench.call("specimen", "scale", factor=1.0)):
+            assert (reply.is_accepted, reply.reason) == (False, "refused")
+        diary.errors.clear()
+        assert bench.command("specimen", "stop").is_accepted
 
 
 def test_a_refusal_after_something_has_been_changed_is_a_fault() -> None:
@@ -237,7 +256,7 @@ def test_settings_of_a_command_go_before_those_of_the_row_and_do_not_outlive_the
 def test_the_settings_that_are_in_force_are_in_the_log_as_an_event() -> None:
     with Bench() as bench:
         bench.host(row(begin="standby", settings={"offset": 1.5}), lambda: Specimen(Diary()))
-        assert bench.last("components/specimen/event").details == '{"offset": 1.5}'
+        assert bench.last("components/specimen/event").details == '{"offset":1.5}'
 
 
 def test_wrong_settings_of_a_row_leave_the_component_idle_and_tell_why() -> None:

@@ -1,4 +1,4 @@
-"""Which sources the estimator uses, as the parameters of each style say."""
+"""Which sources the estimator uses (bits of `Source`), as the parameters of each style say."""
 
 from collections.abc import Callable
 from typing import Final
@@ -8,9 +8,9 @@ from gloc3_sitl.autopilot.estimator.sources import Source
 Ask = Callable[[str], float]
 
 
-def px4_sources(ask: Ask) -> Source:
+def px4_sources(ask: Ask) -> int:
     """By EKF2_GPS_CTRL, EKF2_EV_CTRL, EKF2_BARO_CTRL, EKF2_MAG_TYPE and EKF2_HGT_REF."""
-    sources = Source(0)
+    sources = 0
     if int(ask("EKF2_GPS_CTRL")) & 1:
         sources |= Source.FIX
     vision = int(ask("EKF2_EV_CTRL"))
@@ -31,9 +31,9 @@ def px4_sources(ask: Ask) -> Source:
     return sources
 
 
-def ardupilot_sources(ask: Ask, number: int) -> Source:
+def ardupilot_sources(ask: Ask, number: int) -> int:
     """By the source set with this number, EK3_SRCn_..."""
-    sources = Source.BAROMETER
+    sources: int = Source.BAROMETER
     prefix = f"EK3_SRC{number}_"
     position, velocity = ask(prefix + "POSXY"), ask(prefix + "VELXY")
     height, yaw = ask(prefix + "POSZ"), ask(prefix + "YAW")

@@ -66,6 +66,7 @@ class Sensor(ABC, Generic[R]):
         """The fault that is present, if any."""
         self.due_s = 0.0
         """When something is to be measured or delivered next."""
+        self._period_s = 1.0 / rate_hz
         self._draw = normals(seed, self.name)
         self._measure_s = 0.0
         self._last: R | None = None
@@ -86,23 +87,26 @@ class Sensor(ABC, Generic[R]):
 
     def poll(self, motion: Motion, now_s: float, out: list[Reading]) -> None:
         """Measure if it is time, and append what has arrived; due at most once a call."""
+        under_way = self._under_way
         if now_s >= self._measure_s - _EARLY_S:
-            period_s = 1.0 / self.rate_hz
-            reading = self.measure(motion, now_s)
-            kept = reading if self.fault is None else self._spoil(reading, self.fault)
-            if kept is not None:
-                self._under_way.append((now_s + self._latency_s(), kept))
-            self._measure_s += period_s
+            kept: R | None = self.measure(motion, now_s)
+            if self.fault is not None and kept is not None:
+                kept = self._spoil(kept, self.fault)
+            self._measure_s += self._period_s
             if self._measure_s <= now_s:
-                self._measure_s = now_s + period_s
-        while self._under_way and now_s >= self._under_way[0][0] - _EARLY_S:
-            out.append(self._under_way.popleft()[1])
-        arrival_s = self._under_way[0][0] if self._under_way else self._measure_s
-        self.due_s = min(self._measure_s, arrival_s)
+                self._measure_s = now_s + self._period_s
+            if kept is not None:
+                latency_s = self.latency_s if self.fault is None else self._late_s(self.fault)
+                if latency_s > 0.0 or under_way:
+                    under_way.append((now_s + latency_s, kept))
+                else:
+                    out.append(kept)
+        while under_way and now_s >= under_way[0][0] - _EARLY_S:
+            out.append(under_way.popleft()[1])
+        self.due_s = min(self._measure_s, under_way[0][0]) if under_way else self._measure_s
 
-    def _latency_s(self) -> float:
-        fault = self.fault
-        return self.latency_s + (fault.size if fault is not None and fault.mode is FaultMode.LATE else 0.0)
+    def _late_s(self, fault: Fault) -> float:
+        return self.latency_s + (fault.size if fault.mode is FaultMode.LATE else 0.0)
 
     def _spoil(self, reading: R, fault: Fault) -> R | None:
         match fault.mode:

@@ -20,7 +20,7 @@ RADIUS_M, TURN_RAD_S = 4.0, 0.5
 class Rig:
     """Feeds an estimator with the sensors of a vehicle that stands, then flies circles with its nose along the way."""
 
-    def __init__(self, seed: int = 1, sources: Source = DEFAULT_SOURCES) -> None:
+    def __init__(self, seed: int = 1, sources: int = DEFAULT_SOURCES) -> None:
         self.estimator = Estimator(declination_rad=DECLINATION, sources=sources)
         self.random = Random(seed)
         self.steps = 0

@@ -45,7 +45,8 @@ class Mixer:
         elif thrust + tilt > high:
             thrust = high - tilt
             saturated = True
-        room = min(thrust - tilt - low, high - thrust - tilt)
+        below, above = thrust - tilt - low, high - thrust - tilt
+        room = min(below, above)
         # A little yaw authority is always kept, at the cost of lift at the upper limit.
         if room < 0.04 and thrust + tilt + 0.04 > high:
             thrust = max(high - tilt - 0.04, low + tilt)
@@ -66,8 +67,8 @@ class Mixer:
         half, inverse = self._half_linear, self._inverse_curve
         square = half * half
         return (
-            sqrt(square + (max(0.0, front_right)) * inverse) - half,
-            sqrt(square + (max(0.0, rear_left)) * inverse) - half,
-            sqrt(square + (max(0.0, front_left)) * inverse) - half,
-            sqrt(square + (max(0.0, rear_right)) * inverse) - half,
+            sqrt(square + front_right * inverse) - half if front_right > 0.0 else 0.0,
+            sqrt(square + rear_left * inverse) - half if rear_left > 0.0 else 0.0,
+            sqrt(square + front_left * inverse) - half if front_left > 0.0 else 0.0,
+            sqrt(square + rear_right * inverse) - half if rear_right > 0.0 else 0.0,
         )

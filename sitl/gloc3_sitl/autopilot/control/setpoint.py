@@ -1,8 +1,9 @@
 """What the modes ask of the control loops: one setpoint per 20 ms, in NED or as an attitude."""
 
-from dataclasses import dataclass
 from math import nan
 from typing import Final
+
+import msgspec
 
 from gloc3.frames import Quaternion, Vector3
 
@@ -10,8 +11,7 @@ FREE: Final[Vector3] = (nan, nan, nan)
 """No wish in any axis."""
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
-class MotionSetpoint:
+class MotionSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Position, velocity and acceleration, each axis of each either a number or NaN for "no wish".
 
     A velocity beside a position is fed forward; a velocity alone is flown. An axis without position and velocity is
@@ -28,8 +28,7 @@ class MotionSetpoint:
     """The vehicle stands on the ground with motors idling; nothing is controlled but rates."""
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
-class AttitudeSetpoint:
+class AttitudeSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """An attitude with a thrust, or body rates with a thrust."""
 
     ned_from_frd: Quaternion | None = None

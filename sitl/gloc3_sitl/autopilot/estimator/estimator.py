@@ -25,7 +25,8 @@ class Estimator:
     """Attitude, velocity, position, height above ground, and how far each can be trusted."""
 
     declination_rad: float = 0.0
-    sources: Source = DEFAULT_SOURCES
+    sources: int = DEFAULT_SOURCES
+    """Bits of `Source`."""
     inertial: InertialSolution = field(default_factory=InertialSolution)
     origin: TangentPlane | None = None
     """Where NED is tangent to the Earth; None until the first good fix or until it is set."""

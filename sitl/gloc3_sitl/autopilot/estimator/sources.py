@@ -1,25 +1,29 @@
 """What corrects the estimate: the sources, their measurements, and how each is doing."""
 
 from dataclasses import dataclass
-from enum import IntFlag
 from typing import Final
+
+import msgspec
 
 from gloc3.frames import GeoPoint, Vector3
 
 
-class Source(IntFlag):
-    """What may correct the inertial solution; each can be switched on and off in flight."""
+class Source:
+    """Bits of what may correct the inertial solution; each can be switched on and off in flight.
 
-    FIX = 1
+    They are plain integers: in the loops that ask for them the operators of an `IntFlag` would be dear.
+    """
+
+    FIX: Final = 1
     """Satellite fix: position, velocity, height."""
-    BAROMETER = 2
-    MAGNETOMETER = 4
-    EXTERNAL_POSITION = 8
+    BAROMETER: Final = 2
+    MAGNETOMETER: Final = 4
+    EXTERNAL_POSITION: Final = 8
     """Horizontal position of external odometry."""
-    EXTERNAL_HEIGHT = 16
-    EXTERNAL_VELOCITY = 32
-    EXTERNAL_YAW = 64
-    RANGE_HEIGHT = 128
+    EXTERNAL_HEIGHT: Final = 16
+    EXTERNAL_VELOCITY: Final = 32
+    EXTERNAL_YAW: Final = 64
+    RANGE_HEIGHT: Final = 128
     """The range finder as height, over flat ground."""
 
 
@@ -56,8 +60,7 @@ class SourceState:
         return self.refused_since_s is not None and now_s - self.refused_since_s > 1.5
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
-class Fix:
+class Fix(msgspec.Struct, frozen=True, kw_only=True):
     """A satellite fix, already free of the receiver's own format."""
 
     t_s: float
@@ -72,8 +75,7 @@ class Fix:
     satellites: int
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
-class ExternalOdometry:
+class ExternalOdometry(msgspec.Struct, frozen=True, kw_only=True):
     """Position, velocity and heading from outside, in the estimator's NED (or turned by an unknown heading: then without yaw)."""
 
     t_s: float

@@ -11,7 +11,7 @@ from tests.flight.missions import mission
 from gloc3.messages import Envelope
 from gloc3.vehicle import FlightMode, Setpoint
 
-HOME_M = 0.7
+HOME_M = 0.3
 
 
 def sweep(flight: Card, **policies: str) -> None:

@@ -7,7 +7,7 @@ from tests.flight.missions import mission
 from gloc3.ci import CommandComponent, Outcome, RequestAction, Steer, Verb
 from gloc3.lci import State
 
-HOME_M = 0.7
+HOME_M = 0.3
 TWO_WAYS = (
     "{out: {follow_waypoints: {waypoints_m: [[8, 0, 1.5]], speed_m_s: 1.0}}, "
     "side: {follow_waypoints: {waypoints_m: [[4, 3, 1.5]], speed_m_s: 1.0}, after: [out]}}"

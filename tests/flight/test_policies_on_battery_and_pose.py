@@ -9,7 +9,7 @@ from tests.flight.missions import mission, platform
 from gloc3.errors import InputError
 from gloc3.vehicle import FlightMode
 
-HOME_M = 0.7
+HOME_M = 0.3
 NO_FAILSAFE = {"  low_battery: {action: return, at: 0.1}": "  {}"}
 """A platform whose autopilot does nothing by itself when the battery is low."""
 HOLDS_BLINDLY = {"needs: [pose, limiter, autopilot_driver]}\n  return": "needs: [limiter, autopilot_driver]}\n  return"}

@@ -6,7 +6,7 @@ from tests.flight.missions import mission
 
 OUT = "follow_waypoints: {waypoints_m: [[8, 0, 1.5]], speed_m_s: 1.0}"
 SIDE = "follow_waypoints: {waypoints_m: [[4, 3, 1.5]], speed_m_s: 1.0}"
-HOME_M = 0.7
+HOME_M = 0.3
 
 
 def fly_into_a_deadline(flight: Card, policy: str, **policies: str) -> None:

@@ -8,7 +8,7 @@ from gloc3.ci import CiRequest, CommandComponent, Outcome, Query, Steer
 from gloc3.exchange import Publisher
 from gloc3.vehicle import FlightMode
 
-HOME_M = 0.7
+HOME_M = 0.3
 TWO_WAYS = (
     "{out: {follow_waypoints: {waypoints_m: [[5, 0, 1.5]], speed_m_s: 1.0}}, "
     "side: {follow_waypoints: {waypoints_m: [[5, 4, 1.5]], speed_m_s: 1.0}, after: [out]}}"

@@ -7,7 +7,7 @@ from tests.flight.missions import mission, platform
 from gloc3.ci import CommandComponent, Outcome, RequestAction
 from gloc3.vehicle import FlightMode, LandedState
 
-HOME_M = 0.7
+HOME_M = 0.3
 SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
 COMMANDS = ("COMMAND_LONG", "COMMAND_INT", "SET_MODE")
 SET_MODE, ARM, TAKE_OFF, LAND = 176, 400, 22, 21

@@ -415,7 +415,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(STEPS)
 def test_in_any_course_of_events_at_most_one_with_the_same_outputs_is_not_quiet(
     steps: list[tuple[str, str, float]],

@@ -18,6 +18,7 @@ from gloc3.lci import Command, State
 from gloc3.messages import CommandRequest
 from gloc3.platform import Platform
 from gloc3.topics import TopicTable
+from gloc3_onboard.caretaker import Caretaker
 
 STOP_TIMEOUT_S: Final = 6.0
 
@@ -47,6 +48,7 @@ class Onboard:
         self.hosts: Final = {
             row.name: ComponentHost(row, partial(create, row, devices), context) for row in platform.components
         }
+        self._caretaker: Caretaker | None = None
 
     @classmethod
     def of(
@@ -63,6 +65,7 @@ class Onboard:
 
     def begin(self) -> None:
         """Brings every component to the state that its row asks for, in the order of the file."""
+        self._caretaker = Caretaker(list(self.hosts.values()), self.context)
         for host in self.hosts.values():
             host.begin()
 
@@ -73,6 +76,7 @@ class Onboard:
 
     async def stop(self) -> None:
         """Shuts every component down by command, the chain from its begin to its end, drivers last but the CI."""
+        self._dismiss_caretaker()
         context = self.context
         publisher = Publisher(context.exchange, context.platform, "runner", context.random.getrandbits(32))
         for number, (name, host) in enumerate(self.hosts.items()):
@@ -87,8 +91,14 @@ class Onboard:
 
     def close(self) -> None:
         """Ends without ceremony."""
+        self._dismiss_caretaker()
         for host in self.hosts.values():
             host.close()
+
+    def _dismiss_caretaker(self) -> None:
+        if self._caretaker is not None:
+            self._caretaker.close()
+            self._caretaker = None
 
     def state(self, name: str) -> State | None:
         """The state of a component.

@@ -318,6 +318,10 @@ class MissionExecutor:
         """Resource to the `TASK.ACTION` that holds it."""
         return {name: assignment.label for name, assignment in self.board.assignments.claims.items()}
 
+    def knows(self, action_id: str) -> bool:
+        """Whether an action is in the hands of a component by this executor's leave."""
+        return action_id in self.board.assignments.by_id
+
     def in_use(self, component: str, provides: tuple[str, ...] = ()) -> list[str]:
         """The running actions that would lose something without a component, those of a policy included.
 

@@ -129,6 +129,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._availability = Availability(platform)
         self._supervision: Supervision | None = None
         self._verdicts: list[Verdict] = []
+        self._performing: dict[str, str] = {}
+        """Component to the action that it says it is performing."""
         self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._say)
         self._executor: MissionExecutor | None = None
         self._granted = Grant(action_id="", component="")
@@ -187,6 +189,12 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._facts.see_pose(pose)
         for state in inbox.new(self.autopilot):
             self._facts.see_autopilot(state.payload)
+        for action in inbox.new(self.action_status):
+            component, status_of = action.source.component, action.payload
+            if status_of.state in (ActionState.RUNNING, ActionState.PAUSED):
+                self._performing[component] = status_of.action_id
+            elif self._performing.get(component) == status_of.action_id:
+                del self._performing[component]
         for driver in inbox.new(self.driver):
             self._facts.driver = driver.payload
         for fence in inbox.new(self.fence_state):
@@ -201,10 +209,12 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._requests.supervision = self._supervision
         supervision = self._supervision
         steps: list[Step] = []
-        for status in inbox.new(self.status):
-            steps += supervision.receive_status(status.payload, now_s)
         for reply in inbox.new(self.reply):
             steps += supervision.receive_reply(reply.payload, now_s)
+        # A reply follows the statuses of what it answers: the last status is never older than the reply.
+        last = {status.payload.name: status.payload for status in inbox.new(self.status)}
+        for status in last.values():
+            steps += supervision.receive_status(status, now_s)
         steps += supervision.tick(now_s)
         results: list[Result] = []
         for step in steps:
@@ -289,7 +299,8 @@ class CommandServer(CommandInterface[ServerSettings]):
                 return [self._grant_message()]
             case Start(progress=progress):
                 arguments = {"capability": ask.capability, "arguments": ask.arguments, "progress": progress}
-                return [self._ask(ask.component, ask.action_id, "start", arguments)]
+                start = self._ask(ask.component, ask.action_id, "start", arguments)
+                return [*self._clear(ask.component), start]
             case Pause():
                 return [self._ask(ask.component, ask.action_id, "pause", {})]
             case Resume():
@@ -301,6 +312,13 @@ class CommandServer(CommandInterface[ServerSettings]):
             case Told():
                 self._say(ask.severity, ask.text)
         return []
+
+    def _clear(self, component: str) -> list[Report]:
+        """Has a component end an action that a former life of this server has left it with."""
+        left = self._performing.pop(component, "")
+        if not left or self._executor is None or self._executor.knows(left):
+            return []
+        return [self._ask(component, left, "cancel", {})]
 
     def _ask(self, component: str, action_id: str, verb: Verb, more: dict[str, Any]) -> Report:
         self._count += 1

@@ -1,0 +1,66 @@
+"""The command interface server itself crashes or hangs in flight: its heartbeat says so, and it comes back."""
+
+import pytest
+from tests.flight.card import Card
+from tests.flight.missions import mission
+
+HOME_M = 0.3
+ACTIVE, CRITICAL = 4, 5
+"""Of MAV_STATE."""
+
+
+def sweep(flight: Card, **policies: str) -> None:
+    """On the way, two seconds into the sweep."""
+    flight.begin(mission(**policies))
+    flight.await_state("sweep.out", "running")
+    flight.wait(2.0)
+
+
+@pytest.mark.parametrize("fault", ["crash", "hang"])
+def test_a_server_that_fails_in_flight_comes_back_and_the_mission_goes_on_by_on_restart(
+    flight: Card, fault: str
+) -> None:
+    sweep(flight, on_restart="continue")
+    flight.fault(f"{fault}:command_server", for_s=0.4)
+    flight.until(lambda: flight.lci("command_server") == "faulty", 1.0, "it is faulty")
+    flight.await_component("command_server", "working", 3.0)
+    flight.await_state("mission", "done", 40.0)
+    assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
+    assert not flight.driver.has_pilot_control
+
+
+def test_a_server_that_fails_in_flight_holds_until_an_operator_acts(flight: Card) -> None:
+    sweep(flight)
+    flight.fault("crash:command_server")
+    flight.until(lambda: flight.lci("command_server") == "faulty", 1.0, "it is faulty")
+    flight.await_component("command_server", "working", 3.0)
+    flight.await_policy("hold", 5.0)
+    flight.until(lambda: flight.speed_m_s < 0.05, 6.0, "it stands")
+    flight.run(flight.take_control())
+    flight.command("resume")
+    flight.await_state("mission", "done", 40.0)
+    assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
+
+
+def test_without_a_server_the_vehicle_holds_by_itself_and_no_heartbeat_lies(flight: Card) -> None:
+    sweep(flight)
+    flight.fault("hang:command_server")
+    flight.wait(2.0)
+    begin_s = flight.now_s
+    flight.wait(10.0)
+    assert flight.speed_m_s < 0.1
+    assert flight.height_m == pytest.approx(1.5, abs=0.4)
+    heartbeats = [t_s for t_s, message in flight.to_autopilot if message.name == "HEARTBEAT" and t_s > begin_s]
+    assert not heartbeats
+    assert not flight.since(begin_s, "ci/summary")
+
+
+def test_the_heartbeat_is_critical_while_a_required_component_is_faulty(flight: Card) -> None:
+    sweep(flight)
+    begin_s = flight.now_s
+    flight.fault("crash:limiter", for_s=20.0)
+    flight.wait(3.0)
+    heartbeats = [(t_s, message) for t_s, message in flight.to_autopilot if message.name == "HEARTBEAT"]
+    assert all(message.system_status == ACTIVE for t_s, message in heartbeats if 4.0 < t_s <= begin_s)
+    assert all(message.system_status == CRITICAL for t_s, message in heartbeats if t_s > begin_s + 0.6)
+    flight.await_state("mission", "done", 40.0)  # the standby flies

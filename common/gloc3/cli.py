@@ -1,12 +1,15 @@
 """The program `gloc3`: its subcommands are found through entry points, so that each package brings its own."""
 
+import os
 import signal
 import sys
+from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
-from typing import Final
+from typing import Any, Final
 
 from gloc3 import __version__
-from gloc3.errors import Gloc3Error, nearest
+from gloc3.errors import Gloc3Error, InputError, nearest
+from gloc3.narrate import narrate
 
 SUMMARIES: Final = {
     "sitl": "Run the simulated vehicle: physics, world and autopilot, on real sockets.",
@@ -20,49 +23,108 @@ SUMMARIES: Final = {
 }
 """What `gloc3 --help` says of the subcommands without loading any of them."""
 
-EXTRAS: Final = {"station": "groundstation", "sitl": "sitl", "fly": "sitl", "demo": "sitl"}
+EXTRAS: Final = {"jsbsim": "sitl", "matplotlib": "sitl", "textual": "groundstation", "mavsdk": "groundstation"}
+"""Libraries that only some of the installs have, and the extra that brings each."""
 
 EXIT_WRONG_USE: Final = 2
+EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
+EXIT_NOBODY_READS: Final = 128 + signal.SIGPIPE
 
 
 def main() -> None:
+    """Runs the program with the arguments of its command line, and ends the process."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Runs the program; whatever goes wrong becomes a line on stderr and an exit code."""
+    _have_streams()
+    name = f"gloc3 {arguments[0]}" if arguments else "gloc3"
+    try:
+        code = _run(list(arguments))
+        sys.stdout.flush()
+    except InputError as error:
+        narrate(str(error))
+    except Gloc3Error as error:
+        narrate(f"{name}: {error}")
+    except KeyboardInterrupt:
+        narrate(f"{name}: interrupted")
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        _forget_stdout()
+        return EXIT_NOBODY_READS
+    except ModuleNotFoundError as error:
+        extra = EXTRAS.get(str(error.name).partition(".")[0])
+        if extra is None:
+            raise
+        narrate(f'{name} needs {error.name}, which is not installed; install it with: pip install "gloc3[{extra}]"')
+    except OSError as error:
+        narrate(f"{name}: " + ": ".join(str(part) for part in (error.filename, error.strerror or error) if part))
+    else:
+        return code
+    return EXIT_WRONG_USE
+
+
+def _run(arguments: list[str]) -> int:
     """Finds the subcommand, loads only its package, and runs it."""
     commands = {point.name: point for point in entry_points(group="gloc3.commands")}
-    arguments = sys.argv[1:]
-    if not arguments or arguments[0] in ("-h", "--help", "help"):
+    if not arguments:
+        narrate(_overview(commands))
+        return EXIT_WRONG_USE
+    name, *rest = arguments
+    if name in ("-h", "--help", "help"):
         print(_overview(commands))  # noqa: T201
-        sys.exit(0 if arguments else EXIT_WRONG_USE)
-    if arguments[0] in ("--version", "-V"):
+        return 0
+    if name in ("--version", "-V"):
         print(f"gloc3 {__version__}")  # noqa: T201
-        sys.exit(0)
-    name = arguments[0]
+        return 0
     if name not in commands:
-        sys.exit(_complain(f"no command {name!r}; {nearest(name, list(commands))}"))
+        narrate(f"gloc3: no command {name!r}; {nearest(name, list(commands))} (see gloc3 --help)")
+        return EXIT_WRONG_USE
+    return _call(commands[name].load(), rest)
+
+
+def _call(app: Any, arguments: list[str]) -> int:
+    """Calls a subcommand's application, with our way to show help and mistakes."""
+    from cyclopts import CycloptsError, Parameter
+    from rich.console import Console
+
+    from gloc3.help_page import HelpPage
+
+    app.help_formatter = HelpPage()
+    app.default_parameter = Parameter(negative=())
+    app.suppress_keyboard_interrupt = False
+    if not arguments and app.default_command is None:
+        app.help_print([], console=Console(stderr=True))
+        return EXIT_WRONG_USE
     try:
-        app = commands[name].load()
-    except ModuleNotFoundError as error:
-        extra = EXTRAS.get(name)
-        advice = f'; install it with: pip install "gloc3[{extra}]"' if extra else ""
-        sys.exit(_complain(f"{name} needs {error.name}, which is not installed{advice}"))
-    try:
-        result = app(arguments[1:], exit_on_error=True, result_action="return_value")
-    except Gloc3Error as error:
-        sys.exit(_complain(str(error)))
-    except KeyboardInterrupt:
-        sys.exit(128 + signal.SIGINT)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
-    sys.exit(result if isinstance(result, int) else 0)
+        result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        path = " ".join([app.name[0], *(error.command_chain or ())])
+        narrate(f"{path}: {str(error).strip()} (see {path} --help)")
+        return EXIT_WRONG_USE
+    return result if isinstance(result, int) else 0
 
 
 def _overview(commands: dict[str, EntryPoint]) -> str:
-    lines = ["usage: gloc3 COMMAND [ARGUMENTS]", "", "commands:"]
+    lines = ["Usage: gloc3 COMMAND [ARGUMENTS]", "", "Commands:"]
     ordered = [*(name for name in SUMMARIES if name in commands), *sorted(set(commands) - set(SUMMARIES))]
     lines += [f"  {name:<10} {SUMMARIES.get(name, f'from {commands[name].value}')}" for name in ordered]
     return "\n".join([*lines, "", "gloc3 COMMAND --help tells more; gloc3 --version tells the version."])
 
 
-def _complain(text: str) -> int:
-    print(f"gloc3: {text}", file=sys.stderr)  # noqa: T201
-    return EXIT_WRONG_USE
+def _have_streams() -> None:
+    """A program that is started with a stream closed has none at all; and what a stream cannot show must not end it."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115, PTH123 # open for as long as the process runs
+        stream = getattr(sys, name)
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _forget_stdout() -> None:
+    """Nobody reads stdout any more: what is still in its buffer must not come up again at the end of the process."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, sys.stdout.fileno())
+    os.close(null)

@@ -15,7 +15,7 @@ from gloc3.errors import Gloc3Error, nearest
 from gloc3.platform import Platform, load_platform
 from gloc3.topics import TopicTable
 
-app = App(name="component", help="List components and describe them.", version_flags=[])
+app = App(name="gloc3 component", help="List components and describe them.", version_flags=[])
 
 OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name of an installed platform.")]
 AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON instead of tables.")]

@@ -21,7 +21,7 @@ app = App(
     the space bar makes the vehicle hold at once. Without --link it listens on UDP port 14550, where simulators,
     companions and telemetry routers send.
 
-    Examples:
+    For example:
 
     - `gloc3 station`: watch whoever is heard
     - `gloc3 station --mission inspection`: bring a mission over; the key s starts it

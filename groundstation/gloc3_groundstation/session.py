@@ -3,7 +3,6 @@
 import asyncio
 import secrets
 import signal
-import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Final
@@ -11,6 +10,7 @@ from typing import Final
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
+from gloc3.narrate import narrate
 from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
 from gloc3_groundstation.headless import Headless
@@ -52,7 +52,7 @@ class Session:
         """
 
         def tell(line: Line) -> None:
-            _say(str(line))
+            narrate(str(line))
             if data is not None:
                 data(line)
 
@@ -91,9 +91,9 @@ class Session:
                 loop.add_signal_handler(number, app.action_interrupt)
             end = await app.run_async()
             for line in _summary(station):
-                _say(line)
+                narrate(line)
             if end is None:
-                _say(wording.farewell(station.fleet))
+                narrate(wording.farewell(station.fleet))
                 return app.return_code or int(is_closing)
             return 0 if end.is_done else 1
 
@@ -139,8 +139,3 @@ def _summary(station: Station) -> list[str]:
             reason = f" ({mission.reason})" if mission.reason else ""
             lines.append(f"{platform.name}: {mission.name!r} is {mission.state}{reason}")
     return lines
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()

@@ -6,15 +6,18 @@ from typing import Annotated, Final
 
 from cyclopts import App, Parameter
 
+from gloc3.errors import Refused
+
 DEFAULT_AUTOPILOT: Final = "udpin://0.0.0.0:14540"
 DEFAULT_STATION: Final = "udpout://127.0.0.1:14550"
+MOST_SYSTEM_ID: Final = 250
 
 app = App(
     name="gloc3 onboard",
     help="""Run the onboard companion process of a platform: its components, the link to the autopilot, and the links to
     ground stations, until Ctrl-C or SIGTERM.
 
-    Examples:
+    For example:
 
     - `gloc3 onboard pelican`: with the simulated vehicle of `gloc3 sitl` on the same machine
     - `gloc3 onboard my.yaml --autopilot serial:///dev/ttyACM0:57600 --station udpout://192.168.1.10:14550`
@@ -48,6 +51,8 @@ def onboard(
         system_id: The vehicle's MAVLink system; this process is component 191 of it.
         quiet: No narration on stderr.
     """
+    if not 1 <= system_id <= MOST_SYSTEM_ID:
+        raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
     from gloc3_onboard.process import ProcessOptions, run
 
     options = ProcessOptions(

@@ -2,7 +2,6 @@
 
 import asyncio
 import signal
-import sys
 from pathlib import Path
 from random import SystemRandom
 from typing import Any, Final
@@ -11,10 +10,11 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.context import HostContext
-from gloc3.errors import Refused
+from gloc3.errors import Refused, nearest
 from gloc3.exchange import LocalExchange
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.messages import Envelope, Event, Severity
+from gloc3.narrate import Narrator
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.topics import TopicTable
@@ -26,7 +26,11 @@ from gloc3_onboard.runner import Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
 
+CAMERA: Final = "_camera"
+"""Devices of this ending are cameras."""
 MOST_LOGS: Final = 10_000
+LOOK_AFTER_S: Final = 3.0
+LOOK_EVERY_S: Final = 1.0
 
 
 class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -77,14 +81,18 @@ class OnboardProcess:
         self._stations: list[StationLink] = []
         self._autopilot = AutopilotLink(loop, self._clock, options.system_id, self.say)
         self._recorder: Recorder | None = None
+        self._narrator = Narrator()
         self._onboard: Onboard | None = None
+        self._cameras = self._open_cameras()
+        self._links: dict[str, str] = {}
+        """What was told last of each link, by its URL."""
+        self._timer: asyncio.TimerHandle | None = None
         self._path = RequestedPath(self._exchange, platform.platform)
         self._exchange.subscribe(f"{platform.platform}/components/*/event", self._narrate)
 
     async def open(self) -> None:
-        """Opens the log and the links, and brings the components up."""
+        """Opens the links and the log, and brings the components up."""
         platform, options = self._platform, self._options
-        self._recorder = self._open_log()
         await self._open_link(options.autopilot, self._autopilot)
         for url in options.stations:
             link = StationLink(
@@ -102,15 +110,19 @@ class OnboardProcess:
             platform.platform,
             lambda: [self._autopilot.send_message, *(station.send for station in self._stations)],
         )
+        log = self._open_log()
         context = HostContext(platform.platform, self._exchange, self._clock, self._loop, self._topics, self._random)
-        self._onboard = Onboard(platform, context, self._devices())
+        self._onboard = Onboard(platform, context, self._devices(log))
         self._onboard.begin()
-        self.say(Severity.INFO, f"{platform.platform}: {len(platform.components)} components; log in {self._out}")
+        self.say(Severity.INFO, f"{platform.platform}: {len(platform.components)} components; log in {log}")
+        self._timer = self._loop.call_later(LOOK_AFTER_S, self._look_at_links)
 
     async def close(self) -> None:
         """Stops the components, then closes what they used."""
+        if self._timer is not None:
+            self._timer.cancel()
         if self._onboard is not None:
-            await self._onboard.stop()
+            await self._onboard.stop(lambda text: self.say(Severity.WARNING, text))
             self._onboard.close()
         self._autopilot.close()
         for station in self._stations:
@@ -120,11 +132,12 @@ class OnboardProcess:
         if self._recorder is not None:
             self._recorder.write_requested_path(self._path.points_ned_m)
             self._recorder.close()
+        self._narrator.close()
 
     def say(self, severity: Severity, text: str) -> None:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
-            print(f"onboard: {text}", file=sys.stderr, flush=True)  # noqa: T201
+            self._narrator.say(f"onboard: {text}")
 
     def _narrate(self, envelope: Envelope[Event]) -> None:
         event = envelope.payload
@@ -133,38 +146,58 @@ class OnboardProcess:
             for line in event.details.splitlines():
                 self.say(event.severity, f"    {line}")
 
-    def _open_log(self) -> Recorder:
+    def _open_log(self) -> Path:
+        """Begins the next log of the folder; its file."""
         try:
             self._out.mkdir(parents=True, exist_ok=True)
+            names = ["log.mcap", *(f"log-{number}.mcap" for number in range(2, MOST_LOGS))]
+            path = next((self._out / name for name in names if not (self._out / name).exists()), None)
+            if path is None:
+                raise Refused(f"the folder {self._out} holds {MOST_LOGS - 1} logs already; move some of them elsewhere")
+            self._recorder = Recorder(path, self._clock, self._topics, {"platform": self._platform.platform})
         except OSError as error:
-            raise Refused(f"cannot make the folder {self._out}: {error.strerror}") from error
-        names = ["log.mcap", *(f"log-{number}.mcap" for number in range(2, MOST_LOGS))]
-        path = next(self._out / name for name in names if not (self._out / name).exists())
-        recorder = Recorder(path, self._clock, self._topics, {"platform": self._platform.platform})
-        recorder.attach_file(PLATFORM_FILE, "application/yaml", find_platform(self._options.platform).read_bytes())
-        recorder.attach(self._exchange, self._loop)
-        return recorder
+            raise Refused(f"the folder {self._out} cannot be written: {error.strerror}") from error
+        file = find_platform(self._options.platform).read_bytes()
+        self._recorder.attach_file(PLATFORM_FILE, "application/yaml", file)
+        self._recorder.attach(self._exchange, self._loop)
+        return path
 
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
         endpoint = await open_endpoint(url, self._loop, link.receive)
         self._endpoints.append(endpoint)
         link.open(endpoint)
 
-    def _devices(self) -> dict[str, Any]:
-        cameras: dict[str, Any] = {}
-        wanted = {device for row in self._platform.components for device in row.devices.values()}
+    def _look_at_links(self) -> None:
+        """Tells of links that lead nowhere, and when that changes."""
+        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look_at_links)
+        for endpoint in self._endpoints:
+            problem = "" if endpoint.is_connected else endpoint.problem or "nothing is heard there"
+            if problem != self._links.get(endpoint.url, ""):
+                self.say(Severity.WARNING if problem else Severity.NOTICE, f"{endpoint.url}: {problem or 'connected'}")
+            self._links[endpoint.url] = problem
+
+    def _open_cameras(self) -> dict[str, NoCamera | StreamCamera]:
+        """The cameras of the platform, by device; those without a source show nothing."""
+        devices = {device for row in self._platform.components for device in row.devices.values()}
+        cameras: dict[str, NoCamera | StreamCamera] = {
+            device: NoCamera() for device in sorted(devices) if device.endswith(CAMERA)
+        }
         for text in self._options.cameras:
-            name, _, url = text.partition("=")
-            if f"{name}_camera" not in wanted:
-                raise Refused(f"--camera {text!r}: the platform has no camera {name!r}")
-            cameras[f"{name}_camera"] = StreamCamera(url, self._autopilot.t_s_of_boot)
-        for device in wanted:
-            if device.endswith("_camera"):
-                cameras.setdefault(device, NoCamera())
+            name, equals, url = text.partition("=")
+            if not equals:
+                raise Refused(f"--camera {text!r} must be NAME=tcp://HOST:PORT")
+            if name + CAMERA not in cameras:
+                hint = nearest(name, [device.removesuffix(CAMERA) for device in cameras])
+                raise Refused(f"--camera {text!r}: {self._platform.platform} has no camera {name!r}; {hint}")
+            cameras[name + CAMERA] = StreamCamera(url, self._autopilot.t_s_of_boot)
+        return cameras
+
+    def _devices(self, log: Path) -> dict[str, Any]:
+        """What the components use; the pictures go to a folder of each log's own: `images`, `images-2`..."""
         return {
-            **cameras,
+            **self._cameras,
             "autopilot": self._autopilot,
-            "pictures": PictureFolder(self._out / "images"),
+            "pictures": PictureFolder(self._out / log.stem.replace("log", "images", 1)),
             "site": Site(
                 self._platform, RecordFile(self._out / "requests.journal"), RecordFile(self._out / "progress.state")
             ),

@@ -15,12 +15,18 @@ from gloc3.exchange import Publisher, request
 from gloc3.exchange.base import Exchange
 from gloc3.host import ComponentHost
 from gloc3.lci import Command, State
-from gloc3.messages import CommandRequest
+from gloc3.messages import CommandRequest, Kind
 from gloc3.platform import Platform
 from gloc3.topics import TopicTable
 from gloc3_onboard.caretaker import Caretaker
 
 STOP_TIMEOUT_S: Final = 6.0
+"""How long a component may take to leave."""
+STOP_PATIENCE_S: Final = 5.0
+"""How long one that refuses to leave is asked again; an autopilot takes a mode within a second, or not at all."""
+ASK_AGAIN_S: Final = 0.2
+LEAVES: Final = {Kind.COMMAND_INTERFACE: 0, Kind.DRIVER: 1}
+"""In which order kinds of components leave; the others follow in the order of the file."""
 
 Create = Callable[[ComponentRow, Mapping[str, Any]], Component[Any]]
 """Makes the component of a row, given the host's devices."""
@@ -74,20 +80,43 @@ class Onboard:
         """Whether some component has not reached that state yet."""
         return any(host.is_beginning for host in self.hosts.values())
 
-    async def stop(self) -> None:
-        """Shuts every component down by command, the chain from its begin to its end, drivers last but the CI."""
+    async def stop(self, tell: Callable[[str], None] = lambda _: None) -> None:
+        """Shuts every component down by command.
+
+        The command interface leaves first, so that nothing is asked for any more and the mission's progress stays as it
+        is; then the drivers, while what tells them that their devices are safe still works; then the chain from its
+        begin to its end. A driver that refuses because its device is not safe yet is asked again for a while.
+
+        Args:
+            tell: takes what a person should know.
+        """
         self._dismiss_caretaker()
         context = self.context
         publisher = Publisher(context.exchange, context.platform, "runner", context.random.getrandbits(32))
-        for number, (name, host) in enumerate(self.hosts.items()):
-            if host.state is None:
-                continue
-            message = CommandRequest(request_id=f"stop-{number}", command=Command.SHUTDOWN)
-            topic = f"{context.platform}/components/{name}/command"
+        for host in sorted(self.hosts.values(), key=lambda host: LEAVES.get(host.status().kind, len(LEAVES))):
+            reason = await self._shut_down(host, publisher)
+            if reason:
+                tell(f"{host.row.name} has not left: {reason}")
+
+    async def _shut_down(self, host: ComponentHost, publisher: Publisher) -> str:
+        """Has one component leave; returns why it has not, or an empty text."""
+        context = self.context
+        until_s = context.loop.time() + STOP_PATIENCE_S
+        topic = f"{context.platform}/components/{host.row.name}/command"
+        asked = 0
+        while host.state is not None:
+            asked += 1
+            message = CommandRequest(request_id=f"stop-{asked}", command=Command.SHUTDOWN)
             try:
-                await request(context.exchange, publisher, topic, message, STOP_TIMEOUT_S)
-            except TimeoutError:
-                continue  # a component that hangs does not keep the others
+                reply = await request(context.exchange, publisher, topic, message, STOP_TIMEOUT_S)
+            except TimeoutError:  # a component that hangs does not keep the others
+                return "it does not answer"
+            if reply.is_accepted:
+                break
+            if context.loop.time() >= until_s:
+                return str(reply.reason)
+            await asyncio.sleep(ASK_AGAIN_S)
+        return ""
 
     def close(self) -> None:
         """Ends without ceremony."""

@@ -2,7 +2,6 @@
 
 import asyncio
 import signal
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +13,7 @@ from gloc3.clock import Clock
 from gloc3.errors import Refused, nearest
 from gloc3.frames import GeoPoint
 from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.narrate import narrate
 from gloc3_sitl.autopilot.mavlink.links import Receive
 from gloc3_sitl.camera_server import CameraServer
 from gloc3_sitl.simulator import STYLES, LinkKind, Simulator
@@ -233,4 +233,4 @@ async def _watch(simulator: Simulator, stopped: asyncio.Event, seconds: float | 
 
 
 def _tell(text: str) -> None:
-    print(f"sitl: {text}", file=sys.stderr, flush=True)  # noqa: T201
+    narrate(f"sitl: {text}")

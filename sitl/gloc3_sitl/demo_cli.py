@@ -8,12 +8,21 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from gloc3.errors import InputError
+from gloc3.narrate import narrate
 
 app = App(
     name="gloc3 demo",
     help="""Fly a mission with three real processes on this machine: the simulated vehicle, the onboard companion process
     and the ground station, over UDP on loopback. On a terminal the station shows its screen, otherwise it narrates.
-    The log, the report, the pictures and the path are left in the folder of --out, which is made anew.""",
+
+    For example:
+
+    - `gloc3 demo`: the inspection of a cargo hold
+    - `gloc3 demo my.plan --out runs/mine`: a plan of QGroundControl, at its own place on Earth
+
+    The folder of --out holds log.mcap (opens in Foxglove), truth.mcap, report.json, path.svg, images, and what the
+    processes said. Exit codes: 0 done; 1 the mission failed or did not pass the check; 2 wrong use; 130 interrupted.""",
+    help_format="markdown",
     version_flags=[],
 )
 
@@ -23,6 +32,7 @@ def demo(
     mission: str = "inspection",
     /,
     *,
+    platform: str = "pelican",
     autopilot: Literal["px4", "ardupilot"] = "px4",
     out: Path = Path("runs/demo"),
     headless: Annotated[bool, Parameter(negative=())] = False,
@@ -31,16 +41,26 @@ def demo(
 
     Args:
         mission: A mission file (.yaml, .plan, WPL), or an example by its name.
+        platform: A platform file, or the name of one that is installed.
         autopilot: The style of the simulated autopilot.
-        out: Folder for everything that the flight leaves.
+        out: Folder for everything that the flight leaves, in place of an earlier flight's.
         headless: Narrate, also on a terminal.
     """
+    from gloc3.platform import load_platform
     from gloc3_sitl.demo import DemoOptions, run_demo
+    from gloc3_sitl.mission_file import find_file
 
-    is_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
-    options = DemoOptions(mission=mission, out=out, autopilot=autopilot, is_headless=headless or not is_terminal)
+    path, known = find_file(mission), load_platform(platform, is_loading_classes=True)
+    is_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr) if stream is not None)
+    options = DemoOptions(
+        mission=path,
+        platform=platform,
+        autopilot=autopilot,
+        out=out,
+        is_headless=headless or not is_terminal or sys.stdin is None,
+    )
     try:
-        return asyncio.run(run_demo(options))
+        return asyncio.run(run_demo(options, known))
     except InputError as error:
-        print(f"{error}\nthe mission did not pass the check", file=sys.stderr)  # noqa: T201
+        narrate(f"{error}\nthe mission did not pass the check")
         return 1

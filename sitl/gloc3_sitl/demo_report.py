@@ -21,9 +21,12 @@ def write_report(out: Path, mission: Mission, autopilot: str, total_s: float) ->
     exchange = LocalExchange()
     with LogReader(out / "log.mcap") as reader:
         watch = FlightWatch(exchange, reader.platform, mission.name, autopilot)
+        last_s = 0.0
         for entry in reader.entries():
+            last_s = entry.envelope.t_s
             if not isinstance(entry.envelope.payload, dict):
                 exchange.publish(entry.envelope)
+        watch.land(last_s)
     with LogReader(out / "truth.mcap") as reader:
         samples = [
             Sample(entry.envelope.t_s, entry.envelope.payload.position_ned_m)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from gloc3.ci import CiEvent, MissionSummary
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Envelope
-from gloc3.vehicle import AutopilotState, ImageRecorded
+from gloc3.vehicle import AutopilotState, ImageRecorded, LandedState
 from gloc3_onboard.requested_path import RequestedPath
 from gloc3_sitl.flight_report import FlightReport
 
@@ -29,13 +29,19 @@ class FlightWatch:
         )
         self.path = RequestedPath(exchange, name)
         self._narrate = narrate
-        self._armed_s: float | None = None
+        self._airborne_s: float | None = None
         self._started_s: float | None = None
         subscribe = exchange.subscribe
         subscribe(f"{name}/ci/event", self._event)
         subscribe(f"{name}/ci/mission", self._mission)
         subscribe(f"{name}/autopilot", self._autopilot)
         subscribe(f"{name}/image_recorded", self._image)
+
+    def land(self, now_s: float) -> None:
+        """The vehicle has landed, or nobody looks any more."""
+        if self._airborne_s is not None:
+            self.report.flight_time_s = round(self.report.flight_time_s + now_s - self._airborne_s, 3)
+            self._airborne_s = None
 
     def _event(self, envelope: Envelope[CiEvent]) -> None:
         event = envelope.payload
@@ -56,11 +62,11 @@ class FlightWatch:
 
     def _autopilot(self, envelope: Envelope[AutopilotState]) -> None:
         state = envelope.payload
-        if state.is_armed and self._armed_s is None:
-            self._armed_s = envelope.t_s
-        elif not state.is_armed and self._armed_s is not None:
-            self.report.flight_time_s = round(self.report.flight_time_s + envelope.t_s - self._armed_s, 3)
-            self._armed_s = None
+        is_airborne = state.is_armed and state.landed is not LandedState.ON_GROUND
+        if is_airborne and self._airborne_s is None:
+            self._airborne_s = envelope.t_s
+        elif not is_airborne:
+            self.land(envelope.t_s)
         if state.battery_remaining >= 0.0:
             self.report.battery_remaining = round(state.battery_remaining, 3)
 

@@ -1,5 +1,6 @@
 """Flies a mission in virtual time from start-up to report; what `gloc3 fly` runs."""
 
+import asyncio
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -7,15 +8,17 @@ from typing import Final
 import msgspec
 
 from gloc3.clock import Clock
-from gloc3.mission.checker import Circumstances, Report, check_file
-from gloc3.platform import load_platform
-from gloc3_onboard.requested_path import RequestedPath
-from gloc3_sitl.earth import as_yaml
+from gloc3.errors import Gloc3Error
+from gloc3.platform import Platform
+from gloc3_sitl.faults import schedule_faults
 from gloc3_sitl.flight import Flight, FlightPlan
 from gloc3_sitl.flight_report import FlightReport, as_json, judge
 from gloc3_sitl.flight_watch import FlightWatch, Narrate
+from gloc3_sitl.mission_file import MissionFile, read_mission_file
 from gloc3_sitl.wind import CALM, Wind
 
+START_WITHIN_S: Final = 300.0
+"""A platform that is not heard and ready by then is given up."""
 PATIENCE: Final = 3.0
 """A mission that takes so many times its estimate, and a minute, is given up."""
 
@@ -23,41 +26,41 @@ PATIENCE: Final = 3.0
 class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What is flown, and how."""
 
-    mission: str
+    mission: Path
+    """A file of any format."""
     platform: str = "pelican"
     autopilot: str = "px4"
     seed: int = 0
     wind: Wind = CALM
     faults: tuple[str, ...] = ()
     out: Path | None = None
+    """A folder that is there; None keeps nothing."""
 
 
-async def fly_mission(options: FlyOptions, narrate: Narrate | None, begin_s: float) -> FlightReport:
-    """Flies a mission to its end.
+async def fly_mission(options: FlyOptions, platform: Platform, narrate: Narrate | None, begin_s: float) -> FlightReport:
+    """Flies a mission to its end, whatever that is.
 
     Args:
         options: what is flown.
+        platform: the platform of that name.
         narrate: takes a line for each thing that happens.
         begin_s: `Clock.cost_s()` at the start of the program, for the wall time in the report.
 
     Raises:
         InputError: the mission may not fly.
-        Gloc3Error: the platform turned something down.
+        Refused: a fault does not fit the flight.
     """
-    platform = load_platform(options.platform)
     with TemporaryDirectory() as scratch:
-        name = as_yaml(options.mission, platform.limits.speed_m_s, options.out or Path(scratch))
-        check = check_file(name, Circumstances(platform=platform))
-        check.flyable()
-        return await _fly_checked(options, name, check, narrate, begin_s)
+        mission = read_mission_file(options.mission, platform, options.out or Path(scratch))
+        if narrate is not None:
+            for warning in mission.warnings:
+                narrate(str(warning))
+        return await _fly(options, mission, narrate, begin_s)
 
 
-async def _fly_checked(
-    options: FlyOptions, name: str, check: Report, narrate: Narrate | None, begin_s: float
-) -> FlightReport:
-    estimate_s = check.estimate.duration_s if check.estimate is not None else 600.0
+async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | None, begin_s: float) -> FlightReport:
     plan = FlightPlan(
-        mission=name,
+        mission=mission.file,
         platform=options.platform,
         autopilot=options.autopilot,
         seed=options.seed,
@@ -65,21 +68,14 @@ async def _fly_checked(
         out=options.out,
     )
     async with Flight(plan) as flight:
-        if options.faults:
-            from gloc3_sitl.faults import schedule_faults
-
-            schedule_faults(flight, options.faults)
-        watch = FlightWatch(flight.exchange, flight.name, flight.mission.name, options.autopilot, options.seed, narrate)
-        ready_s = Clock.cost_s()
-        follower = await flight.upload_and_start()
-        try:
-            end = await flight.await_end(follower, within_s=PATIENCE * estimate_s + 60.0)
-        except TimeoutError:
-            watch.report.reason = f"not ended after {PATIENCE:g} times the estimate of {estimate_s:.0f} s"
-            watch.report.mission_state = "failed"
-        else:
-            watch.report.mission_state, watch.report.reason = end.state, end.reason
+        schedule_faults(flight, options.faults)
+        watch = FlightWatch(
+            flight.exchange, flight.name, mission.mission.name, options.autopilot, options.seed, narrate
+        )
         report = watch.report
+        ready_s = Clock.cost_s()
+        report.mission_state, report.reason = await _to_the_end(flight, mission.duration_s)
+        watch.land(flight.loop.time())
         judge(report, flight.samples, watch.path.flights)
         if flight.recorder is not None:
             flight.recorder.write_requested_path(watch.path.points_ned_m)
@@ -93,15 +89,33 @@ async def _fly_checked(
         "real_time_factor": round(simulated_s / total_s, 1),
     }
     if options.out is not None:
-        _write(options.out, report, flight, watch.path)
+        _write(options.out, report, flight, watch)
     return report
 
 
-def _write(out: Path, report: FlightReport, flight: Flight, path: RequestedPath) -> None:
+async def _to_the_end(flight: Flight, estimate_s: float) -> tuple[str, str]:
+    """Starts the mission and follows it; its state at the end, and the reason."""
+    try:
+        async with asyncio.timeout(START_WITHIN_S):
+            follower = await flight.upload_and_start()
+    except Gloc3Error as error:
+        return "failed", f"not started: {error}"
+    except TimeoutError:
+        return "failed", f"not started: {flight.name} was not ready within {START_WITHIN_S:g} s"
+    try:
+        end = await flight.await_end(follower, within_s=PATIENCE * estimate_s + 60.0)
+    except TimeoutError:
+        return "failed", f"not ended after {PATIENCE:g} times the estimate of {estimate_s:.0f} s, and a minute"
+    return end.state, end.reason
+
+
+def _write(out: Path, report: FlightReport, flight: Flight, watch: FlightWatch) -> None:
     """The files beside the log."""
     from gloc3.log.plot import plot_path
 
     (out / "report.json").write_bytes(as_json(report))
     flown = [sample.position_ned_m for sample in flight.samples]
     home = flown[0] if flown else None
-    plot_path(flown, path.points_ned_m, out / "path.svg", home=home, fence=flight.mission.fence, title=report.mission)
+    plot_path(
+        flown, watch.path.points_ned_m, out / "path.svg", home=home, fence=flight.mission.fence, title=report.mission
+    )

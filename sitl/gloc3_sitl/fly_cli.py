@@ -1,24 +1,46 @@
 """`gloc3 fly`: a mission flown in simulation, everything in one process, in virtual time."""
 
-import asyncio
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from cyclopts import App, Parameter
 
 from gloc3.clock import Clock, run_virtual
-from gloc3.errors import Gloc3Error, InputError
+from gloc3.errors import InputError, Refused
+from gloc3.narrate import narrate
 from gloc3_sitl.wind import CALM, gusty
 
+EXIT_DONE: Final = 0
+EXIT_FAILED: Final = 1
+MOST_WIND_M_S: Final = 30.0
+
 app = App(
-    name="fly",
-    help="Fly a mission in simulation: simulator, onboard process, ground station and their links in one process, "
-    "in virtual time, as fast as the machine can. The same seed gives the same flight, bit for bit.",
+    name="gloc3 fly",
+    help="""Fly a mission in simulation: simulator, onboard process, ground station and their links in one process, in
+    virtual time, as fast as the machine can. The same seed gives the same flight, bit for bit.
+
+    For example:
+
+    - `gloc3 fly hop`: the shortest mission there is
+    - `gloc3 fly inspection --out runs/inspection`: leaves log.mcap, report.json, path.svg and images there
+    - `gloc3 fly my.plan --autopilot ardupilot --wind 6 --seed 7 --json`
+    - `gloc3 fly patrol --fault link_loss@30..60 --fault crash:limiter@80`
+
+    Faults are written KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]], with times in seconds of the flight:
+
+    - `link_loss`, `cable_loss`: of the station's radio, of the autopilot's cable; `=SHARE` for a part of the messages
+    - `wind=SPEED/FROM`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late`
+    - `crash:COMPONENT`, `hang:COMPONENT`, `slow:COMPONENT=SECONDS`, `restart` of the onboard process
+    - `pilot:MODE|arm|disarm|kill|on|off`: the human pilot's switches
+    - `topic:TOPIC=lost|late|stale|nan|jump|foreign`: what becomes of its messages; in short `no_setpoints`,
+      `stale_setpoints`, `nan_setpoints`, `far_setpoints`, `foreign_setpoints`, `pose_jump`
+
+    Narration goes to stderr, the report to stdout. Exit codes: 0 done; 1 the mission failed or did not pass the check;
+    2 wrong use; 130 interrupted.""",
+    help_format="markdown",
     version_flags=[],
 )
-
-EXIT_DONE, EXIT_FAILED, EXIT_WRONG_USE = 0, 1, 2
 
 
 @app.default
@@ -37,33 +59,37 @@ def fly(
 ) -> int:
     """Fly a mission to its end and report.
 
-    Exit codes: 0 done, 1 the mission or its check failed, 2 wrong use.
-
-    Parameters
-    ----------
-    mission
-        A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, patrol.
-    platform
-        A platform file, or the name of one that is installed.
-    autopilot
-        The style of the simulated autopilot.
-    seed
-        Of all chance: sensor noise, turbulence, links, boot numbers.
-    wind
-        Mean wind in m/s from the west, gusty; 0 is calm air.
-    fault
-        Something that goes wrong, such as `link_loss@30..60`; may be given several times.
-    out
-        Folder for log.mcap, path.svg, report.json and images; without it nothing is kept.
-    json
-        The report on stdout as JSON.
-    quiet
-        No narration on stderr.
+    Args:
+        mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, patrol.
+        platform: A platform file, or the name of one that is installed.
+        autopilot: The style of the simulated autopilot.
+        seed: Of all chance: sensor noise, turbulence, links, boot numbers.
+        wind: Mean wind in m/s from the west, gusty; 0 is calm air.
+        fault: Something that goes wrong, such as link_loss@30..60; may be given several times.
+        out: Folder for log.mcap, report.json, path.svg and images, in place of an earlier flight's; without it
+            nothing is kept.
+        json: The report on stdout as JSON.
+        quiet: No narration on stderr.
     """
+    begin_s = Clock.cost_s()
+    if not 0.0 <= wind <= MOST_WIND_M_S:
+        raise Refused(f"--wind must be from 0 to {MOST_WIND_M_S:g} m/s")
+    if seed < 0:
+        raise Refused("--seed must be 0 or more")
+    from gloc3.platform import load_platform
+    from gloc3_sitl.faults import read_fault
+    from gloc3_sitl.flight_report import as_json, as_lines
     from gloc3_sitl.fly import FlyOptions, fly_mission
+    from gloc3_sitl.mission_file import find_file
+    from gloc3_sitl.outputs import make_anew
 
+    path, known = find_file(mission), load_platform(platform, is_loading_classes=True)
+    for text in fault or ():
+        read_fault(text)
+    if out is not None:
+        make_anew(out)
     options = FlyOptions(
-        mission=mission,
+        mission=path,
         platform=platform,
         autopilot=autopilot,
         seed=seed,
@@ -71,27 +97,17 @@ def fly(
         faults=tuple(fault or ()),
         out=out,
     )
-    begin_s = Clock.cost_s()
     try:
-        report = run_virtual(fly_mission(options, None if quiet else _narrate, begin_s))
+        report = run_virtual(fly_mission(options, known, None if quiet else narrate, begin_s))
     except InputError as error:
-        for finding in error.findings:
-            print(finding, file=sys.stderr)  # noqa: T201
+        narrate(f"{error}\nthe mission did not pass the check")
         return EXIT_FAILED
-    except Gloc3Error as error:
-        print(f"gloc3 fly: {error}", file=sys.stderr)  # noqa: T201
-        return EXIT_FAILED
-    except (KeyboardInterrupt, asyncio.CancelledError):
-        print("gloc3 fly: interrupted", file=sys.stderr)  # noqa: T201
+    except KeyboardInterrupt:
+        narrate("gloc3 fly: interrupted" + (f"; the log so far is in {out}" if out is not None else ""))
         return 130
-    from gloc3_sitl.flight_report import as_json, as_lines
-
     if json:
         sys.stdout.write(as_json(report).decode())
     else:
-        print("\n".join(as_lines(report)))  # noqa: T201
+        kept = [f"  kept     log.mcap, report.json, path.svg{', images' if report.images else ''} in {out}"]
+        print("\n".join([*as_lines(report), *(kept if out is not None else [])]))  # noqa: T201
     return EXIT_DONE if report.mission_state == "done" else EXIT_FAILED
-
-
-def _narrate(line: str) -> None:
-    print(line, file=sys.stderr)  # noqa: T201

@@ -27,7 +27,7 @@ from gloc3.mission.show import drawing, mermaid
 from gloc3.mission.writer import write_mission
 from gloc3.platform import Platform, load_platform
 
-app = App(name="mission", help="Check, show and convert mission files.", version_flags=[])
+app = App(name="gloc3 mission", help="Check, show and convert mission files.", version_flags=[])
 
 OK: Final = 0
 FAILED: Final = 1
@@ -39,7 +39,7 @@ OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name 
 
 @app.command
 def check(
-    mission: Mission, *, platform: OnPlatform = None, json_output: Annotated[bool, Parameter(name="--json")] = False
+    mission: Mission, /, *, platform: OnPlatform = None, json_output: Annotated[bool, Parameter(name="--json")] = False
 ) -> int:
     """Prove a mission: its order, arguments, claims, space, time, energy and policies.
 
@@ -68,6 +68,7 @@ def check(
 @app.command
 def show(
     mission: Mission,
+    /,
     *,
     platform: OnPlatform = None,
     mermaid_output: Annotated[bool, Parameter(name="--mermaid")] = False,
@@ -93,7 +94,7 @@ def show(
 
 
 @app.command
-def convert(source: Mission, target: Path, *, platform: OnPlatform = None) -> int:
+def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) -> int:
     """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
 
     Args:

@@ -1,0 +1,100 @@
+"""One of the processes of the demonstration, with what it says in a file of its own."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from gloc3.errors import Gloc3Error
+
+STOP_S: Final = 15.0
+"""How long a process may take to end when it is asked to: the onboard process sees to the vehicle first."""
+READY_S: Final = 30.0
+LOOK_EVERY_S: Final = 0.05
+LAST_LINES: Final = 5
+
+
+class Child:
+    """A process that runs `gloc3 ARGUMENTS`."""
+
+    def __init__(self, name: str, out: Path) -> None:
+        self.name = name
+        self._file = out / f"{name}.txt"
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def start(self, arguments: Sequence[str]) -> None:
+        """Starts it out of reach of the terminal's Ctrl-C; what it says goes to the file."""
+        with self._file.open("wb") as file:
+            self._process = await asyncio.create_subprocess_exec(
+                *_command(arguments),
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=file,
+                stderr=file,
+                start_new_session=True,
+            )
+
+    async def show(self, arguments: Sequence[str], *, is_interactive: bool) -> None:
+        """Starts it with our output for its own, and with the terminal's keys if it is to have them."""
+        self._process = await asyncio.create_subprocess_exec(
+            *_command(arguments),
+            stdin=None if is_interactive else asyncio.subprocess.DEVNULL,
+            start_new_session=not is_interactive,
+        )
+
+    async def wait(self) -> int:
+        """Waits for its end."""
+        assert self._process is not None
+        return await self._process.wait()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has been started and has not ended."""
+        return self._process is not None and self._process.returncode is None
+
+    async def await_line(self, text: str) -> str:
+        """Waits until it has said something.
+
+        Raises:
+            Gloc3Error: it ended first, or took too long; with its last words.
+        """
+        for _ in range(round(READY_S / LOOK_EVERY_S)):
+            is_running = self.is_running
+            for line in self._file.read_text(errors="replace").splitlines():
+                if text in line:
+                    return line
+            if not is_running:
+                break
+            await asyncio.sleep(LOOK_EVERY_S)
+        raise Gloc3Error(f"{self.name} did not start: {self.last_words()}")
+
+    def last_words(self) -> str:
+        """The last lines that it has said."""
+        lines = self._file.read_text(errors="replace").splitlines() if self._file.exists() else []
+        return "\n".join(lines[-LAST_LINES:]) or "it said nothing"
+
+    async def stop(self) -> None:
+        """Ends it: asks first, then does not ask."""
+        process = self._process
+        if process is None:
+            return
+        with suppress(ProcessLookupError):
+            process.send_signal(signal.SIGINT)
+        try:
+            async with asyncio.timeout(STOP_S):
+                await process.wait()
+        except TimeoutError:
+            self.kill()
+            await process.wait()
+
+    def kill(self) -> None:
+        """Ends it at once."""
+        if self._process is not None:
+            with suppress(ProcessLookupError):
+                self._process.kill()
+
+
+def _command(arguments: Sequence[str]) -> list[str]:
+    return [sys.executable, "-m", "gloc3", *arguments]

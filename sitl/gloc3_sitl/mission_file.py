@@ -1,0 +1,55 @@
+"""A mission of any format before a simulated flight: found, converted into our format, and checked."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from gloc3.errors import Finding, Refused
+from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.examples import find_mission
+from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
+from gloc3.mission.model import Mission
+from gloc3.platform import Platform
+
+UNKNOWN_DURATION_S = 600.0
+"""Taken for a mission whose duration the checker cannot tell."""
+
+
+class MissionFile(NamedTuple):
+    """A mission that may fly."""
+
+    file: str
+    """In our format."""
+    mission: Mission
+    duration_s: float
+    """As the checker estimates it."""
+    warnings: list[Finding]
+
+
+def find_file(name: str) -> Path:
+    """The file of a mission: a path, or the name of an example.
+
+    Raises:
+        InputError: there is no example of that name.
+        Refused: there is no such file.
+    """
+    path = find_mission(name)
+    if not path.is_file():
+        raise Refused(f"{path} is a folder, not a mission file" if path.is_dir() else f"there is no file {path}")
+    return path
+
+
+def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFile:
+    """Reads and checks a mission; a plan of another format is converted into a folder first.
+
+    Raises:
+        InputError: it cannot be read, not be expressed, or may not fly; with everything that is wrong.
+    """
+    file, text, left_out = mission_text(str(path), platform.limits.speed_m_s)
+    is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
+    report = check_text(text, f"{file} (converted)" if is_foreign else file, Circumstances(platform=platform))
+    mission = report.flyable()
+    if is_foreign:
+        path = folder / "mission-converted.yaml"
+        path.write_text(text, encoding="utf-8")
+    duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S
+    return MissionFile(str(path), mission, duration_s, [*left_out, *report.findings])

@@ -1,0 +1,45 @@
+"""The folder that a simulated flight leaves its files in."""
+
+import re
+from pathlib import Path
+from typing import Final
+
+from gloc3.errors import Refused
+
+FILES: Final = (
+    "log.mcap",
+    "truth.mcap",
+    "report.json",
+    "path.svg",
+    "mission-converted.yaml",
+    "sitl.txt",
+    "onboard.txt",
+    "requests.journal",
+    "progress.state",
+)
+"""What flights write, besides pictures."""
+
+_PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")
+
+
+def make_anew(folder: Path) -> None:
+    """Makes a folder, or takes away what an earlier flight has left in it; anything else in it is left alone.
+
+    Raises:
+        Refused: the folder cannot be had.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in FILES:
+            (folder / name).unlink(missing_ok=True)
+        images = folder / "images"
+        if images.is_dir():
+            for path in sorted(images.iterdir()):
+                if _PICTURE.fullmatch(path.name):
+                    path.unlink()
+        probe = folder / "log.mcap"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
+        raise Refused(f"the folder {folder} cannot be written: {reason}") from error

@@ -180,7 +180,7 @@ def _console() -> Console:
 def _print_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for column in columns:
-        table.add_column(column, overflow="fold")
+        table.add_column(column, overflow="fold", no_wrap=column == "class")
     for row in rows:
         table.add_row(*(cell.replace("[", r"\[") for cell in row))
     console = _console()

@@ -4,6 +4,8 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission
 
+from gloc3.ci import StationHeard
+
 HOME_M = 0.4
 """So near to the place of take-off counts as home."""
 
@@ -25,6 +27,16 @@ def test_a_lost_link_lands_the_vehicle_where_it_is(flight: Card) -> None:
     flight.await_landed()
     assert abs(flight.position_m[0] - x) < 1.2
     assert flight.state("mission") == "failed"
+
+
+def test_only_the_holder_of_control_keeps_the_link_alive(flight: Card) -> None:
+    flight.begin(mission(on_link_loss="land", link_loss_after_s="2"))
+    flight.await_state("sweep", "running")
+    flight.fault("link_loss")
+    for _ in range(6):  # another station is heard all the time
+        flight.flight.exchange.publish(flight.envelope("ci/heard", StationHeard(station="254")))
+        flight.wait(0.5)
+    assert flight.mission.policy == "land"
 
 
 def test_a_lost_link_returns_the_vehicle_and_lands_it_at_home(flight: Card) -> None:

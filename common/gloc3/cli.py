@@ -86,7 +86,7 @@ def _run(arguments: list[str]) -> int:
 
 def _call(app: Any, arguments: list[str]) -> int:
     """Calls a subcommand's application, with our way to show help and mistakes."""
-    from cyclopts import CycloptsError, Parameter
+    from cyclopts import CycloptsError, Parameter, UnusedCliTokensError
     from rich.console import Console
 
     from gloc3.help_page import HelpPage
@@ -101,7 +101,10 @@ def _call(app: Any, arguments: list[str]) -> int:
         result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         path = " ".join([app.name[0], *(error.command_chain or ())])
-        narrate(f"{path}: {str(error).strip()} (see {path} --help)")
+        text = str(error).strip()
+        if isinstance(error, UnusedCliTokensError):
+            text = f"nothing was expected after the arguments, but there is {' '.join(error.unused_tokens or ())!r}"
+        narrate(f"{path}: {text} (see {path} --help)")
         return EXIT_WRONG_USE
     return result if isinstance(result, int) else 0
 

@@ -1,6 +1,7 @@
 """Serves the simulated ground camera to companion processes on the same machine, as a TCP stream of frames."""
 
 import asyncio
+import errno
 from typing import Final, Self
 
 from gloc3.errors import Refused
@@ -37,7 +38,8 @@ class CameraServer:
         try:
             self._server = await asyncio.start_server(self._connected, "127.0.0.1", port)
         except OSError as error:
-            raise Refused(f"camera port {port}: {error.strerror}") from error
+            reason = "it is in use by another program" if error.errno == errno.EADDRINUSE else error.strerror
+            raise Refused(f"camera port {port}: {reason}") from error
         self._tick()
         return self
 

@@ -25,6 +25,7 @@ from gloc3_sitl.world import World
 DEFAULT_LINKS: Final = ("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540")
 """Where PX4's and ArduPilot's own simulations send, too: 14550 for ground stations, 14540 for companions and MAVSDK."""
 
+MOST_PORT: Final = 65535
 _COMPANION_PORTS: Final = range(14540, 14550)
 _KINDS: Final = {"station": LinkKind.GROUND, "companion": LinkKind.COMPANION}
 
@@ -151,6 +152,12 @@ def sitl(
         raise Refused("--wind must be from 0 to 30 m/s")
     if not 0.0 <= battery <= 1.0:
         raise Refused("--battery must be from 0 to 1")
+    if seed < 0:
+        raise Refused("--seed must be 0 or more")
+    if seconds is not None and not seconds > 0.0:
+        raise Refused("--seconds must be above 0")
+    if camera is not None and not 0 <= camera <= MOST_PORT:
+        raise Refused(f"--camera must be a port from 0 to {MOST_PORT}")
     place, heading = (None, None) if home is None else read_home(home)
     simulator = Simulator(
         World.load(world, place, heading),

@@ -21,6 +21,7 @@ from gloc3.vehicle import (
     AutopilotPose,
     AutopilotState,
     DriverState,
+    EmergencyDisarm,
     FenceState,
     GeoFence,
     HeightAboveGround,
@@ -58,6 +59,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "motion/limits": TopicRow(MotionLimits),
     "motion/home": TopicRow(Home),
     "motion/geofence": TopicRow(GeoFence),
+    "motion/emergency": TopicRow(EmergencyDisarm),
     "motion/take_over": TopicRow(TakeOver),
     # the command interface server, towards the stations
     "ci/request": TopicRow(CiRequest),

@@ -268,6 +268,12 @@ class Home(Message, frozen=True):
     position_ned_m: Vector3
 
 
+class EmergencyDisarm(Message, frozen=True):
+    """An operator has typed the platform's name: disarm now, in flight too."""
+
+    author: str
+
+
 class TakeOver(Message, frozen=True):
     """An operator's leave to go on after a pilot had control."""
 

@@ -1,5 +1,6 @@
 """The devices of the onboard process, as its samplers and drivers see them; hardware, simulation and logs fit in."""
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from gloc3.frames import Vector3
@@ -27,6 +28,31 @@ class StampedImage(NamedTuple):
     image: Image
 
 
+Unwatch = Callable[[], None]
+"""Ends what a device was asked to tell."""
+
+
+class Bell:
+    """Rung by a device that has something new, heard by samplers: they need not ask all the time."""
+
+    def __init__(self) -> None:
+        self._ready: tuple[Callable[[], None], ...] = ()
+
+    def listen(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called whenever it rings."""
+        self._ready = (*self._ready, ready)
+
+        def unwatch() -> None:
+            self._ready = tuple(other for other in self._ready if other is not ready)
+
+        return unwatch
+
+    def ring(self) -> None:
+        """Tells everyone who listens."""
+        for ready in self._ready:
+            ready()
+
+
 class AutopilotTelemetry(Protocol):
     """What an autopilot tells. Every method gives what is known now and may be called from any thread."""
 
@@ -36,12 +62,21 @@ class AutopilotTelemetry(Protocol):
     def pose(self) -> Stamped | None:
         """The latest estimate; None before the first."""
 
+    def on_state(self, changed: Callable[[], None]) -> Unwatch:
+        """Has `changed` called, from any thread, when the state has changed."""
+
+    def on_pose(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when a new estimate is there."""
+
 
 class HeightSensor(Protocol):
     """A range finder that looks down."""
 
     def height(self) -> StampedHeight | None:
         """The latest distance to the ground; None before the first."""
+
+    def on_height(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when a new distance is there."""
 
 
 class Camera(Protocol):
@@ -86,8 +121,8 @@ class AutopilotControl(Protocol):
     def command_arm(self) -> int:
         """Asks to arm."""
 
-    def command_disarm(self) -> int:
-        """Asks to disarm; the autopilot refuses it in flight."""
+    def command_disarm(self, *, is_forced: bool = False) -> int:
+        """Asks to disarm; the autopilot refuses it in flight, unless it is forced."""
 
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place, in the mode that this style needs."""

@@ -53,8 +53,8 @@ class ScriptedAutopilot:
     def command_arm(self) -> int:
         return self._command("arm")
 
-    def command_disarm(self) -> int:
-        return self._command("disarm")
+    def command_disarm(self, *, is_forced: bool = False) -> int:
+        return self._command("disarm, forced" if is_forced else "disarm")
 
     def command_take_off(self, height_m: float) -> int:
         return self._command(f"take off to {height_m:g}")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from gloc3.vehicle import AutopilotState, FlightMode, LandedState, ManoeuvreKind
+from gloc3.vehicle import AutopilotState, EmergencyDisarm, FlightMode, LandedState, ManoeuvreKind
 from gloc3_onboard.drivers.autopilot import AutopilotDriver
 
 from .driver_rig import STEP_S, DriverRig
@@ -253,3 +253,10 @@ def test_only_what_it_knows_can_be_written() -> None:
         rig.driver.actuate("fly")
     assert at(0.0, setpoint()).payload.action_id == "go"
     assert AutopilotDriver.kind == "AD"
+
+
+def test_an_emergency_disarm_goes_out_whoever_owns_motion() -> None:
+    rig = DriverRig()
+    rig.run(0.2)
+    rig.step(emergency=EmergencyDisarm(author="ana"))
+    assert "disarm, forced" in rig.autopilot.commands

@@ -182,3 +182,14 @@ def test_a_single_action_is_checked_like_a_mission(desk: Desk) -> None:
     reply = desk.told(RequestAction(capability="go_to", arguments={"position_m": [1, 1, 500]}))
     assert reply.outcome is Outcome.REFUSED
     assert reply.text
+
+
+def test_an_emergency_disarm_takes_the_platforms_typed_name(desk: Desk) -> None:
+    refused = desk.told(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelikan"), sender="254")
+    assert refused.outcome is Outcome.REFUSED
+    assert "pelican" in refused.reason
+    assert not desk.handler.disarms
+    reply = desk.told(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelican"), sender="254")
+    assert reply.outcome is Outcome.ACCEPTED
+    assert [disarm.author for disarm in desk.handler.disarms] == ["ana"]
+    assert any("ana" in text for text in desk.said)

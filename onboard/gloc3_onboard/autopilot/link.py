@@ -26,8 +26,10 @@ from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
-from gloc3_onboard.devices import Answer, Stamped, StampedHeight
+from gloc3_onboard.devices import Answer, Bell, Stamped, StampedHeight, Unwatch
 
+FORCE: Final = 21196.0
+"""What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
 COMPANION: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
 TICK_S: Final = 0.1
@@ -90,6 +92,8 @@ class AutopilotLink:
         self._desk = CommandDesk(self._commands, self._telemetry.texts_since)
         self._streams = StreamRequests(self._commands)
         self._restarts = 0
+        self._told: tuple[object, object, object] = (None, None, None)
+        self._on_state, self._on_pose, self._on_height = Bell(), Bell(), Bell()
         self._timer: asyncio.TimerHandle | None = None
 
     # --- life ---
@@ -108,16 +112,19 @@ class AutopilotLink:
 
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard."""
-        now_s = self._loop.time()
+        now_s, is_settled = self._loop.time(), True
         for frame in self._parser.receive(data):
             self.frames_received += 1
-            self._node.receive(frame, now_s)
+            if self._node.receive(frame, now_s):
+                is_settled = False
             if frame.message_id in self._wanted and frame.sender == self._target:
                 self._streams.heard(frame.message_id, now_s)
                 message = frame.decode()
                 if message is not None:
                     self._telemetry.receive(message, now_s)
-        self._settle(now_s)
+        if not is_settled:
+            self._settle(now_s)
+        self._tell()
 
     def send_message(self, message: codec.MavlinkMessage) -> None:
         """Sends one message as the companion."""
@@ -128,6 +135,7 @@ class AutopilotLink:
         now_s = self._loop.time()
         self._node.tick(now_s)
         self._settle(now_s)
+        self._tell()
         self._timer = self._loop.call_later(TICK_S, self._tick)
 
     def _settle(self, now_s: float) -> None:
@@ -179,6 +187,18 @@ class AutopilotLink:
         self._telemetry.receive(peer.heartbeat, now_s)
         self._say(Severity.INFO, f"{self.style.style} autopilot found as {name}")
         self._streams.ask_all(self.style.streams)
+
+    def _tell(self) -> None:
+        """Rings for what is new."""
+        state, pose, height = self._told
+        telemetry = self._telemetry
+        self._told = (telemetry.state, telemetry.pose, telemetry.height)
+        if telemetry.pose is not pose:
+            self._on_pose.ring()
+        if telemetry.height is not height:
+            self._on_height.ring()
+        if telemetry.state is not state:
+            self._on_state.ring()
 
     # --- commands ---
 
@@ -259,9 +279,10 @@ class AutopilotLink:
         """Asks to arm."""
         return self._command(lambda: Command(ARM_DISARM, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
-    def command_disarm(self) -> int:
-        """Asks to disarm; the autopilot refuses it in flight."""
-        return self._command(lambda: Command(ARM_DISARM, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    def command_disarm(self, *, is_forced: bool = False) -> int:
+        """Asks to disarm; the autopilot refuses it in flight, unless it is forced."""
+        force = FORCE if is_forced else 0.0
+        return self._command(lambda: Command(ARM_DISARM, (0.0, force, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place."""
@@ -314,3 +335,15 @@ class AutopilotLink:
     def height(self) -> StampedHeight | None:
         """The latest distance to the ground; None before the first."""
         return self._telemetry.height
+
+    def on_state(self, changed: Callable[[], None]) -> Unwatch:
+        """Has `changed` called when the state has changed."""
+        return self._on_state.listen(changed)
+
+    def on_pose(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called when a new estimate is there."""
+        return self._on_pose.listen(ready)
+
+    def on_height(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called when a new distance is there."""
+        return self._on_height.listen(ready)

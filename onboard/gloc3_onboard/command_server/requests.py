@@ -32,7 +32,7 @@ from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.supervision import Supervision
-from gloc3.vehicle import FenceProgress
+from gloc3.vehicle import EmergencyDisarm, FenceProgress
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
@@ -86,6 +86,8 @@ class RequestHandler:
         self._emergencies: dict[tuple[str, int], int] = {}
         self._count = 0
         self.for_components: list[ForComponent] = []
+        self.disarms: list[EmergencyDisarm] = []
+        """What the driver is to be told."""
         self.wants_everything = False
         """A station asked for the full state."""
 
@@ -267,8 +269,14 @@ class RequestHandler:
             case EmergencyVerb.DISARM:
                 if body.confirmation != self._site.platform.platform:
                     raise Refused(f"to disarm, type the platform's name: {self._site.platform.platform}")
-                raise Refused("this platform's driver does not disarm; use the transmitter")
+                self._disarm(author, executor, now_s)
         return _answer(request, reason=f"emergency {body.verb} by {author}")
+
+    def _disarm(self, author: str, executor: MissionExecutor, now_s: float) -> None:
+        self._say(Severity.ALERT, f"emergency disarm by {author}")
+        self.disarms.append(EmergencyDisarm(author=author))
+        if executor.mission is not None and executor.mission.is_open:
+            executor.steer("abort", "", now_s)
 
     # --- components ---
 

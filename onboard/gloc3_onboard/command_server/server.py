@@ -40,6 +40,7 @@ from gloc3.supervision import Order, Step, Supervision, Verdict
 from gloc3.vehicle import (
     AutopilotState,
     DriverState,
+    EmergencyDisarm,
     FenceState,
     FlightMode,
     GeoFence,
@@ -109,6 +110,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     home = Output(Home)
     geofence = Output(GeoFence)
     take_over = Output(TakeOver)
+    emergency = Output(EmergencyDisarm)
 
     def __init__(self, site: Site) -> None:
         self.holder = self.policy = ""
@@ -175,6 +177,8 @@ class CommandServer(CommandInterface[ServerSettings]):
             port = self.command if isinstance(message, CommandRequest) else self.function
             results.append(port.report(message, key=component))  # type: ignore[arg-type] # each port has its own type
         self._requests.for_components.clear()
+        results += self._requests.disarms
+        self._requests.disarms.clear()
         if self._facts.is_home_new and self._facts.home is not None:
             self._facts.is_home_new = False
             self._site.keep_home(self._facts.home)

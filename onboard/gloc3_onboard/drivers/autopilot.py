@@ -11,6 +11,7 @@ from gloc3.vehicle import (
     AutopilotPose,
     AutopilotState,
     DriverState,
+    EmergencyDisarm,
     FlightMode,
     LandedState,
     Manoeuvre,
@@ -48,6 +49,10 @@ class Abandon(NamedTuple):
     """Write: let no command of ours be repeated any more."""
 
 
+class ForcedDisarm(NamedTuple):
+    """Write: disarm now, in flight too."""
+
+
 class AutopilotDriver(ActuatorDriver[DriverSettings]):
     """The only component that moves the vehicle.
 
@@ -66,6 +71,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     autopilot_pose = Input(AutopilotPose)
     pose = Input(Pose)
     take_over = Input(TakeOver, Keep.ALL)
+    emergency = Input(EmergencyDisarm, Keep.ALL)
     primary = Input(DriverState, Keep.ALL)
     driver = Output(DriverState)
 
@@ -141,6 +147,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 self._machine.ticket = self._command(command)
             case SetMode():
                 self._ticket = self._command(write)
+            case ForcedDisarm():
+                self._control.command_disarm(is_forced=True)
             case Abandon():
                 self._control.abandon_commands()
             case _:
@@ -177,6 +185,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             writes.append(send)
         if not is_idle:
             writes += self._mode(now_s)
+        if inbox.new(self.emergency):
+            writes = [*self._let_go(), ForcedDisarm()]
         for write in writes:
             self._note(write.command if isinstance(write, Step) else write, now_s)
         return [*(Actuation(write) for write in writes), *self._report(now_s)]
@@ -206,7 +216,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 self._watch.command(mode, now_s)
             case Arm():
                 self._watch.command_arm(now_s)
-            case Disarm():
+            case Disarm() | ForcedDisarm():
                 self._watch.command_disarm(now_s)
             case Climb():
                 self._watch.command(FlightMode.TAKE_OFF, now_s)

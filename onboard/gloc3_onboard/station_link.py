@@ -15,21 +15,13 @@ from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, MavlinkMessage, Parser
 from gloc3.messages import Envelope
+from gloc3.supervision import HEARTBEAT_STATE
 from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import COMPANION, ByteLink
 
 HEARD_PERIOD_S: Final = 0.5
 ONBOARD_CONTROLLER: Final = 18
 AUTOPILOT_INVALID: Final = 8
-MAV_STATE: Final = {
-    Health.IDLE: 0,
-    Health.STANDBY: 3,
-    Health.WORKING: 4,
-    Health.QUIET: 4,
-    Health.ABSENT: 5,
-    Health.FAULTY: 5,
-}
-"""UNINIT, STANDBY, ACTIVE, CRITICAL."""
 GROUND_STATION: Final = 6
 
 
@@ -39,7 +31,7 @@ def heartbeat(health: Health) -> MavlinkMessage:
         "HEARTBEAT",
         type=ONBOARD_CONTROLLER,
         autopilot=AUTOPILOT_INVALID,
-        system_status=MAV_STATE[health],
+        system_status=HEARTBEAT_STATE[health],
         custom_mode=list(Health).index(health),
         mavlink_version=3,
     )

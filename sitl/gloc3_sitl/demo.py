@@ -60,7 +60,8 @@ async def run_demo(options: DemoOptions, platform: Platform) -> int:
         nonlocal presses
         presses += 1
         if presses == 1:
-            narrate("gloc3 demo: interrupted; ending the processes")
+            if options.is_headless:
+                narrate("gloc3 demo: interrupted; ending the processes")
             flying.cancel()
         else:
             demo.kill()

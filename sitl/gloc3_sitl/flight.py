@@ -31,8 +31,8 @@ from gloc3.messages import Envelope, Message
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, load_mission
-from gloc3.platform import Platform, load_platform
-from gloc3.record import Recorder
+from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.topics import TopicTable
 from gloc3.vehicle import Pose
 from gloc3_groundstation import flights
@@ -176,6 +176,7 @@ class Flight:
         self.plan.out.mkdir(parents=True, exist_ok=True)
         metadata = {"platform": self.platform.platform, "autopilot": self.plan.autopilot, "seed": str(self.plan.seed)}
         recorder = Recorder(self.plan.out / "log.mcap", self.clock, self.topics, metadata)
+        recorder.attach_file(PLATFORM_FILE, "application/yaml", find_platform(self.plan.platform).read_bytes())
         recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
         recorder.attach(self.exchange, self.loop)
         return recorder

@@ -1,11 +1,13 @@
 """DESIGN §7, supervision: a hung and a crashed component, required and not; quiet standby; reports of slow cycles."""
 
+import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission
 
 from gloc3.ci import Health
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus
+from gloc3.vehicle import FlightMode
 
 
 def statuses(flight: Card, component: str, since_s: float) -> list[tuple[float, ComponentStatus]]:
@@ -114,3 +116,37 @@ def test_slow_cycles_are_counted_and_reported_and_the_vehicle_flies_on(flight: C
     assert line.overruns > 10
     assert line.load_percent > 100
     flight.await_state("mission", "done", 30.0)
+
+
+@pytest.mark.parametrize("fault", ["crash", "hang"])
+def test_a_driver_that_fails_in_flight_leaves_the_hold_and_the_mission_goes_on_when_it_is_back(
+    flight: Card, fault: str
+) -> None:
+    sweep(flight)
+    flight.fault(f"{fault}:autopilot_driver", for_s=0.3)
+    flight.await_component("autopilot_driver", "faulty", 1.0)
+    flight.await_mode(FlightMode.HOLD, 2.0)
+    flight.await_component("autopilot_driver", "working", 3.0)
+    flight.until(lambda: flight.state("mission") in ("done", "failed"), 30.0, "the mission has ended")
+    flight.await_landed()
+    assert not flight.was_told("the pilot has control")
+
+
+def test_a_pilot_who_takes_over_while_the_driver_is_away_keeps_control(flight: Card) -> None:
+    sweep(flight)
+    flight.fault("hang:autopilot_driver", for_s=1.0)
+    flight.wait(0.5)
+    flight.fault("pilot:position")
+    flight.await_component("autopilot_driver", "working", 5.0)
+    flight.await_policy("pilot", 3.0)
+    flight.always(lambda: flight.autopilot.mode is FlightMode.MANUAL, 4.0, "the pilot flies")
+
+
+def test_a_driver_that_keeps_failing_in_flight_leaves_the_vehicle_in_the_autopilots_hold(flight: Card) -> None:
+    sweep(flight)
+    flight.fault("crash:autopilot_driver", for_s=60.0)
+    flight.await_mode(FlightMode.HOLD, 2.0)
+    flight.wait(10.0)
+    assert flight.was_told("autopilot_driver is lost")
+    flight.always(lambda: flight.speed_m_s < 0.1, 1.0, "it stands")
+    assert flight.height_m == pytest.approx(1.5, abs=0.4)

@@ -42,7 +42,6 @@ from gloc3.vehicle import (
     DriverState,
     EmergencyDisarm,
     FenceState,
-    FlightMode,
     GeoFence,
     Home,
     MotionGrant,
@@ -54,14 +53,10 @@ from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
 from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, vehicle_summary
-
-OURS = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
-"""Modes in which a vehicle that a former life of this process flew may be taken up again."""
-TAKE_OVER_S = 2.0
-"""How long the driver is asked to take it up again."""
 
 
 class ServerSettings(Settings, frozen=True):
@@ -131,6 +126,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._availability = Availability(platform)
         self._supervision: Supervision | None = None
         self._verdicts: list[Verdict] = []
+        self._handover = Handover()
         self._performing: dict[str, str] = {}
         """Component to the action that it says it is performing."""
         self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._say)
@@ -170,6 +166,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         results += self._requests.expire(now_s)
         if self._executor is not None:
             self._inform(self._executor, now_s, inbox)
+            if self._facts.driver is not None and self._is_handing_over(self._executor, self._facts.driver, now_s):
+                results.append(TakeOver(is_resumed=True))
             self._executor.tick(now_s)
             for ask in self._executor.take(now_s):
                 results += self._carry_out(ask)
@@ -200,6 +198,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             elif self._performing.get(component) == status_of.action_id:
                 del self._performing[component]
         for driver in inbox.new(self.driver):
+            self._handover.see(driver, self._facts.autopilot, now_s)
             self._facts.driver = driver.payload
         for fence in inbox.new(self.fence_state):
             self._facts.fence = fence.payload
@@ -261,6 +260,11 @@ class CommandServer(CommandInterface[ServerSettings]):
         is_taken = facts.driver is None or facts.driver.has_pilot_control
         return was_under_way and is_ours and is_taken and not kept.has_pilot
 
+    def _is_handing_over(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> bool:
+        """Whether the driver has come up anew and only takes for a pilot's what is ours."""
+        is_new = driver.has_pilot_control and not executor.board.has_pilot
+        return is_new and self._handover.is_ours(self._facts.autopilot, now_s)
+
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""
         facts = self._facts
@@ -273,8 +277,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         executor.available(self._availability.missing(self._book, facts, now_s), now_s)
         if facts.is_connected:
             executor.vehicle(facts.is_airborne, now_s)
-        if facts.driver is not None:
-            executor.pilot(facts.driver.has_pilot_control, facts.driver.pilot_reason, now_s)
+        driver = facts.driver
+        if driver is not None and not self._is_handing_over(executor, driver, now_s):
+            executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s)
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
         for condition, is_on, reason in facts.conditions(fence, now_s):
             executor.condition(condition, is_on, reason, now_s)

@@ -33,6 +33,7 @@ class StreamCamera:
     """A simulated camera's frames over TCP, read in a thread of its own.
 
     Args:
+        name: of the camera, whatever the stream calls it.
         url: `tcp://HOST:PORT`.
         t_s_of: maps the vehicle's time since boot, in seconds, to ours; None while that is not known.
 
@@ -40,11 +41,9 @@ class StreamCamera:
         Refused: the URL is wrong.
     """
 
-    def __init__(self, url: str, t_s_of: Callable[[float], float | None]) -> None:
-        parts = urlsplit(url)
-        if parts.scheme != "tcp" or not parts.hostname or parts.port is None:
-            raise Refused(f"camera {url!r}: write it as tcp://127.0.0.1:5600")
-        self._address = (parts.hostname, parts.port)
+    def __init__(self, name: str, url: str, t_s_of: Callable[[float], float | None]) -> None:
+        self._name = name
+        self._address = _address(url)
         self._t_s_of = t_s_of
         self._frame: StampedImage | None = None
         self._stop = threading.Event()
@@ -79,5 +78,13 @@ class StreamCamera:
     def _take(self, frame: GreyFrame) -> None:
         t_s = self._t_s_of(frame.boot_us * 1e-6)
         if t_s is not None:
-            image = Image(camera=frame.camera, width=frame.width, height=frame.height, data=frame.data)
+            image = Image(camera=self._name, width=frame.width, height=frame.height, data=frame.data)
             self._frame = StampedImage(t_s, image)
+
+
+def _address(url: str) -> tuple[str, int]:
+    parts = urlsplit(url)
+    with suppress(ValueError):
+        if parts.scheme == "tcp" and parts.hostname and parts.port:
+            return parts.hostname, parts.port
+    raise Refused(f"camera {url!r}: write it as tcp://127.0.0.1:5600")

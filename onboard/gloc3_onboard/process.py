@@ -189,7 +189,7 @@ class OnboardProcess:
             if name + CAMERA not in cameras:
                 hint = nearest(name, [device.removesuffix(CAMERA) for device in cameras])
                 raise Refused(f"--camera {text!r}: {self._platform.platform} has no camera {name!r}; {hint}")
-            cameras[name + CAMERA] = StreamCamera(url, self._autopilot.t_s_of_boot)
+            cameras[name + CAMERA] = StreamCamera(name, url, self._autopilot.t_s_of_boot)
         return cameras
 
     def _devices(self, log: Path) -> dict[str, Any]:

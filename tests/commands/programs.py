@@ -1,0 +1,96 @@
+"""Starts `gloc3` as a program of its own, as a terminal does, and ends it as Ctrl-C does."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+PATIENCE_S = 60.0
+
+
+class Program:
+    """A running `gloc3 ARGUMENTS` that leads a process group, and what it has said so far."""
+
+    def __init__(self, arguments: Sequence[str], folder: Path) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "gloc3", *arguments],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        self.lines: list[str] = []
+        self._said = threading.Condition()
+        self._is_over = False
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            with self._said:
+                self.lines.append(line.rstrip())
+                self._said.notify_all()
+        with self._said:
+            self._is_over = True
+            self._said.notify_all()
+
+    @property
+    def text(self) -> str:
+        """Everything that it has said."""
+        return "\n".join(self.lines)
+
+    def await_line(self, is_it: Callable[[str], bool]) -> str:
+        """Waits for a line; fails with what was said if it does not come."""
+        at = 0
+        with self._said:
+            while True:
+                for line in self.lines[at:]:
+                    if is_it(line):
+                        return line
+                at = len(self.lines)
+                is_new = self._said.wait_for(lambda: len(self.lines) > at or self._is_over, PATIENCE_S)
+                assert is_new and not (self._is_over and len(self.lines) == at), self.text
+
+    def interrupt(self, number: int = signal.SIGINT) -> None:
+        """Ctrl-C: the signal goes to the whole process group."""
+        os.killpg(self.process.pid, number)
+
+    def end(self) -> int:
+        """Waits for its end; the exit code."""
+        code = self.process.wait(PATIENCE_S)
+        self._reader.join(PATIENCE_S)
+        return code
+
+
+@contextmanager
+def program(*arguments: str, folder: Path) -> Iterator[Program]:
+    """A program that is killed with everything in its group if the test does not see to its end."""
+    running = Program(arguments, folder)
+    try:
+        yield running
+    finally:
+        if running.process.poll() is None:
+            os.killpg(running.process.pid, signal.SIGKILL)
+        running.end()
+        assert running.process.stdout is not None
+        running.process.stdout.close()
+
+
+def processes_that_mention(text: str) -> list[str]:
+    """Command lines of running processes that hold a text."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        try:
+            line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if folder.name.isdigit() and text in line:
+            found.append(line)
+    return found

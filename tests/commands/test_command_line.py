@@ -1,0 +1,142 @@
+"""The command line in one process: what is wrong is said in a line, with the exit code that scripts look at."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from gloc3.cli import run
+from gloc3_sitl.fault_effects import EFFECTS
+from gloc3_sitl.faults import SHORT
+
+COMMANDS = ("sitl", "onboard", "station", "fly", "demo", "mission", "log", "component")
+
+WRONG_USE: list[tuple[Sequence[str], str]] = [
+    ([], "Usage: gloc3 COMMAND"),
+    (["flyy"], "did you mean 'fly'?"),
+    (["mission"], "Usage: gloc3 mission COMMAND"),
+    (["mission", "chek", "hop"], "Available commands"),
+    (["mission", "check"], "MISSION requires an argument"),
+    (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, patrol)"),
+    (["mission", "check", "hop", "more"], "nothing was expected after the arguments, but there is 'more'"),
+    (["mission", "convert", "hop", "x.doc"], "unknown kind of file '.doc'"),
+    (["fly"], "MISSION requires an argument"),
+    (["fly", "nosuch"], "no such mission"),
+    (["fly", "no/such.yaml"], "there is no file no/such.yaml"),
+    (["fly", "hop", "--platform", "nosuch"], "no such platform (known: pelican)"),
+    (["fly", "hop", "--autopilot", "px5"], 'Choose from: "px4", "ardupilot"'),
+    (["fly", "hop", "--seed", "one"], "unable to convert"),
+    (["fly", "hop", "--seed", "-1"], "--seed must be 0 or more"),
+    (["fly", "hop", "--wind", "-1"], "--wind must be from 0 to 30"),
+    (["fly", "hop", "--fault", "nosuch"], "there is no fault 'nosuch'"),
+    (["fly", "hop", "--bogus"], "Unknown option: --bogus"),
+    (["fly", "hop", "--out", "/proc/nowhere"], "the folder /proc/nowhere cannot be written"),
+    (["demo", "nosuch"], "no such mission"),
+    (["demo", "hop", "--out", "/proc/nowhere"], "the folder /proc/nowhere cannot be written"),
+    (["sitl", "--world", "nosuch"], "known: hold, open"),
+    (["sitl", "--vehicle", "nosuch"], "known: pelican"),
+    (["sitl", "--home", "here"], "must be LAT,LON,ALT,HEADING"),
+    (["sitl", "--speed", "0"], "--speed must be above 0"),
+    (["sitl", "--camera", "70000"], "--camera must be a port"),
+    (["sitl", "--link", "udp"], "has no scheme"),
+    (["onboard"], "PLATFORM requires an argument"),
+    (["onboard", "nosuch"], "no such platform"),
+    (["onboard", "pelican", "--system-id", "255"], "--system-id must be from 1 to 250"),
+    (["onboard", "pelican", "--camera", "front=tcp://127.0.0.1:1"], "has no camera 'front'; known: ground"),
+    (["onboard", "pelican", "--camera", "ground=udp://127.0.0.1:1"], "write it as tcp://"),
+    (["onboard", "pelican", "--camera", "ground"], "must be NAME=tcp://HOST:PORT"),
+    (["station", "--json"], "--json goes with --headless"),
+    (["station", "--headless", "--link", "smoke://signals"], "no scheme 'smoke'"),
+    (["log", "info", "/nowhere/log.mcap"], "cannot be read"),
+    (["log", "plot"], "FILE requires an argument"),
+    (["component", "describe", "nosuch"], "no installed component is called 'nosuch'"),
+    (["component", "list", "--platform", "nosuch"], "no such platform"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "text"), WRONG_USE, ids=[" ".join(line) or "nothing" for line, _ in WRONG_USE])
+def test_wrong_use_is_told_on_stderr_and_ends_with_2(
+    arguments: Sequence[str],
+    text: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(arguments) == 2
+    captured = capsys.readouterr()
+    assert text in " ".join(captured.err.split())
+    assert "Traceback" not in captured.err
+    assert "╭" not in captured.err
+    assert captured.out == ""
+    assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([command, "--help"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"Usage: gloc3 {command}")
+    assert "╭" not in captured.out
+    assert "--no-" not in captured.out
+    assert captured.err == ""
+    assert run(["--help"]) == 0
+    assert f"\n  {command} " in capsys.readouterr().out
+
+
+def test_the_help_of_fly_names_every_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    run(["fly", "--help"])
+    text = capsys.readouterr().out
+    assert not [word for word in (*EFFECTS, *SHORT) if word not in text]
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("gloc3 ")
+
+
+BAD_MISSIONS = {
+    "empty.yaml": ("", "empty.yaml: the file is empty"),
+    "half.yaml": ("mission: half", "half.yaml:1:1: 'frame' is missing"),
+    "broken.yaml": ("[1, 2", "not YAML"),
+    "no.plan": ("{}", "no.plan:"),
+    "deep.yaml": ("a: " + "[" * 5000, "deep.yaml:1:"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_MISSIONS)
+def test_a_mission_that_is_not_fit_to_fly_ends_with_1_and_names_the_place(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text, expected = BAD_MISSIONS[name]
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text(text)
+    for arguments in (["fly", name], ["mission", "check", name], ["demo", name, "--out", "out"]):
+        assert run(arguments) == 1
+        captured = capsys.readouterr()
+        assert expected in captured.err + captured.out
+        assert "Traceback" not in captured.err
+
+
+def test_a_wrong_platform_file_is_wrong_use_and_names_the_place(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("platform: mine\nvehicle: {type: quadrotor, mass_kg: heavy}\n")
+    for arguments in (["fly", "hop", "--platform", "mine.yaml"], ["onboard", "mine.yaml"]):
+        assert run(arguments) == 2
+        assert "mine.yaml:2:" in capsys.readouterr().err
+
+
+def test_a_library_that_is_not_installed_is_named_with_the_way_to_install_it(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("gloc3_sitl")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "jsbsim", None)
+    assert run(["fly", "hop"]) == 2
+    assert (
+        'fly needs jsbsim, which is not installed; install it with: pip install "gloc3[sitl]"'
+        in capsys.readouterr().err
+    )

@@ -1,0 +1,59 @@
+"""The main job over real UDP: three processes fly a mission, and Ctrl-C ends all of them."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from tests.commands.programs import processes_that_mention, program
+
+from gloc3.log.reader import LogReader
+from gloc3_sitl.flight_report import FlightReport
+
+pytestmark = pytest.mark.sockets
+
+
+def report_in(out: Path) -> FlightReport:
+    return msgspec.json.decode((out / "report.json").read_bytes(), type=FlightReport)
+
+
+def test_three_processes_fly_a_mission_and_leave_log_report_and_picture(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    with program("demo", "hop", "--out", str(out), folder=tmp_path) as demo:
+        assert demo.end() == 0, demo.text
+    assert "hop: done" in demo.lines
+    assert any("task hop: done" in line for line in demo.lines)
+    report = report_in(out)
+    assert report.mission_state == "done"
+    assert set(report.tasks.values()) == {"done"}
+    assert 8.0 < report.flight_time_s < 25.0
+    assert report.distance_m > 2.5
+    assert report.wall["total_s"] < 60.0
+    assert (out / "path.svg").read_text().lstrip().startswith("<?xml")
+    for name in ("log.mcap", "truth.mcap"):
+        with LogReader(out / name) as reader:
+            assert reader.is_finished
+            assert not reader.losses()
+    assert not processes_that_mention(str(out))
+
+
+def test_ctrl_c_in_flight_leaves_no_process_and_a_readable_log_and_says_what_became_of_it(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    with program("demo", "hop", "--out", str(out), folder=tmp_path) as demo:
+        demo.await_line(lambda line: "hop.up: running" in line)
+        demo.interrupt()
+        assert demo.end() == 130, demo.text
+    assert not processes_that_mention(str(out))
+    assert report_in(out).mission_state == "aborted"
+    with LogReader(out / "log.mcap") as reader:
+        assert reader.is_finished
+        left = [entry.envelope.payload for entry in reader.entries("components/autopilot_driver/status")]
+    assert left[-1].state is None, "the driver left in order"
+
+
+def test_ctrl_c_while_the_processes_start_leaves_nothing_either(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    with program("demo", "hop", "--out", str(out), folder=tmp_path) as demo:
+        demo.await_line(lambda line: "listening" in line)
+        demo.interrupt()
+        assert demo.end() == 130, demo.text
+    assert not processes_that_mention(str(out))

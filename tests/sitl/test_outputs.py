@@ -1,0 +1,31 @@
+"""The folder of a flight: an earlier flight's files go, everything else stays."""
+
+from pathlib import Path
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3_sitl.outputs import make_anew
+
+
+def test_what_an_earlier_flight_left_goes_and_what_is_somebody_elses_stays(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    (out / "images").mkdir(parents=True)
+    ours = ["log.mcap", "report.json", "requests.journal", "images/ground-00001.png", "images/poses.jsonl"]
+    theirs = ["mission.yaml", "notes.txt", "images/holiday.png", "log-2.mcap"]
+    for name in (*ours, *theirs):
+        (out / name).write_text(name)
+    make_anew(out)
+    assert sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()) == sorted(theirs)
+
+
+def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
+    make_anew(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+
+
+@pytest.mark.parametrize("name", ["file", "file/below", "/proc/none"])
+def test_a_folder_that_cannot_be_had_is_refused_with_the_reason(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(Refused, match="cannot be written: "):
+        make_anew(tmp_path / name)

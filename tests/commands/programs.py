@@ -48,15 +48,15 @@ class Program:
 
     def await_line(self, is_it: Callable[[str], bool]) -> str:
         """Waits for a line; fails with what was said if it does not come."""
-        at = 0
+
+        def find() -> str | None:
+            return next((line for line in self.lines if is_it(line)), None)
+
         with self._said:
-            while True:
-                for line in self.lines[at:]:
-                    if is_it(line):
-                        return line
-                at = len(self.lines)
-                is_new = self._said.wait_for(lambda: len(self.lines) > at or self._is_over, PATIENCE_S)
-                assert is_new and not (self._is_over and len(self.lines) == at), self.text
+            self._said.wait_for(lambda: find() is not None or self._is_over, PATIENCE_S)
+        found = find()
+        assert found is not None, self.text
+        return found
 
     def interrupt(self, number: int = signal.SIGINT) -> None:
         """Ctrl-C: the signal goes to the whole process group."""

@@ -75,6 +75,9 @@ class Component(ABC, Generic[S]):
     loggable: ClassVar[tuple[str, ...]] = ()
     """The attributes that the data logger may record at the end of a cycle."""
 
+    request_cycle: Callable[[], None] = staticmethod(lambda: None)
+    """Begins a cycle soon; its host sets it. For devices that know when they have something new, from any thread."""
+
     inputs: ClassVar[dict[str, Input[Any]]]
     outputs: ClassVar[dict[str, Output[Any]]]
     functions: ClassVar[dict[str, "FunctionEntry"]]

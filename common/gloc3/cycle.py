@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final
 
 from gloc3.component import Component
@@ -17,6 +18,10 @@ from gloc3.workers import Worker
 
 HUNG_PERIODS: Final = 5.0
 HUNG_FLOOR_S: Final = 0.2
+SILENT_PERIODS: Final = 1.5
+"""After a cycle that something else has begun, the periodic ones come back after so many periods without another."""
+REST_PERIODS: Final = 0.5
+"""A device's request so soon after a cycle waits until then, so that no more than twice the rate is reached."""
 
 _EARLY: Final = 1e-6
 """Share of a period by which a timer may come early, or be rounded."""
@@ -76,9 +81,11 @@ class Cycler:
         self._job: CycleJob | None = None
         """None while there are no cycles."""
         self._is_running = False
-        self._is_triggered = False
+        self._is_triggered = self._is_requested = False
+        self._was_prompted = False
+        """Whether the last cycle was begun by an input or a device."""
 
-    # --- inputs ---
+    # --- inputs and devices ---
 
     def subscribe(self) -> list[Unsubscribe]:
         """Binds the component's inputs to their topics."""
@@ -105,6 +112,22 @@ class Cycler:
                 self._loop.call_soon(self._triggered)
 
         return take
+
+    def request(self) -> None:
+        """Begins a cycle soon, because a device has something new; from any thread."""
+        if self._job is not None and not self._is_requested:
+            self._is_requested = True
+            with suppress(RuntimeError):  # the loop has been closed: nobody waits any more
+                self._loop.call_soon_threadsafe(self._requested)
+
+    def _requested(self) -> None:
+        self._is_requested = False
+        now_s, rate_hz = self._loop.time(), self.rate_hz
+        if rate_hz is None or (now_s - self._began_s) * rate_hz > REST_PERIODS - _EARLY:
+            self._prompted(now_s)
+        elif self._job is not None:
+            self._was_prompted = False
+            self._restart_timer(self._began_s + REST_PERIODS / rate_hz)
 
     # --- start, stop, rate ---
 
@@ -158,19 +181,26 @@ class Cycler:
         rate_hz = self.rate_hz
         assert rate_hz is not None
         now_s, tick = self._loop.time(), self._tick
+        if self._was_prompted and (now_s - self._began_s) * rate_hz < SILENT_PERIODS - _EARLY:
+            self._restart_timer(self._began_s + SILENT_PERIODS / rate_hz)
+            return
         missed = int((now_s - self._start_s) * rate_hz + _EARLY) - tick
         if missed > 0:  # the loop itself was late: those cycles are lost, not made up
             tick += missed
             self.statistics.overruns += missed
         self._tick = tick + 1
         self._timer = self._loop.call_at(self._start_s + self._tick / rate_hz, self._ticked)
-        if self._row.trigger is None or (now_s - self._began_s) * rate_hz > 1.0 - _EARLY:
-            self._begin(now_s)
+        self._was_prompted = False
+        self._begin(now_s)
 
     def _triggered(self) -> None:
         self._is_triggered = False
+        self._prompted(self._loop.time())
+
+    def _prompted(self, now_s: float) -> None:
         if self._job is not None:
-            self._begin(self._loop.time())
+            self._was_prompted = True
+            self._begin(now_s)
 
     def _begin(self, now_s: float) -> None:
         if self._is_running:

@@ -64,6 +64,7 @@ class HostedComponent:
             hung=lambda limit_s: self._give_up(f"hung: a cycle had not ended after {limit_s:g} s"),
             unfit=self._unfit,
         )
+        component.request_cycle = self._cycler.request
         self._notifier = StatusNotifier(context.loop, row.status_period_s, self._report_status)
         self._transition: MethodJob | None = None
         self._is_stuck = False
@@ -146,6 +147,7 @@ class HostedComponent:
             self.is_device_live = False
         if job.component is not self.component:
             self.component, self._is_stuck, self._is_finish_stuck = job.component, False, False
+            self.component.request_cycle = self._cycler.request
         if command is Command.INITIALIZE:
             details = msgspec.json.encode(job.settings, order="sorted").decode()
         if command is Command.START:

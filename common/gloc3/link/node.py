@@ -28,15 +28,21 @@ class Node:
             number = codec.shape(name).id
             self._by_id[number] = (*self._by_id.get(number, ()), service)
 
-    def receive(self, frame: Frame, now_s: float) -> None:
-        """Passes a frame to whom it concerns; our own frames that come back are ignored."""
+    def receive(self, frame: Frame, now_s: float) -> bool:
+        """Passes a frame to whom it concerns; our own frames that come back are ignored.
+
+        Returns:
+            Whether a service took it, and may have something to send or to tell.
+        """
         services = self._by_id.get(frame.message_id)
         if services is None or frame.sender == self.own:
-            return
+            return False
         message = frame.decode()
-        if message is not None:
-            for service in services:
-                service.receive(message, frame.sender, now_s)
+        if message is None:
+            return False
+        for service in services:
+            service.receive(message, frame.sender, now_s)
+        return True
 
     def receive_message(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Passes on a message that is already decoded."""

@@ -6,7 +6,7 @@ from gloc3.component import SensorSampler
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import NoSettings
 from gloc3.vehicle import AutopilotPose
-from gloc3_onboard.devices import AutopilotTelemetry
+from gloc3_onboard.devices import AutopilotTelemetry, Unwatch
 
 
 class AutopilotPoseSampler(SensorSampler[NoSettings]):
@@ -17,10 +17,18 @@ class AutopilotPoseSampler(SensorSampler[NoSettings]):
     def __init__(self, device: AutopilotTelemetry) -> None:
         self._device = device
         self._last_s = float("-inf")
+        self._unwatch: Unwatch | None = None
 
     def start(self) -> None:
         """Takes what comes from now on."""
         self._last_s = float("-inf")
+        self._unwatch = self._device.on_pose(self.request_cycle)
+
+    def stop(self) -> None:
+        """Listens no longer."""
+        if self._unwatch is not None:
+            self._unwatch()
+            self._unwatch = None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports an estimate that has not been reported yet."""

@@ -6,7 +6,7 @@ from gloc3.component import SensorSampler
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import NoSettings
 from gloc3.vehicle import AutopilotState
-from gloc3_onboard.devices import AutopilotTelemetry
+from gloc3_onboard.devices import AutopilotTelemetry, Unwatch
 
 REPORT_PERIOD_S = 0.2
 
@@ -23,10 +23,18 @@ class AutopilotStateSampler(SensorSampler[NoSettings]):
         self._device = device
         self._last: AutopilotState | None = None
         self._reported_s = float("-inf")
+        self._unwatch: Unwatch | None = None
 
     def start(self) -> None:
         """Reports at once."""
         self._last, self._reported_s = None, float("-inf")
+        self._unwatch = self._device.on_state(self.request_cycle)
+
+    def stop(self) -> None:
+        """Listens no longer."""
+        if self._unwatch is not None:
+            self._unwatch()
+            self._unwatch = None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reads the state; says it when it is new or due."""

@@ -7,7 +7,7 @@ from gloc3.component import SensorSampler
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import HeightAboveGround
-from gloc3_onboard.devices import HeightSensor
+from gloc3_onboard.devices import HeightSensor, Unwatch
 
 
 class HeightSettings(Settings, frozen=True):
@@ -32,10 +32,21 @@ class HeightSampler(SensorSampler[HeightSettings]):
         self._device = device
         self._settings = HeightSettings()
         self._last_s = float("-inf")
+        self._unwatch: Unwatch | None = None
 
     def initialize(self, settings: HeightSettings) -> None:
         """Adopts the range."""
         self._settings = settings
+
+    def start(self) -> None:
+        """Takes what comes from now on."""
+        self._unwatch = self._device.on_height(self.request_cycle)
+
+    def stop(self) -> None:
+        """Listens no longer."""
+        if self._unwatch is not None:
+            self._unwatch()
+            self._unwatch = None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a range that has not been reported yet."""

@@ -1,0 +1,90 @@
+"""Cycles that a device asks for, beside the periodic ones."""
+
+import pytest
+
+from gloc3.lci import State
+from gloc3.testing import Bench
+
+from .specimen import Diary, Specimen, row
+
+
+def times(bench: Bench) -> list[float]:
+    """When the results' cycles began."""
+    return [envelope.t_s for envelope in bench.envelopes if envelope.topic == "bench/result"]
+
+
+def specimen(bench: Bench, rate_hz: float) -> Specimen:
+    """A component under its host, after its first second."""
+    made: list[Specimen] = []
+
+    def create() -> Specimen:
+        made.append(Specimen(Diary()))
+        return made[-1]
+
+    bench.host(row(rate_hz=rate_hz), create)
+    bench.run(1.0)
+    bench.envelopes.clear()
+    return made[-1]
+
+
+def test_a_component_without_a_host_may_ask_and_nothing_happens() -> None:
+    Specimen(Diary()).request_cycle()
+
+
+def test_a_request_begins_a_cycle_at_once_and_the_periodic_ones_fill_the_silence_only() -> None:
+    with Bench() as bench:
+        asking = specimen(bench, rate_hz=10.0)
+        for _ in range(10):
+            bench.run(0.06)
+            asking.request_cycle()
+            bench.run(0.04)
+        assert times(bench) == pytest.approx([1.06 + 0.1 * index for index in range(10)])
+        bench.envelopes.clear()
+        bench.run(1.0)
+        assert times(bench) == pytest.approx([2.11 + 0.1 * index for index in range(9)])
+
+
+def test_requests_reach_no_more_than_twice_the_rate_and_none_is_lost() -> None:
+    with Bench() as bench:
+        asking = specimen(bench, rate_hz=10.0)
+        for _ in range(100):
+            bench.run(0.01)
+            asking.request_cycle()
+        assert len(times(bench)) == pytest.approx(20, abs=1)
+        bench.run(0.06)
+        assert times(bench)[-1] >= 2.0
+
+
+def test_a_request_while_standing_by_begins_nothing() -> None:
+    with Bench() as bench:
+        asking = specimen(bench, rate_hz=10.0)
+        bench.command("specimen", "stop")
+        bench.envelopes.clear()
+        asking.request_cycle()
+        bench.run(1.0)
+        assert bench.state("specimen") is State.STANDBY
+        assert times(bench) == []
+
+
+def test_a_request_after_the_end_of_the_process_harms_nobody() -> None:
+    with Bench() as bench:
+        asking = specimen(bench, rate_hz=10.0)
+    asking.request_cycle()
+
+
+def test_the_component_that_takes_the_place_of_a_hung_one_may_ask_too() -> None:
+    made: list[Specimen] = []
+
+    def create() -> Specimen:
+        made.append(Specimen(Diary()))
+        return made[-1]
+
+    with Bench(cycle_cost_s=lambda name, now_s: float("inf") if 1.0 <= now_s < 1.05 else 0.0) as bench:
+        bench.host(row(rate_hz=2.0), create)
+        bench.run(4.0)
+        bench.command("specimen", "initialize", None, "start")
+        bench.run(0.4)
+        bench.envelopes.clear()
+        made[-1].request_cycle()
+        bench.run(0.01)
+        assert len(times(bench)) == 1

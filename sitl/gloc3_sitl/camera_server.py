@@ -40,6 +40,7 @@ class CameraServer:
         except OSError as error:
             reason = "it is in use by another program" if error.errno == errno.EADDRINUSE else error.strerror
             raise Refused(f"camera port {port}: {reason}") from error
+        self._camera.capture(self._simulator.truth())  # the first picture takes long, and time does not run yet
         self._tick()
         return self
 

@@ -29,8 +29,10 @@ PERIOD_S: Final = 0.02
 """How often a running simulator advances, in simulated time: the period of the autopilot's outer loops."""
 
 _GROUND_PERIOD_STEPS: Final = 10
-_MOST_LATE_S: Final = 0.5
-"""A simulator that is further behind the wall clock than this gives up catching up."""
+_MOST_LATE_S: Final = 5.0
+"""A simulator that is further behind the wall clock than this gives up catching up: its clock slips."""
+_MOST_AT_ONCE_S: Final = 0.5
+"""So much is caught up with before others have their turn."""
 
 
 class Simulator:
@@ -129,7 +131,7 @@ class Simulator:
                 self.late += 1
                 begin_s, offset_s = loop.time(), self.now_s + PERIOD_S
                 wanted_s = offset_s
-            self.advance(wanted_s)
+            self.advance(min(wanted_s, self.now_s + _MOST_AT_ONCE_S * max(1.0, speed)))
             next_s = begin_s + (self.now_s + PERIOD_S - offset_s) / speed
             self._timer = loop.call_at(next_s, turn)
 

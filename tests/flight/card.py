@@ -114,10 +114,6 @@ class Card:
     async def _fault(self, text: str) -> Injection:
         return schedule_faults(self.flight, (text,))[0]
 
-    async def take_control(self) -> None:
-        """The station asks for control, and gets it."""
-        await flights.take_control(self.flight.station, self.flight.name)
-
     def ask(self, body: AnyBody) -> CiReply:
         """The station asks for something."""
         return self.run(self.flight.station.client.ask(self.flight.name, body))

@@ -36,7 +36,6 @@ def test_a_server_that_fails_in_flight_holds_until_an_operator_acts(flight: Card
     flight.await_component("command_server", "working", 3.0)
     flight.await_policy("hold", 5.0)
     flight.until(lambda: flight.speed_m_s < 0.05, 6.0, "it stands")
-    flight.run(flight.take_control())
     flight.command("resume")
     flight.await_state("mission", "done", 40.0)
     assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)

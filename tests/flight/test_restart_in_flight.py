@@ -50,7 +50,6 @@ def test_a_restart_in_flight_holds_with_progress_kept_until_an_operator_acts(fli
     assert flight.state("sweep.side") == "paused"
     place = flight.position_m
     flight.always(lambda: abs(flight.position_m[1] - place[1]) < 0.3, 3.0, "it holds")
-    flight.run(flight.take_control())
     flight.command("resume")
     flight.await_state("mission", "done", 30.0)
     assert flight.position_m[1] == pytest.approx(4.0, abs=HOME_M)
@@ -99,6 +98,27 @@ def test_a_restart_during_a_landing_goes_on_landing(flight: Card) -> None:
     assert flight.state("mission") in ("done", "paused")
 
 
+def test_a_link_that_is_lost_before_a_restart_is_lost_after_it_too(flight: Card) -> None:
+    flight.begin(mission(on_restart="continue", on_link_loss="land", link_loss_after_s="3"))
+    flight.await_state("sweep", "running")
+    flight.fault("link_loss")
+    flight.wait(1.0)
+    flight.fault("restart")
+    flight.await_policy("land", 10.0)
+    assert flight.position_m[0] < 6.0
+    flight.await_landed()
+
+
+def test_who_held_control_before_a_restart_holds_it_still(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    flight.fault("restart")
+    flight.wait(6.0)
+    assert flight.last("ci/control").holder == flight.flight.station.id
+    flight.command("resume")
+    flight.await_state("mission", "done", 40.0)
+
+
 def test_a_pilot_who_took_over_while_the_process_was_away_keeps_control(flight: Card) -> None:
     flight.begin(mission(on_restart="continue"))
     flight.await_state("sweep", "running")
@@ -131,7 +151,6 @@ def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice_also_after_a_restar
     flight.command("resume")
     flight.fault("restart")
     flight.wait(5.0)
-    flight.run(flight.take_control())
     flight.command("resume")
     flight.await_state("sweep.out", "running")
     begin_s = flight.now_s

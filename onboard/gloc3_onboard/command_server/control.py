@@ -22,6 +22,11 @@ class ControlAuthority:
         """For the stations."""
         return ControlState(holder=self.holder, requested_by=self.requested_by)
 
+    def restore(self, holder: str, now_s: float) -> None:
+        """Whoever held control before a restart holds it still; it counts as heard now, and must be heard again."""
+        self.holder = holder
+        self._heard_s.setdefault(holder, now_s)
+
     def hear(self, station: str, now_s: float) -> None:
         """A station has been heard: by its heartbeat, or by a request."""
         self._heard_s[station] = now_s

@@ -156,6 +156,10 @@ class CommandServer(CommandInterface[ServerSettings]):
         results += self._supervise(now_s, inbox)
         if self._executor is None:
             results += self._try_to_begin(now_s)
+        if self._executor is not None:  # what is asked for now is judged by what is known now
+            self._inform(self._executor, now_s, inbox)
+            if self._facts.driver is not None and self._is_handing_over(self._executor, self._facts.driver, now_s):
+                results.append(TakeOver(is_resumed=True))
         for request in inbox.new(self.request):
             answer = self._requests.handle(request.payload, now_s)
             results += [] if answer is None else [answer]
@@ -165,9 +169,6 @@ class CommandServer(CommandInterface[ServerSettings]):
             results += self._replied(function_reply.payload, now_s)
         results += self._requests.expire(now_s)
         if self._executor is not None:
-            self._inform(self._executor, now_s, inbox)
-            if self._facts.driver is not None and self._is_handing_over(self._executor, self._facts.driver, now_s):
-                results.append(TakeOver(is_resumed=True))
             self._executor.tick(now_s)
             for ask in self._executor.take(now_s):
                 results += self._carry_out(ask)
@@ -207,7 +208,9 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     def _supervise(self, now_s: float, inbox: Inbox) -> list[Result]:
         """Has standbys take over and faulty components come up again; what is lost for good goes to the executor."""
-        if self._supervision is None:
+        if self._supervision is None:  # the first cycle: only now is the time known
+            if _was_under_way(self._snapshot):
+                self._authority.restore(self._site.holder, now_s)
             self._supervision = Supervision(self._site.platform.components, f"supervision-{now_s:.3f}")
             self._requests.supervision = self._supervision
         supervision = self._supervision
@@ -253,12 +256,9 @@ class CommandServer(CommandInterface[ServerSettings]):
     def _flies_for_us(self, kept: Snapshot) -> bool:
         """Whether the vehicle does what a former life of this process had begun, and the driver takes it for a pilot's."""
         facts = self._facts
-        was_under_way = kept.policy is not None or any(
-            program.own.state in (ActionState.RUNNING, ActionState.PAUSED) for program in kept.programs
-        )
         is_ours = facts.is_airborne and facts.autopilot is not None and facts.autopilot.mode in OURS
         is_taken = facts.driver is None or facts.driver.has_pilot_control
-        return was_under_way and is_ours and is_taken and not kept.has_pilot
+        return _was_under_way(kept) and is_ours and is_taken and not kept.has_pilot
 
     def _is_handing_over(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> bool:
         """Whether the driver has come up anew and only takes for a pilot's what is ours."""
@@ -377,6 +377,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         """What is told when it has changed, and once a second besides."""
         results: list[Result] = []
         self.holder = self._authority.holder
+        if self.holder != self._site.holder:
+            self._site.keep_holder(self.holder)
         self.policy = self._executor.policy if self._executor is not None else ""
         mission = mission_summary(self._executor)
         if is_slow or mission != self._told_mission:
@@ -419,3 +421,11 @@ class CommandServer(CommandInterface[ServerSettings]):
             fence_margin_m=limits.fence_margin_m,
             home_ned_m=self._facts.home_ned_m,
         )
+
+
+def _was_under_way(kept: Snapshot | None) -> bool:
+    """Whether a mission, a single command or a policy had begun and not ended."""
+    return kept is not None and (
+        kept.policy is not None
+        or any(program.own.state in (ActionState.RUNNING, ActionState.PAUSED) for program in kept.programs)
+    )

@@ -15,6 +15,8 @@ class _Kept(msgspec.Struct, frozen=True):
 
     snapshot: Snapshot | None
     home: KeptHome | None
+    holder: str = ""
+    """The station that holds control."""
 
 
 class Site:
@@ -34,6 +36,8 @@ class Site:
         self._progress = progress
         self._snapshot: Snapshot | None = None
         self._home: KeptHome | None = None
+        self.holder = ""
+        """The station that held control when this was last kept."""
 
     def load(self) -> tuple[Snapshot | None, KeptHome | None]:
         """What the process before has left."""
@@ -44,7 +48,7 @@ class Site:
             except (msgspec.DecodeError, msgspec.ValidationError) as error:
                 self.problem = f"the kept progress cannot be read: {error}"
             else:
-                self._snapshot, self._home = kept.snapshot, kept.home
+                self._snapshot, self._home, self.holder = kept.snapshot, kept.home, kept.holder
         return self._snapshot, self._home
 
     def keep_snapshot(self, snapshot: Snapshot) -> None:
@@ -57,5 +61,10 @@ class Site:
         self._home = home
         self._write()
 
+    def keep_holder(self, holder: str) -> None:
+        """Puts the holder of control on disk."""
+        self.holder = holder
+        self._write()
+
     def _write(self) -> None:
-        self._progress.rewrite([msgspec.msgpack.encode(_Kept(self._snapshot, self._home))])
+        self._progress.rewrite([msgspec.msgpack.encode(_Kept(self._snapshot, self._home, self.holder))])

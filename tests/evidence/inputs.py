@@ -68,6 +68,7 @@ def state_table(progress: Progress) -> list[Figure]:
 
 
 BAD_INPUT = [
+    "tests/commands/test_command_line.py",
     "tests/common/test_document.py",
     "tests/common/test_platform.py",
     "tests/common/test_wire.py",

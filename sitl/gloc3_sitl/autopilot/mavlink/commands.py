@@ -94,6 +94,9 @@ def _terminate(front: "Front", request: CommandRequest) -> Verdict:
 # -- places -----------------------------------------------------------------------------------------------------------
 
 
+_MOST_HEIGHT_M: Final = 100_000.0
+
+
 def _place(front: "Front", request: CommandRequest) -> Vector3 | Verdict:
     """The NED position of parameters 5 to 7; NaN means here."""
     craft = front.craft
@@ -107,6 +110,8 @@ def _place(front: "Front", request: CommandRequest) -> Vector3 | Verdict:
             return _DENIED
         n, e, _ = origin.ned_from_geo(latitude, longitude, origin.origin.altitude_m)
     if isfinite(height):
+        if abs(height) > _MOST_HEIGHT_M:
+            return _DENIED
         base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
         d = base - height if request.is_int and request.frame in _RELATIVE else origin.origin.altitude_m - height
     return (n, e, d)

@@ -11,8 +11,13 @@ SAME_M: Final = 1e-6
 REACHED_M: Final = 1e-3
 WAITING_SHARE: Final = 0.05
 """A point that makes less than this share of the wanted speed waits for the vehicle."""
-CORNER_S: Final = 0.06
+CORNER_S: Final = 0.08
 """A corner is passed no faster than the acceleration could turn the velocity in this time."""
+BRAKING_SHARE: Final = 0.7
+"""Part of the acceleration that braking is planned with: a vehicle that is braked harder flies past."""
+STOPPING_HZ: Final = 3.5
+CRAWL_M_S: Final = 0.05
+"""Before a stop the speed fades, to so much of the way that is left a second; the last centimetres are crawled."""
 SHARP: Final = 0.5
 """Where the direction changes by more than this (30 degrees; it is the distance of the unit vectors) is a corner."""
 LEAD_M: Final = 0.3
@@ -95,8 +100,8 @@ class PathFollower:
 
     @property
     def is_at_end(self) -> bool:
-        """Whether the point has come to the last waypoint and rested there."""
-        return self._index >= len(self._legs) and self._rest_s <= 0.0
+        """Whether the point has come to the last waypoint, the vehicle is near, and both have rested there."""
+        return self._index >= len(self._legs) and not self._is_staying
 
     @property
     def waypoint(self) -> int:
@@ -191,7 +196,11 @@ class PathFollower:
         speed = min(max(wanted, self._now_m_s - change), self._now_m_s + change)
         is_late = leg.is_checked and behind_m > self._acceptance_m
         end_speed = 0.0 if is_late else leg.end_speed_m_s
-        to_end = math.sqrt(change * change + 2.0 * self._acceleration * left_m + end_speed**2) - change
+        braking = BRAKING_SHARE * self._acceleration
+        lost = braking * duration_s
+        to_end = math.sqrt(lost * lost + 2.0 * braking * left_m + end_speed**2) - lost
+        if leg.end_speed_m_s == 0.0:
+            to_end = min(to_end, max(STOPPING_HZ * left_m, CRAWL_M_S))
         return min(speed, to_end)
 
     def _here(self) -> Target:
@@ -238,6 +247,6 @@ def _legs_of(
             end_speed, is_checked = min(speed, next_speed, in_corner), turn > SHARP
         legs.append(Leg(begin, along, length_m, speed, end_speed, waypoint, is_checked))
         # No faster into this leg than one can be slow enough again at its end.
-        next_speed = min(speed, math.sqrt(end_speed**2 + 2.0 * acceleration_m_s2 * length_m))
+        next_speed = min(speed, math.sqrt(end_speed**2 + 2.0 * BRAKING_SHARE * acceleration_m_s2 * length_m))
         next_along = along
     return legs[::-1]

@@ -1,5 +1,7 @@
 """The hold controller: the place where the vehicle comes to rest is kept, and not given up for a jump of the estimate."""
 
+import itertools
+import math
 from typing import Any
 
 import pytest
@@ -35,9 +37,19 @@ def test_the_present_place_is_kept_whatever_the_vehicle_does() -> None:
     assert {setpoint.action_id for setpoint in stage.all(Setpoint)} == {"hold"}
 
 
-def test_at_speed_it_is_where_the_vehicle_comes_to_rest() -> None:
-    assert place(holding(velocity_ned_m_s=(3.0, 0.0, 0.0))) == pytest.approx((1.0 + 0.6 + 2.25, 2.0, -3.0))
-    assert place(holding(velocity_ned_m_s=(0.0, -0.5, 0.0))) == pytest.approx((1.0, 2.0 - 0.1625, -3.0))
+def test_at_speed_the_place_moves_on_until_it_rests() -> None:
+    stage = holding(velocity_ned_m_s=(1.2, 0.0, -0.5))
+    places = [place(stage)]
+    speeds = [1.3]
+    for _ in range(60):
+        stage.step(pose=pose(1.0, 2.0, 3.0, velocity_ned_m_s=(9.0, 9.0, 9.0)))
+        places.append(place(stage))
+        speeds.append(math.hypot(*stage.last(Setpoint).velocity_ned_m_s))
+    assert math.dist(places[0], (1.0, 2.0, -3.0)) < 0.1
+    assert math.dist(places[-1], (1.0, 2.0, -3.0)) == pytest.approx(1.3**2 / 2.4, abs=0.05)
+    assert speeds[-1] == 0.0
+    assert max(a - b for a, b in itertools.pairwise(speeds)) <= 1.2 * 0.1 + 1e-9
+    assert max(math.dist(a, b) for a, b in itertools.pairwise(places)) <= 1.3 * 0.05 + 1e-9
 
 
 def test_it_is_silent_while_motion_is_somebody_elses_and_takes_a_new_place_afterwards() -> None:

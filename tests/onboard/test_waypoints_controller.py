@@ -75,7 +75,7 @@ def test_the_waypoints_are_passed_in_order_and_the_action_is_done_at_the_last() 
     assert math.dist(rig.at, LEGS[-1]) < 0.01
     progress = [report.progress for report in rig.stage.all(ActionStatus)]
     assert progress == sorted(progress)
-    assert rig.stage.now_s == pytest.approx(6.0 + 1.2, abs=0.5)
+    assert rig.stage.now_s == pytest.approx(6.0 + 2.0, abs=0.7)
 
 
 def test_the_last_waypoint_is_attained_when_the_vehicle_has_come_to_rest_there() -> None:
@@ -89,7 +89,7 @@ def test_the_last_waypoint_is_attained_when_the_vehicle_has_come_to_rest_there()
     rig.run(4.0)
     assert rig.stage.status.state == "running"
     rig.velocity = (0.1, 0.0, 0.0)
-    rig.run(STEP_S)
+    rig.run(0.5)
     assert rig.stage.status.state == "done"
 
 
@@ -189,7 +189,7 @@ def test_until_the_autopilot_follows_the_target_stays_where_the_vehicle_is() -> 
 
 
 def test_an_autopilot_that_never_follows_fails_the_action_with_its_reason() -> None:
-    rig = Rig(settle_s=4.0)
+    rig = Rig(follow_s=4.0)
     rig.is_guided, rig.refusal = False, "no setpoints are streamed"
     rig.begin()
     rig.run(STEP_S)

@@ -1,11 +1,13 @@
 """CC: keeps the vehicle where it is, while it owns motion and nobody else does."""
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.frames import Vector3, yaw_of
+from gloc3.messages import Envelope
 from gloc3.mission.arguments import Hold
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
@@ -14,14 +16,17 @@ from gloc3.vehicle import MotionGrant, Pose, Setpoint
 
 HOLD_ACTION = "hold"
 """The id under which this controller owns motion when no action does."""
+STEP_S = 0.1
+"""The place moves on by no more than this in one cycle."""
+GAP_S = 0.5
+"""After so long without a pose the autopilot holds by itself: the place to keep is then where it has."""
 
 
 class HoldSettings(Settings, frozen=True):
     """Settings of the hold controller."""
 
-    stopping_s: Annotated[float, Bounds(0.0, 5.0)] = 0.4
-    """The place to keep is where the vehicle would be after so many seconds of its velocity, so that it does not
-    come back after it has stopped."""
+    braking_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 1.2
+    """How hard a moving vehicle is braked. The place to keep is where it comes to rest, so that it need not come back."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """A pose older than this is lost."""
 
@@ -38,9 +43,13 @@ class HoldController(ActionPerformer, Controller[HoldSettings]):
 
     def __init__(self) -> None:
         self._settings = HoldSettings()
-        self._owner = ""
         self._place_ned_m: Vector3 | None = None
+        self._velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
+        self._moved_s = 0.0
         self._yaw_rad = 0.0
+        self._last_action = ""
+        """Until motion is taken from an action that has ended, its place is kept."""
+        self._seen: Envelope[Pose] | None = None
         self._duration_s: float | None = None
         self._until_s = 0.0
 
@@ -51,12 +60,12 @@ class HoldController(ActionPerformer, Controller[HoldSettings]):
     def stop(self) -> None:
         """Forgets the place and the action."""
         self.drop_action()
-        self._owner, self._place_ned_m = "", None
+        self._place_ned_m = None
 
     def begin_action(self, capability: str, arguments: Hold, now_s: float) -> None:
         """Keeps the present place for a time, or until it is told to end."""
         self._duration_s = arguments.duration_s
-        self._until_s = now_s + (arguments.duration_s or 0.0)
+        self._until_s = now_s + (arguments.duration_s or 0.0) * (1.0 - self.earlier_progress)
 
     def pause_action(self, now_s: float) -> None:
         """The time that is left stands still."""
@@ -68,35 +77,64 @@ class HoldController(ActionPerformer, Controller[HoldSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Streams the place to keep while motion is this controller's."""
+        held = self._keep(now_s, inbox)
         if self.is_running and self._duration_s is not None:
             left_s = self._until_s - now_s
-            is_done = left_s <= 0.0
             progress = 1.0 - left_s / self._duration_s if self._duration_s > 0.0 else 1.0
-            self.advance(now_s, progress, ActionState.DONE if is_done else ActionState.RUNNING)
-        return [*self._keep(now_s, inbox), *self.action_reports(now_s)]
+            self.advance(now_s, progress, ActionState.DONE if left_s <= 0.0 else ActionState.RUNNING)
+        return [*held, *self.action_reports(now_s)]
 
     def _keep(self, now_s: float, inbox: Inbox) -> list[Setpoint]:
-        grant = inbox.latest(self.grant)
-        owner = grant.payload.action_id if grant is not None and self._is_ours(grant.payload) else ""
-        if not owner:
-            self._owner, self._place_ned_m = "", None
+        grant, latest = inbox.latest(self.grant), inbox.latest(self.pose)
+        owner = grant.payload.action_id if grant is not None else ""
+        self._last_action = self.action_id or self._last_action
+        if not owner or owner not in (HOLD_ACTION, self._last_action):
+            self._place_ned_m = None
             return []
-        latest = inbox.latest(self.pose)
         if latest is None or not latest.payload.is_valid or now_s - latest.t_s > self._settings.pose_limit_s:
             return []
-        if owner != self._owner or self._place_ned_m is None:
+        before, self._seen = self._seen, latest
+        if self._place_ned_m is None or before is None or latest.t_s - before.t_s > GAP_S:
             self._take_place(latest.payload)
-            self._owner = owner
-        return [Setpoint(action_id=owner, position_ned_m=self._place_ned_m, yaw_rad=self._yaw_rad)]
-
-    def _is_ours(self, grant: MotionGrant) -> bool:
-        return grant.action_id == HOLD_ACTION or (bool(self.action_id) and grant.action_id == self.action_id)
+        elif latest.payload.reset_counter != before.payload.reset_counter:
+            self._move_place(before, latest)
+        self._brake(min(now_s - self._moved_s, STEP_S))
+        self._moved_s = now_s
+        setpoint = Setpoint(
+            action_id=owner,
+            position_ned_m=self._place_ned_m,
+            velocity_ned_m_s=self._velocity_ned_m_s,
+            yaw_rad=self._yaw_rad,
+        )
+        return [setpoint]
 
     def _take_place(self, pose: Pose) -> None:
-        seconds = self._settings.stopping_s
-        self._place_ned_m = (
-            pose.position_ned_m[0] + pose.velocity_ned_m_s[0] * seconds,
-            pose.position_ned_m[1] + pose.velocity_ned_m_s[1] * seconds,
-            pose.position_ned_m[2] + pose.velocity_ned_m_s[2] * seconds,
-        )
+        """Begins where the vehicle is, as fast as it is."""
+        self._place_ned_m, self._velocity_ned_m_s = pose.position_ned_m, pose.velocity_ned_m_s
         self._yaw_rad = yaw_of(pose.ned_from_frd)
+
+    def _brake(self, duration_s: float) -> None:
+        """Moves the place on until it rests."""
+        assert self._place_ned_m is not None
+        speed = math.hypot(*self._velocity_ned_m_s)
+        share = max(0.0, 1.0 - self._settings.braking_m_s2 * duration_s / speed) if speed > 0.0 else 0.0
+        (n, e, d), (vn, ve, vd) = self._place_ned_m, self._velocity_ned_m_s
+        self._velocity_ned_m_s = (vn * share, ve * share, vd * share)
+        way_s = 0.5 * (1.0 + share) * duration_s
+        self._place_ned_m = (n + vn * way_s, e + ve * way_s, d + vd * way_s)
+
+    def _move_place(self, before: Envelope[Pose], after: Envelope[Pose]) -> None:
+        """The estimate has jumped, the vehicle has not: the place to keep jumps with it."""
+        assert self._place_ned_m is not None
+        duration_s = after.t_s - before.t_s
+        n, e, d = (
+            kept + new - old - speed * duration_s
+            for kept, new, old, speed in zip(
+                self._place_ned_m,
+                after.payload.position_ned_m,
+                before.payload.position_ned_m,
+                before.payload.velocity_ned_m_s,
+                strict=True,
+            )
+        )
+        self._place_ned_m = (n, e, d)

@@ -1,12 +1,13 @@
-"""CC: automatic take-off (paper §VI), flown by the autopilot in its own mode."""
+"""CC: automatic take-off (paper §VI): the autopilot climbs in its own mode, and is then brought to follow setpoints."""
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.errors import Refused
+from gloc3.frames import Vector3, yaw_of
 from gloc3.messages import Envelope
 from gloc3.mission.arguments import TakeOff
 from gloc3.mission.states import ActionState
@@ -20,7 +21,12 @@ from gloc3.vehicle import (
     ManoeuvreKind,
     ManoeuvreState,
     Pose,
+    Setpoint,
 )
+
+REPORT_S: Final = 0.5
+"""What the driver says of a manoeuvre earlier than this after it was asked for may be about the one before."""
+IN_AIR: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF)
 
 
 class TakeOffSettings(Settings, frozen=True):
@@ -31,13 +37,18 @@ class TakeOffSettings(Settings, frozen=True):
     tolerance_m: Annotated[float, Bounds(0.02, 5.0)] = 0.15
     """The take-off is done within this distance of the height asked for."""
     settled_m_s: Annotated[float, Bounds(0.02, 5.0)] = 0.3
-    """… and when it climbs no faster than this."""
+    """… when it climbs no faster than this …"""
     timeout_s: Annotated[float, Bounds(1.0, 600.0)] = 60.0
     """The take-off fails after this time."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
+    """A pose older than this is lost."""
 
 
 class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
-    """Asks for the manoeuvre and watches the height."""
+    """Asks for the manoeuvre, watches the height, and ends with the vehicle hanging on our setpoints.
+
+    So the next action finds an autopilot that follows. A take-off that was paused in the air goes on with setpoints.
+    """
 
     settings_type = TakeOffSettings
     performs: ClassVar = {"take_off": TakeOff}
@@ -47,6 +58,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
     autopilot = Input(AutopilotState)
     driver = Input(DriverState)
     manoeuvre_wanted = Output(Manoeuvre)
+    setpoint_wanted = Output(Setpoint, frame="ned")
 
     def __init__(self) -> None:
         self.height_m = math.nan
@@ -56,7 +68,10 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         self._target_m = 0.0
         self._ground_down_m = 0.0
         self._since_s = 0.0
-        self._is_asked = False
+        self._asked_s: float | None = None
+        self._has_flown = False
+        self._top: tuple[Vector3, float] | None = None
+        """Where the vehicle is kept at the end: position and heading."""
 
     def initialize(self, settings: TakeOffSettings) -> None:
         """Adopts the settings."""
@@ -68,58 +83,93 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
 
     def begin_action(self, capability: str, arguments: TakeOff, now_s: float) -> None:
         """Notes the ground and the height to reach."""
-        if self._pose is None or not self._pose.is_valid:
+        autopilot, pose = self._autopilot, self._pose
+        if pose is None or not pose.is_valid:
             raise Refused("there is no valid pose")
-        if self._autopilot is None or not self._autopilot.is_connected:
+        if autopilot is None or not autopilot.is_connected:
             raise Refused("the autopilot does not answer")
-        if self._autopilot.landed in (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING):
+        if autopilot.landed in (*IN_AIR, LandedState.LANDING):
             raise Refused("the vehicle is in the air already")
-        if not self._autopilot.is_armed and not self._settings.arm:
+        if not autopilot.is_armed and not self._settings.arm:
             raise Refused("the vehicle is not armed, and the platform file does not allow arming")
-        if not self._autopilot.is_armed and not self._autopilot.is_armable:
-            raise Refused(
-                "the autopilot would not arm: " + ("; ".join(self._autopilot.reasons) or "it gives no reason")
-            )
-        self._ground_down_m = self._pose.position_ned_m[2]
+        if not autopilot.is_armed and not autopilot.is_armable:
+            raise Refused("the autopilot would not arm: " + ("; ".join(autopilot.reasons) or "it gives no reason"))
+        self._ground_down_m = pose.position_ned_m[2]
         self._target_m = arguments.height_m
         self._since_s = now_s
-        self._is_asked = False
+        self._asked_s, self._top, self._has_flown = None, None, False
+
+    def pause_action(self, now_s: float) -> None:
+        """The time that is left stands still."""
+        self._since_s -= now_s
+
+    def resume_action(self, now_s: float) -> None:
+        """Asks again, or climbs on from where it hangs."""
+        self._since_s += now_s
+        self._asked_s, self._top = None, None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Asks once, then watches."""
+        """Asks once, watches, and takes over at the top."""
         if (autopilot := inbox.latest(self.autopilot)) is not None:
             self._autopilot = autopilot.payload
-        if (pose := inbox.latest(self.pose)) is not None:
-            self._pose = pose.payload
-            self.height_m = self._ground_down_m - pose.payload.position_ned_m[2]
-        results: list[Result] = []
-        if self.is_running:
-            if not self._is_asked:
-                self._is_asked = True
-                results.append(
-                    Manoeuvre(
-                        action_id=self.action_id,
-                        kind=ManoeuvreKind.TAKE_OFF,
-                        height_m=self._target_m,
-                        may_arm=self._settings.arm,
-                    )
-                )
-            else:
-                self._watch(now_s, inbox.latest(self.driver))
+        pose = inbox.latest(self.pose)
+        is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
+        self._pose = pose.payload if pose is not None and is_fresh and pose.payload.is_valid else None
+        if self._pose is not None:
+            self.height_m = self._ground_down_m - self._pose.position_ned_m[2]
+        results = self._fly(now_s, inbox.latest(self.driver)) if self.is_running else []
         return [*results, *self.action_reports(now_s)]
 
-    def _watch(self, now_s: float, driver: Envelope[DriverState] | None) -> None:
-        assert self._pose is not None
-        is_ours = driver is not None and driver.payload.manoeuvre_id == self.action_id
-        if driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.FAILED:
-            self.advance(now_s, 0.0, ActionState.FAILED, driver.payload.manoeuvre_reason)
-            return
-        is_there = abs(self.height_m - self._target_m) <= self._settings.tolerance_m
-        is_settled = abs(self._pose.velocity_ned_m_s[2]) <= self._settings.settled_m_s
-        if is_there and is_settled:
-            self.advance(now_s, 1.0, ActionState.DONE)
-        elif now_s - self._since_s > self._settings.timeout_s:
-            reason = f"after {self._settings.timeout_s:g} s it is at {self.height_m:.1f} m of {self._target_m:.1f} m"
-            self.advance(now_s, 0.0, ActionState.FAILED, reason)
-        else:
-            self.advance(now_s, self.height_m / self._target_m)
+    def _fly(self, now_s: float, driver: Envelope[DriverState] | None) -> list[Result]:
+        state, reason = self._manoeuvre(driver)
+        autopilot = self._autopilot
+        is_up = autopilot is not None and autopilot.is_armed and autopilot.landed in IN_AIR
+        was_up, self._has_flown = self._has_flown, self._has_flown or is_up
+        if was_up and autopilot is not None and not autopilot.is_armed:
+            return self._fail(now_s, "the vehicle was disarmed")
+        if now_s - self._since_s > self._settings.timeout_s:
+            at = f"after {self._settings.timeout_s:g} s it is at {self.height_m:.1f} m of {self._target_m:.1f} m"
+            return self._fail(now_s, at + (f": {driver.payload.refusal}" if driver and driver.payload.refusal else ""))
+        if is_up and (self._top or state is not ManoeuvreState.RUNNING or self._is_there):
+            return self._hang(now_s, driver)
+        if state is ManoeuvreState.FAILED:
+            return self._fail(now_s, reason)
+        self.advance(now_s, max(self.height_m, 0.0) / self._target_m)
+        if self._asked_s is not None:
+            return []
+        self._asked_s = now_s
+        kind, may_arm = ManoeuvreKind.TAKE_OFF, self._settings.arm
+        return [Manoeuvre(action_id=self.action_id, kind=kind, height_m=self._target_m, may_arm=may_arm)]
+
+    def _manoeuvre(self, driver: Envelope[DriverState] | None) -> tuple[ManoeuvreState | None, str]:
+        """What has become of the manoeuvre; running until the driver can have heard of it."""
+        if self._asked_s is None:
+            return None, ""
+        if driver is None or driver.payload.manoeuvre_id != self.action_id or driver.t_s < self._asked_s + REPORT_S:
+            return ManoeuvreState.RUNNING, ""
+        return driver.payload.manoeuvre_state, driver.payload.manoeuvre_reason
+
+    @property
+    def _is_there(self) -> bool:
+        if self._pose is None:
+            return False
+        is_slow = abs(self._pose.velocity_ned_m_s[2]) <= self._settings.settled_m_s
+        return is_slow and abs(self.height_m - self._target_m) <= self._settings.tolerance_m
+
+    def _hang(self, now_s: float, driver: Envelope[DriverState] | None) -> list[Result]:
+        """In the air, and the autopilot's climb is over: ours now, straight up to the height and no farther."""
+        action_id, pose = self.action_id, self._pose
+        if pose is None:
+            return []
+        if self._top is None:
+            north, east, _ = pose.position_ned_m
+            self._top = (north, east, self._ground_down_m - self._target_m), yaw_of(pose.ned_from_frd)
+        is_guided = driver is not None and driver.payload.is_guided and driver.payload.action_id == action_id
+        is_done = is_guided and self._is_there
+        self.advance(now_s, self.height_m / self._target_m, ActionState.DONE if is_done else ActionState.RUNNING)
+        position, yaw_rad = self._top
+        return [Setpoint(action_id=action_id, position_ned_m=position, yaw_rad=yaw_rad)]
+
+    def _fail(self, now_s: float, reason: str) -> list[Result]:
+        self.advance(now_s, 0.0, ActionState.FAILED, reason)
+        return []

@@ -8,12 +8,17 @@ from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.errors import Refused
 from gloc3.frames import Vector3, wrap_pi, yaw_of
+from gloc3.messages import Envelope
 from gloc3.mission.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import Home, Pose, Setpoint
+from gloc3.vehicle import DriverState, Home, Pose, Setpoint
+from gloc3_onboard.leader import Leader
 from gloc3_onboard.path_follower import PathFollower
+
+LOOK_AT_M = 0.2
+"""Nearer than this to the point that it looks at, the vehicle keeps its heading."""
 
 
 class WaypointsSettings(Settings, frozen=True):
@@ -21,15 +26,19 @@ class WaypointsSettings(Settings, frozen=True):
 
     acceleration_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 2.0
     """Along the way, in m/s²."""
+    climb_m_s: Annotated[float, Bounds(0.1, 20.0)] = 1.0
+    """Largest vertical speed; steep legs are flown slower."""
     yaw_rate_rad_s: Annotated[float, Bounds(0.05, 6.0)] = 1.0
     """How fast the heading turns."""
     return_speed_m_s: Annotated[float, Bounds(0.1, 50.0)] = 1.5
     """Speed of a return home that names none."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
-    """Longest wait at the end for the vehicle to come within the acceptance distance, before the action fails."""
+    """Longest wait for the vehicle to come to a waypoint, before the action fails."""
+    follow_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
+    """Longest wait for the autopilot to follow the setpoints, before the action fails."""
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.2
-    """The action is done when the vehicle is there and no faster than this, so that what follows begins there; in a
-    wind that never lets it rest it is done after `settle_s`."""
+    """The action is done when the vehicle is at the last waypoint and no faster than this, so that what follows begins
+    there; in a wind that never lets it rest it is done after some seconds."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """A pose older than this is lost."""
 
@@ -47,6 +56,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
 
     pose = Input(Pose)
     home = Input(Home)
+    driver = Input(DriverState)
     setpoint_wanted = Output(Setpoint, frame="ned")
 
     def __init__(self) -> None:
@@ -57,10 +67,11 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         self._pose: Pose | None = None
         self._home_ned_m: Vector3 | None = None
         self._order: FollowWaypointsOrder | None = None
-        self._follower: PathFollower | None = None
+        self._leader: Leader | None = None
+        self._passed = 0
+        """Waypoints that an earlier attempt had passed."""
         self._yaw_rad = 0.0
         self._last_s = 0.0
-        self._waiting_s = 0.0
 
     def initialize(self, settings: WaypointsSettings) -> None:
         """Adopts the settings."""
@@ -69,25 +80,31 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
     def stop(self) -> None:
         """Forgets the action under way."""
         self.drop_action()
-        self._follower = None
+        self._leader = None
 
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
-        """Lays the way from where the vehicle is."""
+        """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
         pose = self._pose
         if pose is None or not pose.is_valid:
             raise Refused("there is no valid pose")
         order = arguments if isinstance(arguments, FollowWaypointsOrder) else self._way_home(arguments, pose)
+        count = len(order.waypoints_ned_m)
+        if not count:
+            raise Refused("there is no waypoint")
         self._order = order
+        self._passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
         self._yaw_rad = yaw_of(pose.ned_from_frd)
         self._last_s = now_s
-        self._waiting_s = 0.0
-        self._follower = PathFollower(
+        follower = PathFollower(
             pose.position_ned_m,
-            order.waypoints_ned_m,
+            order.waypoints_ned_m[self._passed :],
             order.speed_m_s,
             self._settings.acceleration_m_s2,
             order.hold_s,
+            climb_m_s=self._settings.climb_m_s,
+            acceptance_m=order.acceptance_m,
         )
+        self._leader = Leader(follower, now_s, self._settings.at_rest_m_s)
 
     def _way_home(self, arguments: ReturnHome, pose: Pose) -> FollowWaypointsOrder:
         home, (north, east, down) = self._home_ned_m, pose.position_ned_m
@@ -100,48 +117,47 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             heading=HeadingOrder(mode="hold"),
         )
 
-    def resume_action(self, now_s: float) -> None:
-        """Goes back to where it left the way, and on from there."""
-        if self._follower is not None:
-            self._follower.halt()
-        self._last_s = now_s
-
     def end_action(self, now_s: float) -> None:
         """Forgets the way."""
-        self._follower = None
+        self._leader = None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Moves the target on and asks for it."""
         latest = inbox.latest(self.pose)
-        is_fresh = latest is not None and inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
+        is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
         self._pose = latest.payload if latest is not None and is_fresh else None
         if (home := inbox.latest(self.home)) is not None:
             self._home_ned_m = home.payload.position_ned_m
         results: list[Result] = []
-        if self.is_running and self._follower is not None and self._order is not None:
+        if self.is_running and self._leader is not None and self._order is not None:
             if self._pose is not None and self._pose.is_valid:
-                results.append(self._follow(self._follower, self._order, self._pose, now_s))
+                driver = inbox.latest(self.driver)
+                results.append(self._follow(self._leader, self._order, self._pose, driver, now_s))
             self._last_s = now_s
         return [*results, *self.action_reports(now_s)]
 
-    def _follow(self, follower: PathFollower, order: FollowWaypointsOrder, pose: Pose, now_s: float) -> Setpoint:
-        action_id = self.action_id
-        duration_s = now_s - self._last_s
-        target = follower.advance(duration_s, pose.position_ned_m)
-        self.travelled_m, self.waypoint = follower.travelled_m, follower.waypoint
+    def _follow(
+        self,
+        leader: Leader,
+        order: FollowWaypointsOrder,
+        pose: Pose,
+        driver: Envelope[DriverState] | None,
+        now_s: float,
+    ) -> Setpoint:
+        action_id, follower = self.action_id, leader.follower
+        target = leader.advance(pose, driver, now_s)
+        self.travelled_m, self.waypoint = follower.travelled_m, self._passed + follower.waypoint
         self.cross_track_m = math.dist(target.position_ned_m, pose.position_ned_m)
-        progress = follower.travelled_m / follower.length_m if follower.length_m > 0.0 else 1.0
-        state, reason = ActionState.RUNNING, ""
-        if follower.is_at_end:
-            self._waiting_s += duration_s
-            has_waited = self._waiting_s > self._settings.settle_s
-            is_at_rest = math.hypot(*pose.velocity_ned_m_s) <= self._settings.at_rest_m_s
-            if self.cross_track_m <= order.acceptance_m and (is_at_rest or has_waited):
-                state = ActionState.DONE
-            elif has_waited:
-                state, reason = ActionState.FAILED, f"the last waypoint stays {self.cross_track_m:.2f} m away"
-        self._turn(order.heading, target.bearing_rad, pose, duration_s)
-        self.advance(now_s, progress, state, reason)
+        count = len(order.waypoints_ned_m)
+        progress = (self._passed + follower.progress * (count - self._passed)) / count
+        problem = leader.problem(self._settings.settle_s, self._settings.follow_s)
+        self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
+        if problem:
+            self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away)")
+        else:
+            self.advance(
+                now_s, progress, ActionState.DONE if leader.is_there(order.acceptance_m) else ActionState.RUNNING
+            )
         return Setpoint(
             action_id=action_id,
             position_ned_m=target.position_ned_m,
@@ -160,7 +176,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             case "look_at":
                 point, at = heading.look_at_ned_m or pose.position_ned_m, pose.position_ned_m
                 north, east = point[0] - at[0], point[1] - at[1]
-                wanted = math.atan2(east, north) if math.hypot(north, east) > 0.2 else None
+                wanted = math.atan2(east, north) if math.hypot(north, east) > LOOK_AT_M else None
         if wanted is not None:
-            step = self._settings.yaw_rate_rad_s * duration_s
+            step = self._settings.yaw_rate_rad_s * min(duration_s, 0.1)
             self._yaw_rad = wrap_pi(self._yaw_rad + min(max(wrap_pi(wanted - self._yaw_rad), -step), step))

@@ -48,6 +48,7 @@ class Card:
         """What the onboard process sent over the autopilot's cable, and when."""
         self.failures: list[BaseException] = []
         self._folder = folder
+        self._others: dict[str, CommandClient] = {}
         self._runner = asyncio.Runner(loop_factory=VirtualLoop)
         self._flight: Flight | None = None
 
@@ -123,11 +124,10 @@ class Card:
         return self.run(self._as_station(station, body))
 
     async def _as_station(self, station: str, body: AnyBody) -> CiReply:
-        client = CommandClient(self.flight.exchange, self.flight.loop, station, boot=1)
-        try:
-            return await client.ask(self.flight.name, body)
-        finally:
-            client.close()
+        flight = self.flight
+        if station not in self._others:
+            self._others[station] = CommandClient(flight.exchange, flight.loop, station, boot=1)
+        return await self._others[station].ask(flight.name, body)
 
     def command(self, verb: str, target: str = "") -> None:
         """The operator starts, pauses, resumes, skips or aborts; it must be acknowledged."""

@@ -84,6 +84,8 @@ class Cycler:
         self._is_triggered = self._is_requested = False
         self._was_prompted = False
         """Whether the last cycle was begun by an input or a device."""
+        self._is_owed = False
+        """Whether a device's request waits for the next tick."""
 
     # --- inputs and devices ---
 
@@ -125,8 +127,8 @@ class Cycler:
         now_s, rate_hz = self._loop.time(), self.rate_hz
         if rate_hz is None or (now_s - self._began_s) * rate_hz > REST_PERIODS - _EARLY:
             self._prompted(now_s)
-        elif self._job is not None:
-            self._was_prompted = False
+        elif self._job is not None and not self._is_owed:
+            self._is_owed = True
             self._restart_timer(self._began_s + REST_PERIODS / rate_hz)
 
     # --- start, stop, rate ---
@@ -135,6 +137,7 @@ class Cycler:
         """Begins the cycles, the first one at once."""
         now_s = self._loop.time()
         self._job = job
+        self._was_prompted = self._is_owed = False
         self.statistics.restart(now_s)
         self._restart_timer(now_s)
 
@@ -181,7 +184,8 @@ class Cycler:
         rate_hz = self.rate_hz
         assert rate_hz is not None
         now_s, tick = self._loop.time(), self._tick
-        if self._was_prompted and (now_s - self._began_s) * rate_hz < SILENT_PERIODS - _EARLY:
+        is_owed, self._is_owed = self._is_owed, False
+        if self._was_prompted and not is_owed and (now_s - self._began_s) * rate_hz < SILENT_PERIODS - _EARLY:
             self._restart_timer(self._began_s + SILENT_PERIODS / rate_hz)
             return
         missed = int((now_s - self._start_s) * rate_hz + _EARLY) - tick
@@ -190,7 +194,7 @@ class Cycler:
             self.statistics.overruns += missed
         self._tick = tick + 1
         self._timer = self._loop.call_at(self._start_s + self._tick / rate_hz, self._ticked)
-        self._was_prompted = False
+        self._was_prompted = is_owed
         self._begin(now_s)
 
     def _triggered(self) -> None:

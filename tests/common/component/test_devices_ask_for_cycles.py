@@ -55,6 +55,17 @@ def test_requests_reach_no_more_than_twice_the_rate_and_none_is_lost() -> None:
         assert times(bench)[-1] >= 2.0
 
 
+@pytest.mark.parametrize("phase_s", [0.0, 0.007, 0.02, 0.03, 0.049])
+def test_a_device_that_comes_at_the_rate_sets_the_pace_whatever_its_phase(phase_s: float) -> None:
+    with Bench() as bench:
+        asking = specimen(bench, rate_hz=20.0)
+        bench.run(phase_s)
+        for index in range(80):
+            bench.run(0.04 if index % 2 else 0.06)
+            asking.request_cycle()
+        assert len([t_s for t_s in times(bench) if t_s > 3.0]) == pytest.approx(40, abs=2)
+
+
 def test_a_request_while_standing_by_begins_nothing() -> None:
     with Bench() as bench:
         asking = specimen(bench, rate_hz=10.0)

@@ -1,5 +1,6 @@
 """Which capabilities can be used now: their component is working, and what they need is alive (DESIGN §6)."""
 
+from collections.abc import Iterable
 from typing import Final
 
 from gloc3.platform import Platform
@@ -17,29 +18,38 @@ class Availability:
             for port in row.load_class().outputs:
                 for topic in row.topics(port):
                     self._producers.setdefault(topic, []).append(row.name)
+        self._needs: Final = {
+            name: {need: self._who(need) for need in (row.performed_by, *row.needs) if need}
+            for name, row in platform.capabilities.items()
+        }
+        """Of each capability: what it needs, and the components of which one must work for it."""
+        self._seen: tuple[frozenset[str], bool, bool] | None = None
+        self._missing: dict[str, tuple[str, ...]] = {}
 
     def missing(self, book: ComponentBook, facts: VehicleFacts, now_s: float) -> dict[str, tuple[str, ...]]:
         """Capability to what it lacks, for those that cannot be used."""
-        lacking: dict[str, tuple[str, ...]] = {}
-        for name, row in self._platform.capabilities.items():
-            wanted = ([row.performed_by] if row.performed_by else []) + list(row.needs)
-            lacks = tuple(need for need in wanted if not self._is_there(need, book, facts, now_s))
+        seen = (book.working(now_s), facts.is_pose_fresh(now_s), facts.is_connected)
+        if seen != self._seen:
+            self._seen = seen
+            self._missing = dict(self._find(*seen))
+        return self._missing
+
+    def _find(
+        self, working: frozenset[str], is_pose_fresh: bool, is_connected: bool
+    ) -> Iterable[tuple[str, tuple[str, ...]]]:
+        facts = {"pose": is_pose_fresh, "autopilot": is_connected}
+        for name, needs in self._needs.items():
+            lacks = tuple(need for need, who in needs.items() if not facts.get(need, not working.isdisjoint(who)))
             if lacks:
-                lacking[name] = lacks
-        return lacking
+                yield name, lacks
 
-    def _is_there(self, need: str, book: ComponentBook, facts: VehicleFacts, now_s: float) -> bool:
-        if need == "pose":
-            return facts.is_pose_fresh(now_s)
-        if need == "autopilot":
-            return facts.is_connected
-        if need in book.rows:
-            return self._does_somebody_work([need], book, now_s)
-        if need in self._platform.capabilities:
-            return self._is_there(self._platform.capabilities[need].performed_by, book, facts, now_s)
-        return self._does_somebody_work(self._producers.get(need, []), book, now_s)
-
-    def _does_somebody_work(self, names: list[str], book: ComponentBook, now_s: float) -> bool:
-        """Whether one of some components works, or a standby of one of them."""
-        standbys = [row.name for row in book.rows.values() if row.standby_for in names]
-        return any(book.is_working(name, now_s) for name in [*names, *standbys])
+    def _who(self, need: str) -> frozenset[str]:
+        """The components of which one must work: itself, a capability's, or a topic's producers; and their standbys."""
+        rows, capabilities = self._platform.components, self._platform.capabilities
+        if any(row.name == need for row in rows):
+            names = [need]
+        elif need in capabilities:
+            names = [capabilities[need].performed_by]
+        else:
+            names = self._producers.get(need, [])
+        return frozenset([*names, *(row.name for row in rows if row.standby_for in names)])

@@ -24,11 +24,18 @@ class ComponentBook:
         self._heard_s: dict[str, float] = {}
         self._up_s: dict[str, float] = {}
         """Since when a component is working or quiet."""
+        self._working: frozenset[str] = frozenset()
+        self._down: tuple[str, ...] = ()
+        self._until_s = float("-inf")
+        """What was last found out holds until then, unless a state changes."""
         self._told_errors: dict[str, int] = {}
 
     def hear(self, status: ComponentStatus, now_s: float) -> None:
         """Takes a status in; of a component that is not in the deployment nothing is kept."""
         if status.name in self.rows:
+            before = self._status.get(status.name)
+            if before is None or before.state is not status.state or status.name in self._down:
+                self._until_s = float("-inf")
             self._status[status.name] = status
             self._heard_s[status.name] = now_s
             if status.state in OPERATING:
@@ -43,13 +50,39 @@ class ComponentBook:
     def state(self, name: str, now_s: float) -> State | None:
         """The state of a component; None when it has left, or is silent."""
         status = self._status.get(name)
-        if status is None or now_s - self._heard_s[name] > SILENT_PERIODS * self.rows[name].status_period_s + 0.5:
-            return None
-        return status.state
+        return None if status is None or now_s > self._silent_at_s(name) else status.state
 
-    def is_working(self, name: str, now_s: float) -> bool:
-        """Whether a component is there and working, and has been up long enough to have seen its inputs."""
-        return self.state(name, now_s) is State.WORKING and now_s - self._up_s.get(name, now_s) >= SETTLED_S
+    def working(self, now_s: float) -> frozenset[str]:
+        """The components that work, and have been up long enough to have seen their inputs."""
+        self._look(now_s)
+        return self._working
+
+    def down(self, now_s: float) -> tuple[str, ...]:
+        """The components that are faulty, have left or are silent; not those that were never heard."""
+        self._look(now_s)
+        return self._down
+
+    def _silent_at_s(self, name: str) -> float:
+        return self._heard_s[name] + SILENT_PERIODS * self.rows[name].status_period_s + 0.5
+
+    def _look(self, now_s: float) -> None:
+        """Finds out which components work and which are down, when that may have changed."""
+        if now_s < self._until_s:
+            return
+        working, down, until_s = [], [], float("inf")
+        for name in self.rows:
+            state = self.state(name, now_s)
+            if state is not None:
+                until_s = min(until_s, self._silent_at_s(name))
+            if state is State.WORKING:
+                settled_s = self._up_s[name] + SETTLED_S
+                if now_s >= settled_s:
+                    working.append(name)
+                else:
+                    until_s = min(until_s, settled_s)
+            elif state in (State.FAULTY, None) and name in self._status:
+                down.append(name)
+        self._working, self._down, self._until_s = frozenset(working), tuple(down), until_s
 
     def table(self) -> ComponentTable:
         """The names behind the summary's indices."""

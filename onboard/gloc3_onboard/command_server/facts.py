@@ -93,13 +93,14 @@ class VehicleFacts:
 
     def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[Condition, bool, str]]:
         """Every condition, whether it holds, and why."""
-        is_lost = self.is_airborne and not self.is_pose_fresh(now_s)
+        is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
         reason = "no pose comes" if self.pose is None or self.pose.is_valid else self.pose.reason
-        yield Condition.POSE_LOST, is_lost, reason
+        yield Condition.POSE_LOST, is_airborne and not is_fresh, reason
         left = self.autopilot.battery_remaining if self.autopilot is not None else -1.0
-        yield Condition.LOW_BATTERY, 0.0 <= left < self._reserve, f"{left:.0%} is left"
-        is_out, by_m = False, 0.0
-        if fence is not None and self.is_airborne and self.pose is not None and self.is_pose_fresh(now_s):
+        is_low = 0.0 <= left < self._reserve
+        yield Condition.LOW_BATTERY, is_low, f"{left:.0%} is left" if is_low else ""
+        by_m = 0.0
+        if fence is not None and self.pose is not None and is_airborne and is_fresh:
             by_m = -fence.clearance_m(self.pose.position_ned_m)
-            is_out = by_m > 0.0
-        yield Condition.FENCE_BREACHED, is_out, f"{by_m:.1f} m outside"
+        is_out = by_m > 0.0
+        yield Condition.FENCE_BREACHED, is_out, f"{by_m:.1f} m outside" if is_out else ""

@@ -16,7 +16,6 @@ from gloc3.ci import (
     VehicleSummary,
 )
 from gloc3.component import CommandInterface
-from gloc3.lci import State
 from gloc3.messages import (
     CommandReply,
     CommandRequest,
@@ -57,6 +56,9 @@ from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
 from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, vehicle_summary
+
+COMPARE_S = 0.2
+"""How often it is looked for changes to tell, when nothing was asked of the server or of its executor."""
 
 
 class ServerSettings(Settings, frozen=True):
@@ -141,6 +143,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._told_fence = ""
         self._connected_s: float | None = None
         self._count = 0
+        self._compared_s = float("-inf")
         self._due = dict.fromkeys(("summary", "grant", "slow"), float("-inf"))
         self._now_s = 0.0
         if self._site.problem:
@@ -168,9 +171,11 @@ class CommandServer(CommandInterface[ServerSettings]):
         for function_reply in inbox.new(self.function_reply):
             results += self._replied(function_reply.payload, now_s)
         results += self._requests.expire(now_s)
+        asks: Sequence[Request] = ()
         if self._executor is not None:
             self._executor.tick(now_s)
-            for ask in self._executor.take(now_s):
+            asks = self._executor.take(now_s)
+            for ask in asks:
                 results += self._carry_out(ask)
         for component, message in self._requests.for_components:
             port = self.command if isinstance(message, CommandRequest) else self.function
@@ -181,7 +186,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         if self._facts.is_home_new and self._facts.home is not None:
             self._facts.is_home_new = False
             self._site.keep_home(self._facts.home)
-        return [*results, *self._report(now_s)]
+        return [*results, *self._report(now_s, is_eventful=bool(asks or inbox.new(self.request)))]
 
     def _observe(self, now_s: float, inbox: Inbox) -> None:
         for status in inbox.new(self.status):
@@ -268,10 +273,9 @@ class CommandServer(CommandInterface[ServerSettings]):
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""
         facts = self._facts
-        for row in self._book.rows.values():
-            status = self._book.status(row.name)
-            if status is not None and self._book.state(row.name, now_s) in (State.FAULTY, None):
-                executor.component_failed(row.name, status.cause or "it has left", now_s)
+        for name in self._book.down(now_s):
+            status = self._book.status(name)
+            executor.component_failed(name, (status.cause if status is not None else "") or "it has left", now_s)
         for action in inbox.new(self.action_status):
             executor.reported(action.payload, now_s)
         executor.available(self._availability.missing(self._book, facts, now_s), now_s)
@@ -356,7 +360,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._due[what] = now_s
         return True
 
-    def _report(self, now_s: float) -> list[Result]:
+    def _report(self, now_s: float, *, is_eventful: bool) -> list[Result]:
         results: list[Result] = [*self._book.new_troubles(), *self._events]
         self._events.clear()
         if self._requests.wants_everything:
@@ -364,7 +368,9 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._told_mission = self._told_control = self._told_table = None
         self._authority.tick(now_s)
         is_slow = self._is_due("slow", 1.0, now_s)
-        results += self._changes(now_s, is_slow)
+        if is_slow or is_eventful or now_s - self._compared_s >= COMPARE_S - 1e-6:
+            self._compared_s = now_s
+            results += self._changes(is_slow)
         if self._is_due("grant", self._settings.grant_period_s, now_s):
             results.append(self._grant_message())
         if self._is_due("summary", self._settings.summary_period_s, now_s):
@@ -373,7 +379,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             results += [self._book.summary(health, now_s), vehicle_summary(self._site.platform, self._facts, now_s)]
         return results
 
-    def _changes(self, now_s: float, is_slow: bool) -> list[Result]:
+    def _changes(self, is_slow: bool) -> list[Result]:
         """What is told when it has changed, and once a second besides."""
         results: list[Result] = []
         self.holder = self._authority.holder

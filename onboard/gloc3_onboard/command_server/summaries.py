@@ -1,6 +1,7 @@
 """The vehicle and the mission at a glance, for the stations."""
 
 import math
+from functools import lru_cache
 from hashlib import blake2s
 
 from gloc3.ci import MissionSummary, VehicleSummary
@@ -45,6 +46,7 @@ def geofence_of(executor: MissionExecutor | None) -> GeoFence:
     return GeoFence(digest=digest_of(mission.text), areas=areas)
 
 
+@lru_cache(maxsize=8)
 def digest_of(text: str) -> str:
     """A short digest of a mission's text."""
     return blake2s(text.encode(), digest_size=6).hexdigest()

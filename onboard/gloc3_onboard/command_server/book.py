@@ -52,6 +52,10 @@ class ComponentBook:
         status = self._status.get(name)
         return None if status is None or now_s > self._silent_at_s(name) else status.state
 
+    def is_working(self, name: str, now_s: float) -> bool:
+        """Whether a component is there and working, and has been up long enough to have seen its inputs."""
+        return name in self.working(now_s)
+
     def working(self, now_s: float) -> frozenset[str]:
         """The components that work, and have been up long enough to have seen their inputs."""
         self._look(now_s)

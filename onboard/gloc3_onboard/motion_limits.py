@@ -73,6 +73,7 @@ class SetpointLimiter:
         if fence is not None and fence.ceiling_m is not None:
             self.highest_m = min(self.highest_m, fence.ceiling_m - limits.fence_margin_m)
         self._lowest_m = min(self._lowest_m, self.highest_m)
+        self._room: tuple[Vector3 | None, float] = (None, math.inf)
 
     def restart(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float) -> None:
         """Begins a new stream at a place."""
@@ -141,18 +142,28 @@ class SetpointLimiter:
     def _inside(self, position: Vector3) -> tuple[Vector3, str]:
         """The nearest place where the vehicle may be, and what is wrong with the wanted one."""
         assert self._at is not None
-        is_out = self._flat is not None and self._flat.clearance_m(self._at) < self._limits.fence_margin_m - OUT_M
+        room_m, margin_m = self._room_m(), self._limits.fence_margin_m
+        is_out = room_m < margin_m - OUT_M
         north, east, down = self._at if is_out else position
         height_m = min(max(-down, self._lowest_m), self.highest_m)
         reason = "it is too near to the fence, or outside, and goes straight back in" if is_out else ""
         if not is_out and abs(height_m + down) > TOLERANCE_M:
             reason = f"height {-down:.2f} m is outside {self._lowest_m:.2f} to {self.highest_m:.2f} m"
         target = (north, east, -height_m)
-        if self._flat is None or self._flat.clearance_m(target) >= self._limits.fence_margin_m - ROUNDING_M:
+        if self._flat is None or room_m - math.dist(self._at, target) >= margin_m:
+            return target, reason
+        if self._flat.clearance_m(target) >= margin_m - ROUNDING_M:
             return target, reason
         if not is_out:
-            reason = f"({north:.2f}, {east:.2f}) m is nearer to the fence than {self._limits.fence_margin_m:g} m"
+            reason = f"({north:.2f}, {east:.2f}) m is nearer to the fence than {margin_m:g} m"
         return self._pushed_in(self._flat, target), reason
+
+    def _room_m(self) -> float:
+        """How far inside the fence the point is."""
+        assert self._at is not None
+        if self._room[0] is not self._at:
+            self._room = (self._at, math.inf if self._flat is None else self._flat.clearance_m(self._at))
+        return self._room[1]
 
     def _pushed_in(self, fence: Fence, place: Vector3) -> Vector3:
         """Moves a place away from what it is too near to; stays at the present one where that leads nowhere."""
@@ -199,7 +210,7 @@ class SetpointLimiter:
         change = math.dist(straight, self._velocity)
         most = self._limits.acceleration_m_s2 * duration_s * 1.001 + 1e-3
         is_near = change <= most and math.dist(straight, moving) <= most
-        if is_near and self._is_slow(straight) and self._may_go(at, straight, duration_s):
+        if is_near and self._is_slow(straight) and self._may_go(straight, duration_s):
             self._at, self._velocity = target, straight
             return
         # It keeps up with a moving target, and comes nearer to it no faster than it could stop there.
@@ -218,18 +229,20 @@ class SetpointLimiter:
         now = self._velocity
         change = math.dist(wish, now)
         turned = wish if change <= most else _plus(now, _minus(wish, now), most / change)
-        if self._may_go(self._at, turned, duration_s):
+        if self._may_go(turned, duration_s):
             return turned
         speed = math.hypot(*now)
         braked = _plus(_AT_REST, now, max(0.0, 1.0 - most / speed) if speed > 0.0 else 0.0)
         for share in (0.5, 0.25, 0.1):
             mixed = _plus(braked, _minus(turned, braked), share)
-            if self._may_go(self._at, mixed, duration_s):
+            if self._may_go(mixed, duration_s):
                 return mixed
         return braked
 
-    def _may_go(self, at: Vector3, velocity: Vector3, duration_s: float) -> bool:
+    def _may_go(self, velocity: Vector3, duration_s: float) -> bool:
         """Whether, after a step with this velocity, the point can still stop inside."""
+        assert self._at is not None
+        at = self._at
         speed = math.hypot(*velocity)
         if speed == 0.0:
             return True
@@ -240,7 +253,7 @@ class SetpointLimiter:
             return False
         if self._flat is None:
             return True
-        room_m, margin_m = self._flat.clearance_m(at), self._limits.fence_margin_m
+        room_m, margin_m = self._room_m(), self._limits.fence_margin_m
         reach_s += REACTION_S
         stop = _plus(at, velocity, reach_s)
         if room_m - margin_m >= speed * reach_s:
@@ -294,7 +307,5 @@ def _with(wanted: Setpoint, position: Vector3 | None, velocity: Vector3 | None) 
 
 def is_finite(setpoint: Setpoint) -> bool:
     """Whether every number of a setpoint is finite."""
-    numbers = [*(setpoint.position_ned_m or ()), *(setpoint.velocity_ned_m_s or ())]
-    if setpoint.yaw_rad is not None:
-        numbers.append(setpoint.yaw_rad)
-    return all(math.isfinite(number) for number in numbers)
+    numbers = (*(setpoint.position_ned_m or ()), *(setpoint.velocity_ned_m_s or ()), setpoint.yaw_rad or 0.0)
+    return all(map(math.isfinite, numbers))

@@ -1,7 +1,7 @@
 """The geofence in NED: how far inside it a point or a leg is, and where its walls are."""
 
 from collections.abc import Iterator, Sequence
-from math import hypot, inf
+from math import hypot, inf, sqrt
 from typing import Final
 
 import msgspec
@@ -26,12 +26,22 @@ class Area(msgspec.Struct, frozen=True, kw_only=True):
         """Distance to the edge: positive inside, negative outside."""
         if not self.polygon_ne_m:
             return self.radius_m - hypot(north_m - self.center_ne_m[0], east_m - self.center_ne_m[1])
-        nearest, is_inside = inf, False
-        for (n0, e0), (n1, e1) in self.edges():
-            nearest = min(nearest, _to_segment_m(north_m, east_m, n0, e0, n1, e1)[0])
-            if (e0 > east_m) != (e1 > east_m) and north_m < n0 + (n1 - n0) * (east_m - e0) / (e1 - e0):
+        nearest, is_inside = inf, False  # every setpoint passes here: the sums of `_to_segment_m`, written out
+        n0, e0 = self.polygon_ne_m[-1]
+        for n1, e1 in self.polygon_ne_m:
+            dn, de, n, e = n1 - n0, e1 - e0, north_m - n0, east_m - e0
+            square, along = dn * dn + de * de, n * dn + e * de
+            if along > 0.0 and square >= _SMALL_M:
+                share = 1.0 if along >= square else along / square
+                n -= share * dn
+                e -= share * de
+            gap = n * n + e * e
+            if gap < nearest:
+                nearest = gap
+            if (e0 > east_m) != (e1 > east_m) and north_m < n0 + dn * (east_m - e0) / de:
                 is_inside = not is_inside
-        return nearest if is_inside else -nearest
+            n0, e0 = n1, e1
+        return sqrt(nearest) if is_inside else -sqrt(nearest)
 
     def leg_clearance_m(self, start: Point, end: Point) -> float:
         """The smallest clearance of any point of a straight leg."""
@@ -89,12 +99,10 @@ class Fence(msgspec.Struct, frozen=True, kw_only=True):
     def clearance_m(self, position_ned_m: Vector3) -> float:
         """Distance to the nearest limit: positive where the vehicle may be, negative where not; infinite without any."""
         north, east, down = position_ned_m
-        gaps = [-area.clearance_m(north, east) for area in self.keep_out]
-        if self.area is not None:
-            gaps.append(self.area.clearance_m(north, east))
-        if self.ceiling_m is not None:
-            gaps.append(self.ceiling_m + down)
-        return min(gaps, default=inf)
+        room_m = inf if self.area is None else self.area.clearance_m(north, east)
+        for area in self.keep_out:
+            room_m = min(room_m, -area.clearance_m(north, east))
+        return room_m if self.ceiling_m is None else min(room_m, self.ceiling_m + down)
 
     def leg_clearance_m(self, start_ned_m: Vector3, end_ned_m: Vector3) -> float:
         """The smallest clearance on a straight leg."""

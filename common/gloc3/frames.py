@@ -140,6 +140,18 @@ def to_rotation_vector(a_from_b: Quaternion) -> Vector3:
     return (x * scale, y * scale, z * scale)
 
 
+def interpolate(begin: Vector3, end: Vector3, share: float) -> Vector3:
+    """The point on the line through two points; `share` is 0 at `begin` and 1 at `end`, and may lie beyond."""
+    (ax, ay, az), (bx, by, bz) = begin, end
+    return (ax + (bx - ax) * share, ay + (by - ay) * share, az + (bz - az) * share)
+
+
+def slerp(begin: Quaternion, end: Quaternion, share: float) -> Quaternion:
+    """The rotation on the shorter way between two, turned at a constant rate; `share` as in `interpolate`."""
+    x, y, z = to_rotation_vector(multiply(conjugate(begin), end))
+    return normalize(multiply(begin, from_rotation_vector((x * share, y * share, z * share))))
+
+
 class GeoPoint(NamedTuple):
     """A place on Earth."""
 

@@ -1,5 +1,6 @@
 """Files of the onboard process: records that survive a crash, and pictures with their poses."""
 
+import errno
 import json
 import os
 import struct
@@ -37,21 +38,47 @@ class RecordFile:
         return records
 
     def append(self, record: bytes) -> None:
-        """Adds a record and does not return before it is on disk."""
-        with self._path.open("ab") as file:
-            file.write(_HEADER.pack(len(record), zlib.crc32(record)) + record)
-            file.flush()
-            os.fsync(file.fileno())
+        """Adds a record and does not return before it is on disk.
+
+        Raises:
+            OSError: it could not be written; the file is as it was.
+        """
+        is_new = not self._path.exists()
+        framed = _framed(record)
+        with self._path.open("ab", buffering=0) as file:
+            whole = file.tell()
+            try:
+                if file.write(framed) != len(framed):
+                    raise OSError(errno.ENOSPC, f"no room for a record of {len(framed)} bytes in {self._path.name}")
+                os.fsync(file.fileno())
+            except OSError:
+                # What comes behind a torn record would never be read again.
+                os.truncate(self._path, whole)
+                raise
+        if is_new:
+            self._sync_folder()
 
     def rewrite(self, records: list[bytes]) -> None:
         """Replaces all records at once."""
-        fresh = self._path.with_suffix(".new")
+        fresh = self._path.with_name(self._path.name + ".new")
         with fresh.open("wb") as file:
-            for record in records:
-                file.write(_HEADER.pack(len(record), zlib.crc32(record)) + record)
+            file.write(b"".join(_framed(record) for record in records))
             file.flush()
             os.fsync(file.fileno())
         fresh.replace(self._path)
+        self._sync_folder()
+
+    def _sync_folder(self) -> None:
+        """Puts the file's name on disk too: without it a power cut would bring back the file that was replaced."""
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _framed(record: bytes) -> bytes:
+    return _HEADER.pack(len(record), zlib.crc32(record)) + record
 
 
 class MemoryRecords:
@@ -79,6 +106,11 @@ class PictureFolder:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
+    def highest(self, camera: str) -> int:
+        """The greatest number of a camera's picture that is there already; 0 for none."""
+        numbers = [path.stem.removeprefix(f"{camera}-") for path in self._folder.glob(f"{camera}-*.png")]
+        return max((int(number) for number in numbers if number.isdecimal()), default=0)
+
     def write(self, picture: Picture) -> None:
         """Writes a picture with its pose; raises `OSError` where that fails."""
         import cv2
@@ -90,7 +122,9 @@ class PictureFolder:
         is_fine, encoded = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         if not is_fine:
             raise OSError(f"{picture.file} cannot be encoded")
-        (self._folder / picture.file).write_bytes(encoded.tobytes())
+        half = self._folder / (picture.file + ".part")
+        half.write_bytes(encoded.tobytes())
+        half.replace(self._folder / picture.file)
         tag = {
             "file": picture.file,
             "t_s": round(picture.t_s, 6),
@@ -106,6 +140,10 @@ class NoPictures:
 
     def __init__(self) -> None:
         self.written = 0
+
+    def highest(self, camera: str) -> int:
+        """None is there."""
+        return 0
 
     def write(self, picture: Picture) -> None:
         """Counts a picture."""

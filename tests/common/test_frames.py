@@ -50,6 +50,20 @@ def test_chained_rotations_rotate_one_after_the_other(a: Quaternion, b: Quaterni
 
 
 @bounded
+@given(quaternions, quaternions, st.floats(0.0, 1.0))
+def test_between_two_rotations_the_way_is_the_shorter_one_and_even(a: Quaternion, b: Quaternion, share: float) -> None:
+    way = frames.to_rotation_vector(frames.multiply(frames.conjugate(a), b))
+    part = frames.to_rotation_vector(frames.multiply(frames.conjugate(a), frames.slerp(a, b, share)))
+    assert near(part, (way[0] * share, way[1] * share, way[2] * share), 1e-6)
+    assert sqrt(sum(c * c for c in part)) <= pi + 1e-9
+
+
+def test_interpolation_goes_from_the_first_point_to_the_second() -> None:
+    assert frames.interpolate((0.0, 2.0, 4.0), (2.0, 2.0, 0.0), 0.25) == (0.5, 2.0, 3.0)
+    assert frames.interpolate((0.0, 2.0, 4.0), (2.0, 2.0, 0.0), 1.5) == (3.0, 2.0, -2.0)
+
+
+@bounded
 @given(st.floats(-pi, pi), st.floats(-1.5, 1.5), st.floats(-pi, pi))
 def test_euler_angles_come_back(roll: float, pitch: float, yaw: float) -> None:
     q = frames.from_euler(roll, pitch, yaw)

@@ -1,9 +1,11 @@
 """A flight as it stands on a test card: each line lets virtual time pass until it is done, or fails with the story."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
+
+import pytest
 
 from gloc3.ci import (
     AnyBody,
@@ -35,6 +37,8 @@ from gloc3_sitl.flight import Flight, FlightPlan
 T = TypeVar("T")
 
 LOOK_EVERY_S = 0.02
+ONE_STYLE = pytest.mark.parametrize("style", ["px4"], indirect=True)
+"""Marks a test of what the autopilot has no part in: one style is enough."""
 
 
 class Card:
@@ -54,12 +58,13 @@ class Card:
 
     # --- begin and end ---
 
-    def begin(self, mission: str, *, is_started: bool = True, **plan: Any) -> None:
+    def begin(self, mission: str, *, is_started: bool = True, faults: Sequence[str] = (), **plan: Any) -> None:
         """Everything is switched on, the mission brought up and, unless told otherwise, started.
 
         Args:
             mission: the name of an example, or a text.
             is_started: whether the operator starts it.
+            faults: what is wrong from the begin.
             plan: other fields of the `FlightPlan`; `platform` may be a text, too.
         """
         plan = {"mission": mission, "autopilot": self.style, **plan}
@@ -71,6 +76,8 @@ class Card:
         self.run(self._enter(FlightPlan(**plan)))
         self.flight.exchange.subscribe(f"{self.flight.name}/**", self._hear)
         self._listen_on_the_cable()
+        for text in faults:
+            self.fault(text)
         if is_started:
             self.run(self.flight.upload_and_start())
         else:

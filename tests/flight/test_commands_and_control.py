@@ -1,13 +1,11 @@
 """DESIGN §7, one path: authority and its hand-over, single tasks and actions, the emergency key, what is available."""
 
 import pytest
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.ci import CommandComponent, Control, ControlVerb, Emergency, EmergencyVerb, Outcome, RequestTask, Steer, Verb
 
-ONE_STYLE = pytest.mark.parametrize("style", ["px4"], indirect=True)
-"""For what the autopilot has no part in."""
 OTHER = "254"
 TASK = """mission: look
 frame: hold

@@ -1,7 +1,7 @@
 """DESIGN §6: the fence is enforced in flight by the limiter, stopping distance included; what a breach leads to."""
 
 import pytest
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 FAST = "{out: {follow_waypoints: {waypoints_m: [[15, 0, 1.5]], speed_m_s: 3.0}}}"
@@ -74,6 +74,7 @@ def test_the_ceiling_is_kept(flight: Card) -> None:
     assert not flight.was_told("fence")
 
 
+@ONE_STYLE
 def test_a_home_outside_the_fence_or_too_near_to_it_is_refused(flight: Card) -> None:
     fence = "{polygon_m: [[0.3, -2], [20, -2], [20, 12], [0.3, 12]], ceiling_m: 8}"
     with pytest.raises(Exception, match="home"):

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission, platform
 
 from gloc3.errors import InputError
@@ -65,6 +65,7 @@ def test_a_low_battery_changes_nothing_where_the_mission_says_continue(flight: C
     flight.await_state("mission", "done", 30.0)
 
 
+@ONE_STYLE
 def test_no_mission_starts_on_a_low_battery(flight: Card) -> None:
     flight.begin(mission(), is_started=False, battery=0.18)
     with pytest.raises(AssertionError, match="low battery"):
@@ -112,6 +113,7 @@ def test_a_return_that_loses_the_pose_becomes_a_landing_here(flight: Card) -> No
     flight.await_landed()
 
 
+@ONE_STYLE
 @pytest.mark.parametrize("policy", ["hold", "return"])
 def test_the_check_refuses_what_cannot_be_flown_without_a_pose(flight: Card, policy: str) -> None:
     with pytest.raises(InputError, match="needs the pose, and cannot be flown when that is lost"):

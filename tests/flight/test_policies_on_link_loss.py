@@ -1,7 +1,7 @@
 """DESIGN §6, on_link_loss: nothing from the holder of control for `link_loss_after_s`, and what then happens."""
 
 import pytest
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.ci import StationHeard
@@ -29,6 +29,7 @@ def test_a_lost_link_lands_the_vehicle_where_it_is(flight: Card) -> None:
     assert flight.state("mission") == "failed"
 
 
+@ONE_STYLE
 def test_only_the_holder_of_control_keeps_the_link_alive(flight: Card) -> None:
     flight.begin(mission(on_link_loss="land", link_loss_after_s="2"))
     flight.await_state("sweep", "running")

@@ -1,7 +1,7 @@
 """DESIGN §6 and §7: the onboard process dies in flight and comes back; requests run at most once."""
 
 import pytest
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.ci import CiRequest, CommandComponent, Outcome, Query, Steer
@@ -109,6 +109,7 @@ def test_a_link_that_is_lost_before_a_restart_is_lost_after_it_too(flight: Card)
     flight.await_landed()
 
 
+@ONE_STYLE
 def test_who_held_control_before_a_restart_holds_it_still(flight: Card) -> None:
     flight.begin(mission())
     flight.await_state("sweep", "running")
@@ -142,6 +143,7 @@ def send(flight: Card, request: CiRequest) -> None:
     publisher.publish(f"{flight.flight.name}/ci/request", request, flight.now_s)
 
 
+@ONE_STYLE
 def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice_also_after_a_restart(flight: Card) -> None:
     flight.begin(mission())
     flight.await_state("sweep", "running")
@@ -161,6 +163,7 @@ def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice_also_after_a_restar
     assert flight.state("sweep.out") == "running"
 
 
+@ONE_STYLE
 def test_a_query_tells_what_became_of_a_request_and_unknown_of_one_that_never_came(flight: Card) -> None:
     flight.begin(mission())
     flight.await_state("sweep", "running")
@@ -172,6 +175,7 @@ def test_a_query_tells_what_became_of_a_request_and_unknown_of_one_that_never_ca
     assert flight.ask(Query(boot=pause.boot, sequence=999)).outcome is Outcome.UNKNOWN
 
 
+@ONE_STYLE
 def test_a_request_under_way_when_the_process_dies_is_unknown_and_is_not_run_again(flight: Card) -> None:
     flight.begin(mission(), is_started=False)
     stop = CiRequest(

@@ -1,5 +1,7 @@
 """Manoeuvres that the autopilot flies by itself, in both styles: the order of the steps, refusals and time-outs."""
 
+from itertools import pairwise
+
 import pytest
 from msgspec.structs import replace
 
@@ -220,3 +222,20 @@ def test_a_manoeuvre_waits_until_the_autopilot_is_heard() -> None:
     rig.stage.put(setpoint=setpoint())
     rig.run(0.2)
     assert asked(rig) == []
+
+
+@STYLES
+def test_until_the_autopilot_has_taken_over_it_is_told_to_stand_still(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    rig.wants = lambda: None
+    rig.autopilot.delay_s = 2.0  # the command's first frames are lost; a stream that ended would mean a failsafe
+    rig.ask(LAND)
+    asked_s = rig.now_s
+    rig.run(4.0)
+    braking = [sent for sent in rig.autopilot.setpoints if sent[0] >= asked_s]
+    assert all(place is None for _, place, _ in braking)
+    assert {speed for t_s, _, speed in braking if t_s > asked_s + 0.5} == {(0.0, 0.0, 0.0)}
+    assert braking[-1][0] == pytest.approx(asked_s + 2.0, abs=0.1)
+    assert max(b[0] - a[0] for a, b in pairwise(braking)) < 0.1
+    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert not rig.state.has_pilot_control

@@ -28,7 +28,7 @@ class Condition(StrEnum):
 class Manoeuvre:
     """A policy that is being carried out."""
 
-    __slots__ = ("again_s", "assignment", "cause", "land_at_s", "policy")
+    __slots__ = ("again_s", "assignment", "cause", "land_at_s", "policy", "trouble")
 
     def __init__(self, policy: Policy, cause: str) -> None:
         self.policy = policy
@@ -40,6 +40,8 @@ class Manoeuvre:
         """The action that is under way for it."""
         self.again_s: float | None = None
         """When its action is tried again."""
+        self.trouble = ""
+        """Why it could not be begun last; told once."""
 
 
 class Board:

@@ -182,7 +182,9 @@ def _fall_back(board: Board, manoeuvre: Manoeuvre, reason: str, now_s: float) ->
         manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
         advance(board, now_s)
     else:
-        board.tell(Severity.ERROR, f"{reason}; trying again")
+        if reason != manoeuvre.trouble:
+            manoeuvre.trouble = reason
+            board.tell(Severity.ERROR, f"{reason}; trying again")
         manoeuvre.again_s = now_s + AGAIN_S
 
 

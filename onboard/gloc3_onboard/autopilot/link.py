@@ -16,6 +16,7 @@ from gloc3.link.command import CommandClient
 from gloc3.link.heartbeat import PeerChange, Peers
 from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.node import Node
+from gloc3.link.statustext import StatusTextReceiver
 from gloc3.messages import Severity
 from gloc3.mission.formats.items import FenceArea
 from gloc3.vehicle import AutopilotState, FlightMode
@@ -84,7 +85,8 @@ class AutopilotLink:
         self._peers = Peers(self.own, gone_after_s=2.5)
         self._plans = MissionClient(self.own)
         self._fence = FenceUpload(self._plans)
-        self._node = Node(self.own, [self._commands, self._peers, self._plans])
+        self._texts = StatusTextReceiver(self.own)
+        self._node = Node(self.own, [self._commands, self._peers, self._plans, self._texts])
         self._telemetry = Telemetry()
         self._wanted = {codec.shape(name).id for name in Telemetry.HANDLES}
         self._target: Address | None = None
@@ -143,7 +145,7 @@ class AutopilotLink:
         for change in self._peers.events():
             if change.peer.address == self._target:
                 self._say(Severity.WARNING, f"the autopilot has {change.change}")
-                if change.change is PeerChange.RETURNED:
+                if change.change in (PeerChange.RETURNED, PeerChange.RESTARTED):
                     self._streams.ask_all(self.style.streams)
         if self._telemetry.restarts != self._restarts:
             self._restarts = self._telemetry.restarts
@@ -154,6 +156,9 @@ class AutopilotLink:
         for call in self._commands.events():
             self._desk.ended(call, now_s)
             self._streams.ended(call, now_s)
+        for said in self._texts.events():
+            if said.sender == self._target:
+                self._telemetry.hear(said.severity, said.text, now_s)
         for event in self._plans.events():
             ended = self._fence.heard(event, now_s) if isinstance(event, Transfer) else None
             if ended is not None:
@@ -170,7 +175,9 @@ class AutopilotLink:
             self.send_message(message)
 
     def _adopt(self, now_s: float) -> None:
-        own_system = [peer for peer in self._peers.autopilots if peer.address.system == self.own.system]
+        """Takes the one autopilot of our own system, or one that has been alone for some seconds."""
+        known = [peer for peer in self._peers.autopilots if peer.heartbeat.autopilot in STYLES]
+        own_system = [peer for peer in known if peer.address.system == self.own.system]
         peer = own_system[0] if len(own_system) == 1 else self._peers.autopilot(now_s)
         if peer is None or peer.address in self._strangers:
             return
@@ -178,9 +185,8 @@ class AutopilotLink:
         name = f"{address.system}/{address.component}"
         if family not in STYLES:
             self._strangers.add(address)
-            self._say(
-                Severity.ERROR, f"{name} is an autopilot of a kind that is not supported (MAV_AUTOPILOT {family})"
-            )
+            kind = f"an autopilot of a kind that is not supported (MAV_AUTOPILOT {family})"
+            self._say(Severity.ERROR, f"{name} is {kind}: it is left alone")
             return
         self._target, self.style = address, STYLES[family]()
         self._telemetry.adopt(self.style)

@@ -48,7 +48,8 @@ class Px4:
 
     style = Style.PX4
     arm_in_mode = None
-    stream_before_guided_s = 0.5
+    stream_before_guided_s = 1.0
+    """PX4 guide, "Offboard mode": the stream must have been there for at least a second."""
     position_mask = 0b0000_1001_1100_0000
     """Position, velocity as feed-forward, yaw; no acceleration, no yaw rate."""
     streams = COMMON_STREAMS

@@ -17,6 +17,7 @@ CRITICAL: Final = 5
 PREARM_BIT: Final = 1 << 28
 DOWNWARD: Final = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
+NOT_TOLD_MV: Final = 0xFFFF
 MOST_REASONS: Final = 8
 WARNING: Final = 4
 """MAV_SEVERITY of texts that may be the reason of a refusal; smaller is worse."""
@@ -78,7 +79,6 @@ class Telemetry:
         "GPS_GLOBAL_ORIGIN",
         "DISTANCE_SENSOR",
         "EXTENDED_SYS_STATE",
-        "STATUSTEXT",
     )
 
     def __init__(self) -> None:
@@ -148,8 +148,6 @@ class Telemetry:
                 self.altitude_m = message.alt * 1e-3
             case "GPS_GLOBAL_ORIGIN":
                 self._origin = (message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
-            case "STATUSTEXT":
-                self._text(message, now_s)
 
     def _set(self, **fields: object) -> None:
         if any(getattr(self.state, name) != value for name, value in fields.items()):
@@ -169,7 +167,7 @@ class Telemetry:
     def _system(self, message: MavlinkMessage) -> None:
         is_armable = bool(message.onboard_control_sensors_health & PREARM_BIT)
         self._set(
-            battery_v=message.voltage_battery * 1e-3,
+            battery_v=message.voltage_battery * 1e-3 if message.voltage_battery != NOT_TOLD_MV else 0.0,
             battery_a=message.current_battery * 1e-2 if message.current_battery >= 0 else 0.0,
             battery_remaining=message.battery_remaining * 1e-2 if message.battery_remaining >= 0 else -1.0,
             is_armable=is_armable,
@@ -180,9 +178,9 @@ class Telemetry:
         """Warnings and worse that were heard since a time."""
         return [text for said_s, text in self._warnings if said_s >= t_s]
 
-    def _text(self, message: MavlinkMessage, now_s: float) -> None:
-        text = message.text
-        if message.severity <= WARNING:
+    def hear(self, severity: int, text: str, now_s: float) -> None:
+        """Takes in what the autopilot says in words."""
+        if severity <= WARNING:
             self._warnings.append((now_s, text))
         if text.lower().startswith(PREARM_WORDS) and text not in self.state.reasons:
             self._set(reasons=[*self.state.reasons, text][-MOST_REASONS:])

@@ -29,6 +29,8 @@ class ComponentBook:
         self._until_s = float("-inf")
         """What was last found out holds until then, unless a state changes."""
         self._told_errors: dict[str, int] = {}
+        self._table = 0
+        """Grows with each change of the table, so that indices are never read by an older one."""
 
     def hear(self, status: ComponentStatus, now_s: float) -> None:
         """Takes a status in; of a component that is not in the deployment nothing is kept."""
@@ -36,6 +38,8 @@ class ComponentBook:
             before = self._status.get(status.name)
             if before is None or before.state is not status.state or status.name in self._down:
                 self._until_s = float("-inf")
+            if before is None or (before.kind, before.nominal_rate_hz) != (status.kind, status.nominal_rate_hz):
+                self._table += 1
             self._status[status.name] = status
             self._heard_s[status.name] = now_s
             if status.state in OPERATING:
@@ -100,10 +104,7 @@ class ComponentBook:
             )
             for row in self.rows.values()
         ]
-        return ComponentTable(table=self._table_number(), rows=rows)
-
-    def _table_number(self) -> int:
-        return len(self._status)
+        return ComponentTable(table=self._table, rows=rows)
 
     def summary(self, health: Health, now_s: float) -> Summary:
         """All components, a short line each."""
@@ -119,7 +120,7 @@ class ComponentBook:
             lines.append(
                 ComponentLine(index, HEALTHS.index(health_of(state)), rate_percent, load_percent, overruns, errors)
             )
-        return Summary(table=self._table_number(), health=health, lines=lines)
+        return Summary(table=self._table, health=health, lines=lines)
 
     def new_troubles(self) -> list[ComponentTrouble]:
         """The last errors in words, of the components whose count of errors has grown since this was last asked."""

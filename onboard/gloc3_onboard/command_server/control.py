@@ -8,6 +8,11 @@ from gloc3.errors import Refused
 ANSWER_S: Final = 10.0
 """A request that the holder does not answer within this time is granted if the holder is gone, else refused."""
 
+GONE_AFTER_S: Final = 5.0
+"""A holder of whom nothing was heard for so long is gone (DESIGN §6, link loss)."""
+MOST_HEARD: Final = 32
+"""Stations of whom it is remembered when they were heard."""
+
 
 class ControlAuthority:
     """Grants control, and knows when its holder was last heard."""
@@ -29,7 +34,10 @@ class ControlAuthority:
 
     def hear(self, station: str, now_s: float) -> None:
         """A station has been heard: by its heartbeat, or by a request."""
+        self._heard_s.pop(station, None)
         self._heard_s[station] = now_s
+        if len(self._heard_s) > MOST_HEARD:
+            del self._heard_s[next(one for one in self._heard_s if one != self.holder)]
 
     def silent_s(self, now_s: float) -> float:
         """How long nothing has been heard of the holder; 0 while nobody holds control."""
@@ -75,12 +83,16 @@ class ControlAuthority:
         if self.silent_s(now_s) > gone_after_s:
             was, self.holder, self.requested_by = self.holder, station, ""
             return f"granted: station {was} is gone"
+        if self.requested_by not in ("", station):
+            raise Refused(f"station {self.requested_by} has asked already, and waits for the answer")
         self.requested_by, self._requested_s = station, now_s
         return f"station {self.holder} has been asked"
 
-    def tick(self, now_s: float) -> bool:
+    def tick(self, now_s: float, gone_after_s: float = GONE_AFTER_S) -> bool:
         """Ends a request that has not been answered; returns whether something has changed."""
-        if self.requested_by and now_s - self._requested_s > ANSWER_S:
-            self.requested_by = ""
-            return True
-        return False
+        if not self.requested_by or now_s - self._requested_s <= ANSWER_S:
+            return False
+        if self.silent_s(now_s) > gone_after_s:
+            self.holder = self.requested_by
+        self.requested_by = ""
+        return True

@@ -10,6 +10,8 @@ from gloc3.ci import CiReply, CiRequest, Outcome
 REMEMBERED: Final = 256
 """Requests kept for each sender."""
 MOST_SENDERS: Final = 16
+MOST_FLOORS: Final = 1024
+"""Lives of senders of which it is remembered how far they had come, when their requests are not remembered any more."""
 COMPACT_AFTER: Final = 4 * REMEMBERED
 """Records after which the file is written anew."""
 
@@ -33,6 +35,8 @@ class _Record(msgspec.Struct, frozen=True, array_like=True):
     sequence: int
     reply: CiReply | None
     """None: begun, and not known to have ended."""
+    is_floor: bool = False
+    """Not a request: all up to this one are older than what is remembered."""
 
 
 class Known(NamedTuple):
@@ -49,13 +53,20 @@ class Journal:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._senders: OrderedDict[str, OrderedDict[tuple[int, int], CiReply | None]] = OrderedDict()
-        self._floors: dict[tuple[str, int], int] = {}
+        self._floors: OrderedDict[tuple[str, int], int] = OrderedDict()
         self._running: set[tuple[str, int, int]] = set()
-        self._records = 0
+        self.unreadable = 0
+        """Records of another version of this program, left out."""
+        records = store.load()
+        self._records = len(records)
         decoder = msgspec.msgpack.Decoder(_Record)
-        for data in store.load():
-            record = decoder.decode(data)
-            self._note(record)
+        for data in records:
+            try:
+                record = decoder.decode(data)
+            except msgspec.DecodeError:
+                self.unreadable += 1
+            else:
+                self._note(record)
 
     def begin(self, request: CiRequest) -> Known:
         """Whether a request is to be executed; if so, that is on disk when this returns."""
@@ -75,7 +86,7 @@ class Journal:
         self._write(_Record(reply.sender, reply.boot, reply.sequence, reply))
 
     def query(self, sender: str, boot: int, sequence: int) -> tuple[Outcome, CiReply | None]:
-        """What became of an earlier request of a sender."""
+        """What became of an earlier request of a sender; one that is still carried out is *unknown* as yet."""
         known = self._senders.get(sender, OrderedDict())
         reply = known.get((boot, sequence))
         if reply is not None:
@@ -92,27 +103,35 @@ class Journal:
     def _write(self, record: _Record) -> None:
         self._note(record)
         self._records += 1
-        if self._records >= COMPACT_AFTER:
-            self._records = 0
-            records = [
-                _Record(sender, boot, sequence, reply)
-                for sender, known in self._senders.items()
-                for (boot, sequence), reply in known.items()
-            ]
-            self._store.rewrite([msgspec.msgpack.encode(kept) for kept in records])
-        else:
+        if self._records < COMPACT_AFTER:
             self._store.append(msgspec.msgpack.encode(record))
+            return
+        kept = [_Record(*place, floor, None, is_floor=True) for place, floor in self._floors.items()]
+        for sender, known in self._senders.items():
+            kept += [_Record(sender, boot, sequence, reply) for (boot, sequence), reply in known.items()]
+        self._store.rewrite([msgspec.msgpack.encode(one) for one in kept])
+        self._records = min(len(kept), COMPACT_AFTER - REMEMBERED)
 
     def _note(self, record: _Record) -> None:
+        if record.is_floor:
+            self._raise_floor(record.sender, record.boot, record.sequence)
+            return
         known = self._senders.setdefault(record.sender, OrderedDict())
         self._senders.move_to_end(record.sender)
         known[record.boot, record.sequence] = record.reply
         while len(known) > REMEMBERED:
             (boot, sequence), _ = known.popitem(last=False)
-            place = (record.sender, boot)
-            self._floors[place] = max(self._floors.get(place, -1), sequence)
+            self._raise_floor(record.sender, boot, sequence)
         while len(self._senders) > MOST_SENDERS:
-            self._senders.popitem(last=False)
+            sender, forgotten = self._senders.popitem(last=False)
+            for boot, sequence in forgotten:
+                self._raise_floor(sender, boot, sequence)
+
+    def _raise_floor(self, sender: str, boot: int, sequence: int) -> None:
+        place = (sender, boot)
+        self._floors[place] = max(self._floors.pop(place, -1), sequence)
+        while len(self._floors) > MOST_FLOORS:
+            self._floors.popitem(last=False)
 
 
 def _reply(request: CiRequest, outcome: Outcome, reason: str) -> CiReply:

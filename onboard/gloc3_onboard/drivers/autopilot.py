@@ -182,6 +182,9 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         )
         if send is not None:
             self._machine.finish()
+        elif self._machine.is_taking_over and self._is_guided and self._is_airborne:
+            send = self._stream.brake(now_s)
+        if send is not None:
             writes.append(send)
         if not is_idle:
             writes += self._mode(now_s)

@@ -1,17 +1,18 @@
 """AD: writes pictures to disk, by distance or by time, each with the pose that it was taken from."""
 
 import math
+from collections import deque
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, Final, NamedTuple, Protocol
 
 from gloc3.action import ActionPerformer
 from gloc3.component import ActuatorDriver
 from gloc3.errors import Refused
-from gloc3.frames import Vector3
+from gloc3.frames import Quaternion, Vector3, interpolate, slerp
 from gloc3.messages import Envelope
 from gloc3.mission.arguments import RecordImages
 from gloc3.mission.states import ActionState
-from gloc3.ports import Actuation, Inbox, Input, Output, Result
+from gloc3.ports import Actuation, Inbox, Input, Keep, Output, Result
 from gloc3.settings import NoSettings
 from gloc3.vehicle import Image, ImageRecorded, Pose
 
@@ -23,14 +24,21 @@ class Picture(NamedTuple):
     t_s: float
     image: Image
     position_ned_m: Vector3
-    ned_from_frd: tuple[float, float, float, float]
+    ned_from_frd: Quaternion
 
 
 class PictureStore(Protocol):
     """Where pictures go: a folder."""
 
+    def highest(self, camera: str) -> int:
+        """The greatest number of a camera's picture that is there already; 0 for none."""
+
     def write(self, picture: Picture) -> None:
         """Writes a picture with its pose; raises `OSError` where that fails."""
+
+
+POSE_GAP_S: Final = 0.25
+"""A picture is tagged only with poses that are no farther from its time, and no farther apart."""
 
 
 class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
@@ -40,7 +48,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
     loggable = ("recorded",)
 
     image = Input(Image)
-    pose = Input(Pose)
+    pose = Input(Pose, Keep.ALL)
     image_recorded = Output(ImageRecorded)
 
     def __init__(self, device: PictureStore) -> None:
@@ -51,6 +59,11 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         self._last_s = -math.inf
         self._last_ned_m: Vector3 | None = None
         self._camera = ""
+        self._poses: deque[Envelope[Pose]] = deque(maxlen=32)
+
+    def start(self) -> None:
+        """Begins without poses of before."""
+        self._poses.clear()
 
     def stop(self) -> None:
         """Forgets the action."""
@@ -67,34 +80,67 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Takes a picture if one is due."""
         results: list[Result] = []
-        pose = inbox.latest(self.pose)
+        self._poses.extend(envelope for envelope in inbox.new(self.pose) if envelope.payload.is_valid)
         for envelope in inbox.new(self.image):
-            self._camera = envelope.payload.camera
-            if self.is_running and self._order is not None and pose is not None and envelope.payload.is_valid:
-                results += self._record(self._order, envelope, pose.payload, now_s)
+            self._know(envelope.payload.camera)
+            if self.is_running and self._order is not None and envelope.payload.is_valid:
+                results += self._record(self._order, envelope, now_s)
         return [*results, *self.action_reports(now_s)]
 
-    def _record(self, order: RecordImages, envelope: Envelope[Image], pose: Pose, now_s: float) -> list[Result]:
-        if not pose.is_valid or not self._is_due(order, envelope.t_s, pose.position_ned_m):
+    def _know(self, camera: str) -> None:
+        """Goes on with the numbers of pictures that an earlier life has written; none is ever overwritten."""
+        if camera != self._camera:
+            self._camera = camera
+            self.recorded = max(self.recorded, self._store.highest(camera))
+
+    def _record(self, order: RecordImages, envelope: Envelope[Image], now_s: float) -> list[Result]:
+        progress = self._in_action / order.count if order.count else 0.0
+        place = self._place(envelope.t_s)
+        if place is None:
+            self.advance(now_s, progress, reason="there is no valid pose of the time of the picture")
+            return []
+        position, ned_from_frd = place
+        if not self._is_due(order, envelope.t_s, position):
+            self.advance(now_s, progress)
             return []
         action_id = self.action_id
-        self._last_s, self._last_ned_m = envelope.t_s, pose.position_ned_m
+        self._last_s, self._last_ned_m = envelope.t_s, position
         self.recorded += 1
         self._in_action += 1
         file = f"{envelope.payload.camera}-{self.recorded:05d}.png"
         is_done = order.count is not None and self._in_action >= order.count
         progress = self._in_action / order.count if order.count else 0.0
         self.advance(now_s, progress, ActionState.DONE if is_done else ActionState.RUNNING)
-        picture = Picture(file, envelope.t_s, envelope.payload, pose.position_ned_m, pose.ned_from_frd)
+        picture = Picture(file, envelope.t_s, envelope.payload, position, ned_from_frd)
         recorded = ImageRecorded(
             action_id=action_id,
             camera=envelope.payload.camera,
             file=file,
             index=self.recorded,
-            position_ned_m=pose.position_ned_m,
-            ned_from_frd=pose.ned_from_frd,
+            position_ned_m=position,
+            ned_from_frd=ned_from_frd,
         )
         return [Actuation(picture), self.image_recorded.report(recorded, t_s=envelope.t_s)]
+
+    def _place(self, t_s: float) -> tuple[Vector3, Quaternion] | None:
+        """Where the camera's vehicle was at a time: between two poses, or a little after the last."""
+        before = next((pose for pose in reversed(self._poses) if pose.t_s <= t_s), None)
+        after = next((pose for pose in self._poses if pose.t_s >= t_s), None)
+        if before is None or after is None:
+            nearest = before or after
+            if nearest is None or abs(t_s - nearest.t_s) > POSE_GAP_S:
+                return None
+            pose, ahead_s = nearest.payload, t_s - nearest.t_s
+            return _plus(pose.position_ned_m, pose.velocity_ned_m_s, ahead_s), pose.ned_from_frd
+        gap_s = after.t_s - before.t_s
+        if gap_s > POSE_GAP_S or before.payload.reset_counter != after.payload.reset_counter:
+            near = before if t_s - before.t_s <= after.t_s - t_s else after
+            if abs(t_s - near.t_s) > POSE_GAP_S:
+                return None
+            return near.payload.position_ned_m, near.payload.ned_from_frd
+        share = (t_s - before.t_s) / gap_s if gap_s > 0.0 else 0.0
+        a, b = before.payload, after.payload
+        return interpolate(a.position_ned_m, b.position_ned_m, share), slerp(a.ned_from_frd, b.ned_from_frd, share)
 
     def _is_due(self, order: RecordImages, t_s: float, position: Vector3) -> bool:
         if self._last_ned_m is None:
@@ -109,3 +155,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
 
     def make_safe(self) -> None:
         """A folder is always safe."""
+
+
+def _plus(a: Vector3, b: Vector3, share: float) -> Vector3:
+    return (a[0] + b[0] * share, a[1] + b[1] * share, a[2] + b[2] * share)

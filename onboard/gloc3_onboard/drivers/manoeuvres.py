@@ -84,6 +84,11 @@ class ManoeuvreMachine:
         """Whether a take-off has left its last step behind; the owner's setpoints may end it from now on."""
         return self.is_under_way and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
 
+    @property
+    def is_taking_over(self) -> bool:
+        """Whether a mode for which the owner's setpoints end is asked for, and not confirmed yet."""
+        return self.is_under_way and bool(self._steps) and isinstance(self._steps[0], SetMode)
+
     def begin(self, manoeuvre: Manoeuvre, now_s: float, arm_in_mode: FlightMode | None = None) -> None:
         """Takes a manoeuvre up, in place of the one before.
 

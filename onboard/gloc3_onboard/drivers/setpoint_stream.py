@@ -86,6 +86,14 @@ class SetpointStream:
             self.expired += 1
         return None
 
+    def brake(self, now_s: float) -> Send | None:
+        """What to send while the autopilot is asked to take over: without it, a lost frame would mean its failsafe."""
+        self.since_s = None
+        if self._limiter is None or not self._is_ready(now_s):
+            return None
+        standing = self._limiter.limit(Setpoint(action_id="", velocity_ned_m_s=(0.0, 0.0, 0.0)), now_s).setpoint
+        return Send(None, standing.velocity_ned_m_s, None)
+
     def stop(self) -> None:
         """Ends on purpose."""
         self.since_s = None

@@ -2,13 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Final
+
+import msgspec
 
 from gloc3.component import DataProcessor
-from gloc3.frames import GeoPoint, TangentPlane, Vector3
+from gloc3.frames import IDENTITY, GeoPoint, TangentPlane, Vector3
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import AutopilotPose, Pose
+
+_NOWHERE: Final = Pose(
+    position_ned_m=(0.0, 0.0, 0.0), velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=IDENTITY, sources=["autopilot"]
+)
 
 
 class PoseSettings(Settings, frozen=True):
@@ -43,6 +49,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._offset_ned_m: Vector3 = (0.0, 0.0, 0.0)
         self._origin_geo: tuple[float, float, float] | None = None
         self._last: Pose | None = None
+        self._shown = _NOWHERE
         self._last_s = 0.0
 
     def initialize(self, settings: PoseSettings) -> None:
@@ -64,6 +71,8 @@ class PoseProcessor(DataProcessor[PoseSettings]):
 
     def _place(self, given: AutopilotPose, t_s: float) -> Pose:
         self.reason = ""
+        if not all(map(math.isfinite, (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd))):
+            return self._lost("the autopilot's estimate is not finite")
         if self._plane is not None:
             if given.origin_geo is None:
                 self.reason = "the autopilot has not told its origin"
@@ -88,6 +97,16 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         )
         self._last, self._last_s = pose, t_s
         return pose
+
+    def _lost(self, reason: str) -> Pose:
+        """The last pose again, which is not valid; what comes after it is compared with nothing."""
+        self.reason = reason
+        if self._last is not None:
+            self._shown, self._last = self._last, None
+            self.reset_counter += 1
+        return msgspec.structs.replace(
+            self._shown, is_valid=False, reason=reason, quality=0.0, reset_counter=self.reset_counter
+        )
 
     def _move_to(self, autopilot_origin: tuple[float, float, float], plane: TangentPlane) -> None:
         self._offset_of = autopilot_origin

@@ -1,0 +1,45 @@
+"""DESIGN §6: in frame geo the fence is also given to the autopilot and read back before the mission starts."""
+
+from typing import Any
+
+import pytest
+from tests.flight.card import Card
+
+from gloc3.errors import Refused
+
+LATITUDE, LONGITUDE = 47.0, 8.0
+EAST = 8.00008
+"""Six metres east."""
+MISSION = f"""mission: on Earth
+frame: geo
+geofence: {{polygon: [[46.9995, 7.9995], [47.0005, 7.9995], [47.0005, 8.0005], [46.9995, 8.0005]], ceiling_m: 20}}
+on_failure: land
+on_link_loss: continue
+tasks:
+  depart: {{actions: {{climb: {{take_off: {{height_m: 1.5}}}}}}}}
+  sweep:
+    after: [depart]
+    actions:
+      out: {{follow_waypoints: {{waypoints: [[{LATITUDE}, {LONGITUDE}, 2], [{LATITUDE}, {EAST}, 2]], speed_m_s: 1.0}}}}
+  recover: {{after: [sweep], actions: {{down: {{land: {{}}}}}}}}
+"""
+
+
+def held_fence(flight: Card) -> list[Any]:
+    """What the autopilot holds as its fence."""
+    return list(flight.flight.simulator.autopilot.plans.fence)
+
+
+def test_a_mission_on_earth_is_flown_with_its_fence_in_the_autopilot(flight: Card) -> None:
+    flight.begin(MISSION)
+    assert len(held_fence(flight)) == 4
+    flight.await_state("mission", "done", 60.0)
+    truth = flight.flight.simulator.truth()
+    assert truth.longitude_deg == pytest.approx(EAST, abs=6e-6)
+    assert truth.latitude_deg == pytest.approx(LATITUDE, abs=4e-6)
+
+
+def test_without_the_fence_in_the_autopilot_no_mission_on_earth_starts(flight: Card) -> None:
+    with pytest.raises(Refused, match="the autopilot does not hold the mission's fence"):
+        flight.begin(MISSION, faults=["topic:motion/geofence=lost"])
+    assert not held_fence(flight)

@@ -8,7 +8,8 @@ from gloc3.ci import EmergencyVerb, Verb
 from gloc3.errors import Gloc3Error
 from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState, allowed
-from gloc3_groundstation import flights
+from gloc3_groundstation import alerts, flights
+from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.flights import End, Follower
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot
@@ -43,6 +44,16 @@ class Desk:
         self.plan: Final = plan
         self._streamed: dict[str, int] = {}
         self._held_s: dict[str, float] = {}
+        self._alerts = Alerts()
+
+    def alerts(self) -> Alerts:
+        """What the operator has to take note of, as it is now."""
+        self._alerts = alerts.update(self._alerts, self.station.fleet, self.station.now_s())
+        return self._alerts
+
+    def acknowledge(self, key: tuple[str, str] | None = None) -> None:
+        """Takes note of one alert, or of all."""
+        self._alerts = alerts.acknowledge(self._alerts, key)
 
     def moves(self, platform: PlatformSnapshot) -> frozenset[Move]:
         """What makes sense to ask of a platform in its present state."""

@@ -1,83 +1,29 @@
 """The terminal, driven by keys: journeys of an operator with a scripted platform."""
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from typing import NamedTuple
 from unittest.mock import patch
 
-from textual.pilot import Pilot
+import pytest
 from textual.widgets import Input
 
 from gloc3.ci import ControlState, Emergency, EmergencyVerb, LoadMission, Steer, Verb
-from gloc3.exchange import LocalExchange
-from gloc3_groundstation.desk import Desk
+from gloc3_groundstation.configuration import Configuration, LastSession
 from gloc3_groundstation.flights import End
-from gloc3_groundstation.plans import Plan
-from gloc3_groundstation.station import Station
-from gloc3_groundstation.tui.app import StationApp
+from gloc3_groundstation.tui.help import HelpScreen
 from gloc3_groundstation.tui.lines import text_of
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.screens.table import SCREENS
 
 from .scripted_platform import ScriptedPlatform, refused
-
-PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
-
-
-class Scene(NamedTuple):
-    app: StationApp
-    pilot: Pilot[End | None]
-    platform: ScriptedPlatform
-
-    def shown(self, panel: str) -> str:
-        self.app.look()
-        return "\n".join(text_of(line) for line in self.app.screen_stack[0].query_one(f"#{panel}", Panel).lines)
-
-    async def until(self, panel: str, text: str) -> None:
-        """Waits until a panel shows a text."""
-        for _ in range(300):
-            if text in self.shown(panel):
-                return
-            await self.pilot.pause(0.003)
-        raise AssertionError(f"{panel} never showed {text!r}:\n{self.shown(panel)}")
-
-    async def press(self, *keys: str) -> None:
-        """Presses keys without waiting for the processor to be idle, as `Pilot.press` does."""
-        for key in keys:
-            self.app.simulate_key(key)
-            await self.pilot.pause(0.005)
-
-    def asked(self, kind: type) -> list[object]:
-        return [body for body in self.platform.requests if isinstance(body, kind)]
-
-
-@asynccontextmanager
-async def scene(
-    plan: Plan | None = PLAN, size: tuple[int, int] = (80, 24), *, flies: bool = False
-) -> AsyncIterator[Scene]:
-    exchange = LocalExchange()
-    platform = ScriptedPlatform(exchange)
-    platform.delay_s = 0.001
-    station = Station(exchange, platform.loop, "255", 11)
-    app = StationApp(
-        Desk(station, plan), waiting_for=lambda: "udpin://0.0.0.0:14550", is_starting=flies, is_closing=flies
-    )
-    async with app.run_test(size=size) as pilot:
-        await pilot.pause()
-        try:
-            yield Scene(app, pilot, platform)
-        finally:
-            platform.is_deaf = True
-            station.close()
+from .station_scene import scene
 
 
 async def test_what_comes_is_shown_and_keys_that_make_no_sense_do_nothing() -> None:
     async with scene(None) as here:
-        assert "Waiting for a platform on udpin://0.0.0.0:14550." in here.shown("vehicle")
+        assert "Waiting for a platform on udpin://0.0.0.0:14550." in here.shown("vehicles")
         here.platform.speak()
-        await here.until("components", "command_server")
-        assert "HOLD   disarmed, on ground" in here.shown("vehicle")
-        panel = here.app.screen.query_one("#components", Panel)
-        assert panel.border_title == "components: all 13 well"
+        await here.until("facts", "all 13 well")
+        assert "HOLD   disarmed   bat 97 %   link ok" in here.shown("title")
+        panel = here.app.screen.query_one("#facts", Panel)
         await here.press("s", "p", "r", "a", "u")
         await here.pilot.pause()
         assert here.asked(Steer) == here.asked(LoadMission) == []
@@ -118,12 +64,13 @@ async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys(
         assert here.asked(Steer) == [Steer(verb=verb) for verb in verbs]
 
 
+@pytest.mark.sockets
 async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_and_leaving_is_asked() -> None:
     async with scene(None) as here:
         here.platform.control = ControlState(holder="255")
         here.platform.speak()
         here.platform.fly(is_armed=True)
-        await here.until("components", "command_server")
+        await here.until("title", "ARMED")
         await here.press("space")
         await here.until("events", "emergency hold")
         await here.press("space", "l")
@@ -144,6 +91,7 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
         assert here.app.return_code == 130, "Ctrl-C asks nothing"
 
 
+@pytest.mark.sockets
 async def test_it_flies_by_itself_and_closes_when_the_mission_has_ended() -> None:
     async with scene(flies=True) as here:
         here.platform.speak()
@@ -156,3 +104,98 @@ async def test_it_flies_by_itself_and_closes_when_the_mission_has_ended() -> Non
             if here.app._exit:
                 break
         assert here.app.return_value == End(state="done")
+
+
+@pytest.mark.sockets
+async def test_digits_and_function_keys_show_the_screens_and_only_the_one_that_is_shown_is_filled() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        assert [row.key for row in SCREENS] == sorted((row.key for row in SCREENS), key=lambda key: (key == "0", key))
+        for row in SCREENS:
+            await here.go(row.key)
+            assert here.app.current_mode == row.name
+        await here.go("f2")
+        await here.until("components", "command_server")
+        overview = here.app._screen_stacks["overview"][0]
+        with patch.object(type(overview), "look") as look:
+            here.app.look()
+            assert not look.called
+        await here.press("down", "down", "down")
+        await here.pilot.pause()
+        assert "data processors, required, 20 Hz" in here.shown("component")
+
+
+@pytest.mark.sockets
+async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere() -> None:
+    async with scene(None) as here:
+        await here.go("3")
+        await here.press("question_mark")
+        await here.pilot.pause()
+        screen = here.app.screen
+        assert isinstance(screen, HelpScreen)
+        said = "\n".join(text_of(line) for line in screen.query_one(Panel).lines)
+        assert "a         Abort: cancels all actions, then flies on_failure; asks" in said
+        assert "space     HOLD: the vehicle holds at once" in said
+        assert "1         Overview: is everything all right?" in said
+        await here.press("escape")
+        assert here.app.screen is not screen
+
+
+@pytest.mark.sockets
+async def test_an_alert_stands_on_every_screen_until_it_is_acknowledged() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        here.platform.fly(battery_percent=12)
+        await here.until("alert", "critical: heron: battery at or below 15 %")
+        await here.go("9")
+        assert "battery at or below 15 %" in here.shown("alert")
+        assert "1 alert" in here.shown("title")
+        await here.press("x")
+        assert here.shown("alert") == ""
+        assert "1 known" in here.shown("title")
+
+
+@pytest.mark.sockets
+async def test_the_palette_offers_what_can_be_done_now() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        await here.press("ctrl+p")
+        await here.pilot.pause(0.05)
+        for letter in "daylight":
+            here.app.simulate_key(letter)
+        await here.pilot.pause(0.3)
+        await here.press("enter")
+        await here.pilot.pause(0.05)
+        assert here.app.theme == "daylight"
+        assert here.app.configuration().theme == "daylight"
+
+
+async def test_the_vehicle_key_looks_at_the_next_and_what_was_in_view_is_kept_for_next_time() -> None:
+    last = Configuration(session=LastSession(platform="egret", screen="health"))
+    async with scene(None, configuration=last) as here:
+        assert here.app.current_mode == "health"
+        here.platform.speak()
+        await here.until("title", "heron")
+        egret = ScriptedPlatform(here.exchange, "egret", 9)
+        egret.speak()
+        await here.until("title", "egret 2/2")
+        await here.press("v")
+        assert "heron 1/2" in here.shown("title")
+        kept = here.app.configuration().session
+        assert (kept.platform, kept.screen) == ("heron", "health")
+
+
+@pytest.mark.sockets
+async def test_a_terminal_that_is_too_small_says_so_and_the_emergency_key_works_on() -> None:
+    async with scene(None, size=(60, 20)) as here:
+        here.platform.speak()
+        assert "This terminal has 60 × 20 characters." in here.shown("too_small")
+        assert not here.app.screen.query_one("#body").display
+        await here.press("space")
+        await here.pilot.pause()
+        assert here.asked(Emergency)
+        await here.pilot.resize_terminal(80, 24)
+        await here.until("title", "heron")
+        assert here.app.screen.query_one("#body").display

@@ -4,14 +4,17 @@ from msgspec.structs import replace
 
 from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, ControlState, Health, MissionSummary, Summary
 from gloc3.messages import Severity
+from gloc3_groundstation import alerts
 from gloc3_groundstation import fleet as reducers
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import Fleet, LinkStatistics, PlatformSnapshot, Timed
-from gloc3_groundstation.tui.components_view import component_lines, components_title
-from gloc3_groundstation.tui.events_view import event_lines
 from gloc3_groundstation.tui.lines import Line, Tone, bar, text_of, wrapped
-from gloc3_groundstation.tui.mission_view import mission_lines, mission_title
-from gloc3_groundstation.tui.vehicle_view import title_line, vehicle_lines
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.chrome import Key, Tab, alert_line, keys_line, tabs_line, title_line
+from gloc3_groundstation.tui.views.components import component_lines, component_rows, components_title
+from gloc3_groundstation.tui.views.events import event_lines
+from gloc3_groundstation.tui.views.mission import mission_lines, mission_title
+from gloc3_groundstation.tui.views.overview import alert_lines, detail_lines, vehicle_header, vehicle_line
 from gloc3_groundstation.wording import farewell, tenths
 
 from .scripted_platform import ROWS, TASKS, VEHICLE
@@ -44,76 +47,138 @@ def tones(line: Line) -> set[Tone]:
     return {span.tone for span in line if span.text.strip()}
 
 
-def test_the_title_tells_health_link_and_control() -> None:
-    fleet = Fleet(platforms={"heron": PLATFORM})
-    line = text_of(title_line(fleet, PLATFORM, "255", 90.0, 100.0, 80))
-    assert line == " heron   working   link ok   this station in control         station 255  00:10 "
-    other = text_of(title_line(fleet, PLATFORM, "254", 90.0, 100.0, 80))
-    assert "station 255 in control" in other
+def view(*platforms: PlatformSnapshot, now_s: float = 100.0, station: str = "255") -> View:
+    fleet = Fleet(platforms={platform.name: platform for platform in platforms})
+    known = alerts.update(alerts.Alerts(), fleet, now_s)
+    return View(fleet, platforms[0], now_s, 90.0, station, alerts=known)
+
+
+def flying(**changes: object) -> PlatformSnapshot:
+    return replace(PLATFORM, vehicle=Timed(replace(VEHICLE, is_armed=True, **changes), 100.0))
+
+
+def test_the_title_tells_mode_armed_battery_link_and_control() -> None:
+    line = text_of(title_line(view(PLATFORM), 80))
+    assert line == " heron   HOLD   disarmed   bat 97 %   link ok   in control              00:10 "
+    other = text_of(title_line(view(PLATFORM, station="254"), 80))
+    assert "255 controls" in other
+
+
+def test_a_title_without_room_leaves_the_least_important_out() -> None:
+    shown = [text_of(title_line(view(flying()), width)).split() for width in (60, 36)]
+    assert shown == [
+        ["heron", "HOLD", "ARMED", "bat", "97", "%", "link", "ok", "00:10"],
+        ["heron", "ARMED", "link", "ok", "00:10"],
+    ]
 
 
 def test_a_silent_link_is_the_loudest_thing_in_the_title() -> None:
-    line = title_line(Fleet(platforms={"heron": PLATFORM}), PLATFORM, "255", 90.0, 107.0, 80)
-    assert "nothing heard for 7 s" in text_of(line)
-    assert "was working" in text_of(line)
+    line = title_line(view(PLATFORM, now_s=107.0), 80)
+    assert "SILENT 7 s" in text_of(line)
+    assert "was HOLD" in text_of(line)
     assert Tone.ALARM in tones(line)
 
 
-def test_a_lossy_link_tells_how_much_arrives() -> None:
+def test_a_lossy_link_tells_how_much_is_lost() -> None:
     lossy = replace(PLATFORM, link=LinkStatistics(loss=0.2))
-    line = text_of(title_line(Fleet(platforms={"heron": lossy}), lossy, "255", 90.0, 100.0, 120))
-    assert "status 80 %" in line
+    assert "link 20 % lost" in text_of(title_line(view(lossy), 80))
+    assert "80 % of the status arrives" in "\n".join(texts(detail_lines(view(lossy))))
+
+
+def test_ten_screens_stand_in_one_line_of_80() -> None:
+    titles = ("Overview", "Health", "Mission", "Map", "Data", "Services", "Sensors", "Checks", "Events", "Fleet")
+    tabs = [Tab(str((n + 1) % 10), title, n == 1) for n, title in enumerate(titles)]
+    assert len(text_of(tabs_line(tabs, 80)).rstrip()) <= 80
+    assert [span.text for span in tabs_line(tabs, 80) if span.tone is Tone.CHOSEN] == ["Health"]
+
+
+def test_the_keys_that_matter_most_are_shown_where_there_is_room_for_few() -> None:
+    keys = [Key("s", "Start", False), Key("p", "Pause"), Key("?", "Help", is_always_shown=True)]
+    assert text_of(keys_line(keys, 80)) == " s Start  p Pause  ? Help  "
+    assert text_of(keys_line(keys, 20)) == " s Start  ? Help  "
+
+
+def test_the_worst_alert_stands_above_every_screen() -> None:
+    line = alert_line(view(flying(battery_percent=9, is_pose_valid=False, has_pilot_control=True)), 80)
+    assert text_of(line).startswith(" critical: heron: ")
+    assert text_of(line).endswith("+2 more   x acknowledges ")
+    assert len(text_of(line)) == 80
+    assert alert_line(view(PLATFORM), 80) == ()
+
+
+def test_each_vehicle_has_a_line_in_columns() -> None:
+    egret = replace(PLATFORM, name="egret", mission=None)
+    both = view(PLATFORM, egret)
+    rows = [text_of(vehicle_header(120)), *(text_of(vehicle_line(both, platform, 120)) for platform in both.fleet)]
+    assert rows[1].split() == [
+        *("►", "heron", "HOLD", "disarmed", "97", "%", "ok", "running", "all", "13", "well", "none"),
+    ]
+    assert rows[2].split()[0] == "egret"
+    for title, word in (("mode", "HOLD"), ("link", "ok"), ("components", "all")):
+        assert {row.index(word) for row in rows[1:]} == {rows[0].index(title)}
 
 
 def test_an_old_vehicle_state_is_shown_as_old() -> None:
-    assert texts(vehicle_lines(PLATFORM, 100.0, "")) == [
-        " HOLD   disarmed, on ground   battery ━━━━━━━━ 97 %",
-        " x 0.0  y 0.0  h 0.0 m   0.0 m/s   heading 090°   frame hold",
-    ]
-    old = vehicle_lines(PLATFORM, 108.0, "")
-    assert text_of(old[1]).endswith("8 s ago")
-    assert [tones(line) for line in old] == [{Tone.STALE}, {Tone.STALE}]
+    assert " position   x 0.0  y 0.0  h 0.0 m in hold" in texts(detail_lines(view(PLATFORM)))
+    old = [line for line in detail_lines(view(PLATFORM, now_s=108.0)) if "position" in text_of(line)]
+    assert text_of(old[0]).endswith("8 s ago")
+    assert Tone.STALE in tones(old[0])
+    states = [span for span in vehicle_line(view(PLATFORM, now_s=108.0), PLATFORM, 120) if "disarmed" in span.text]
+    assert [span.tone for span in states] == [Tone.STALE]
 
 
 def test_what_endangers_the_vehicle_is_an_alarm() -> None:
-    vehicle = replace(VEHICLE, battery_percent=9, has_pilot_control=True, is_autopilot_connected=False)
-    (first, _) = vehicle_lines(replace(PLATFORM, vehicle=Timed(vehicle, 100.0)), 100.0, "")
-    assert [span.text for span in first if span.tone is Tone.ALARM] == [
-        "battery ━╌╌╌╌╌╌╌ 9 %",
-        "NO AUTOPILOT",
-        "PILOT HAS CONTROL",
+    ill = flying(battery_percent=9, has_pilot_control=True, is_autopilot_connected=False)
+    assert [span.text for line in detail_lines(view(ill)) for span in line if span.tone is Tone.ALARM] == [
+        "━╌╌╌╌╌╌╌╌╌╌╌ 9 %",
+        "NOT CONNECTED",
+        "HAS CONTROL",
     ]
 
 
 def test_an_unknown_position_and_battery_are_said_to_be_unknown() -> None:
-    vehicle = replace(VEHICLE, battery_percent=-1, is_pose_valid=False)
-    lines = texts(vehicle_lines(replace(PLATFORM, vehicle=Timed(vehicle, 100.0)), 100.0, ""))
-    assert "battery unknown" in lines[0]
-    assert "position unknown" in lines[1]
+    lines = "\n".join(texts(detail_lines(view(flying(battery_percent=-1, is_pose_valid=False)))))
+    assert "battery    not known" in lines
+    assert "position unknown" in lines
+
+
+def test_alerts_are_listed_until_nothing_is_wrong() -> None:
+    lines = texts(alert_lines(view(flying(battery_percent=9)), 60))
+    assert lines == [" ▲ 00:10  critical: battery at or below 15 %"]
+    assert texts(alert_lines(view(PLATFORM), 60)) == [" Nothing is wrong."]
 
 
 def test_components_stand_in_the_order_of_the_data_one_a_line() -> None:
-    lines = texts(component_lines(PLATFORM, 100.0, 39))
-    assert lines[0] == " SS autopilot         working   100 %"
-    assert lines[4] == "    pose_backup       quiet     100 %"
+    rows = component_rows(PLATFORM, 100.0, 80)
+    lines = texts([line for _, line in rows])
+    assert [name for name, _ in rows] == [row.name for row in ROWS]
+    assert lines[0].split() == ["SS", "autopilot", "working", "20.0/20", "Hz", "12", "%", "·", "·"]
+    assert "quiet" in lines[4]
     assert [line[1:3] for line in lines if line[1:3].strip()] == ["SS", "DP", "CC", "AD", "CI"]
     assert components_title(PLATFORM, 100.0) == "components: all 13 well"
-    assert max(len(line) for line in lines) <= 39
+    assert max(len(line) for line in lines) <= 80
 
 
 def test_an_unwell_component_says_why() -> None:
     lines_of = {**PLATFORM.lines, 3: (ComponentLine(3, 5, 0, 0, 0, 2), 100.0)}
-    trouble = ComponentTrouble(name="pose", cause="no pose for 0.5 s", errors=2)
+    trouble = ComponentTrouble(name="pose", cause="Traceback: ...\nLost: no pose for 0.5 s", errors=2)
     ill = replace(PLATFORM, lines=lines_of, troubles={"pose": trouble})
-    lines = texts(component_lines(ill, 100.0, 60))
-    assert lines[3:5] == [" DP pose              faulty      0 %  load   0 %  2 err", "      no pose for 0.5 s"]
+    (_, line) = component_rows(ill, 100.0, 120)[3]
+    assert text_of(line).split()[:3] == ["DP", "pose", "faulty"]
+    assert text_of(line).rstrip().endswith("Lost: no pose for 0.5 s")
+    assert texts(component_lines(ill, "pose", 100.0, 60)) == [
+        " data processors, required, 20 Hz",
+        " last error (2 so far):",
+        "   Traceback: ...",
+        "   Lost: no pose for 0.5 s",
+    ]
     assert components_title(ill, 100.0) == "components: pose not well"
 
 
 def test_components_that_were_not_heard_of_lately_are_shown_as_what_they_were() -> None:
-    lines = component_lines(PLATFORM, 110.0, 60)
-    assert text_of(lines[0]).rstrip() == " SS autopilot         was working"
-    assert {tone for line in lines for tone in tones(line)} == {Tone.STALE}
+    lines = [line for _, line in component_rows(PLATFORM, 110.0, 90)]
+    assert "was work" in text_of(lines[0])
+    assert {tone for line in lines for tone in tones(line)} <= {Tone.STALE, Tone.DIM}
     assert components_title(PLATFORM, 110.0) == "components, as last heard"
 
 

@@ -1,29 +1,32 @@
-"""The station's terminal: a screen with the vehicle, its components, its mission and the events, and the keys."""
+"""The station's terminal: the screens, the keys that are the same on all of them, and the five looks a second."""
 
-from collections.abc import Awaitable, Callable, Iterable
+import os
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any, ClassVar, Final
 
-from textual.app import App, ComposeResult, SystemCommand
+from msgspec.structs import replace
+from textual.app import App
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal
-from textual.screen import Screen
-from textual.widgets import Footer
+from textual.widgets import Input, TextArea
 
 from gloc3.ci import EmergencyVerb, Verb
+from gloc3_groundstation.configuration import Configuration
 from gloc3_groundstation.desk import Desk, Move
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.components_view import component_lines, components_title
-from gloc3_groundstation.tui.events_view import event_lines
-from gloc3_groundstation.tui.mission_view import mission_lines, mission_title
-from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.help import HelpScreen, help_keys
+from gloc3_groundstation.tui.palette import StationCommands
 from gloc3_groundstation.tui.questions import EmergencyQuestion, Question
-from gloc3_groundstation.tui.theme import THEME
-from gloc3_groundstation.tui.vehicle_view import title_line, vehicle_lines
+from gloc3_groundstation.tui.screen import LookAt, StationScreen
+from gloc3_groundstation.tui.screens.table import SCREENS
+from gloc3_groundstation.tui.themes import THEMES
+from gloc3_groundstation.tui.view import View
 
 REFRESH_HZ: Final = 5.0
 INTERRUPTED: Final = 130
 """The exit code after Ctrl-C."""
+MONOCHROME: Final = "mono"
 
 
 class StationApp(App[End | None]):
@@ -31,24 +34,36 @@ class StationApp(App[End | None]):
 
     TITLE = "GLOC3 ground station"
     CSS_PATH = "station.tcss"
-    ENABLE_COMMAND_PALETTE = False
-    AUTO_FOCUS = None
+    COMMANDS = {StationCommands}
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("s", "start", "Start"),
-        Binding("p", "steer('pause')", "Pause"),
-        Binding("r", "steer('resume')", "Resume"),
-        Binding("a", "abort", "Abort"),
-        Binding("u", "stream", "Upload"),
-        Binding("c", "control", "Control"),
-        Binding("space", "emergency", "HOLD", priority=False),
-        Binding("n", "next", "Next vehicle"),
+        Binding("space", "emergency", "HOLD", priority=True, tooltip="the vehicle holds at once; again: land, disarm"),
+        Binding(
+            "ctrl+@,ctrl+space",
+            "emergency(True)",
+            "HOLD",
+            key_display="^space",
+            show=False,
+            priority=True,
+            tooltip="the same, while typing too",
+        ),
+        Binding("x", "acknowledge", "Acknowledge", tooltip="take note of the alert that is shown; X: of all"),
+        Binding("X", "acknowledge(True)", "Acknowledge all", show=False),
+        Binding("v", "cycle(1)", "Vehicle", tooltip="look at the next vehicle; V: at the one before"),
+        Binding("V", "cycle(-1)", "Vehicle before", show=False),
+        Binding("question_mark", "help", "Help", tooltip="this page"),
+        Binding("ctrl+p,colon", "command_palette", "All commands", tooltip="everything, by name"),
         Binding("q", "leave", "Quit"),
-        Binding("ctrl+c", "interrupt", show=False, priority=True),
+        Binding("ctrl+c", "interrupt", "Quit", show=False, priority=True, tooltip="asking nothing"),
+        *(
+            Binding(f"{row.key},f{row.key if row.key != '0' else '10'}", f"go('{row.name}')", show=False)
+            for row in SCREENS
+        ),
     ]
 
     def __init__(
         self,
         desk: Desk,
+        configuration: Configuration = Configuration(),  # noqa: B008 - immutable
         *,
         platform: str | None = None,
         waiting_for: Callable[[], str] = lambda: "the link",
@@ -59,152 +74,200 @@ class StationApp(App[End | None]):
 
         Args:
             desk: where keys lead to; with the mission at hand.
-            platform: the one in view; None for the first that is heard.
+            configuration: how it looks, and where it was left.
+            platform: the one in view; None for the one of the last session, or the first that is heard.
             waiting_for: what is listened to, told while no platform is heard.
             is_starting: starts the mission at hand without waiting for the key.
             is_closing: closes when that mission has ended, or could not be started.
         """
-        super().__init__()
-        self._desk = desk
-        self._in_view = platform
+        is_monochrome = bool(os.environ.get("NO_COLOR"))
+        super().__init__(ansi_color=True if is_monochrome else None)
+        self.desk: Final = desk
+        self._configuration = configuration
+        self._is_monochrome = is_monochrome
+        self._asked_for = platform
+        self._in_view = platform or configuration.session.platform
         self._waiting_for = waiting_for
         self._is_starting = is_starting
         self._is_closing = is_closing
         self._has_begun = False
-        self._moves: frozenset[Move] = frozenset()
-
-    def compose(self) -> ComposeResult:
-        """The panels, from top to bottom."""
-        yield Panel(id="title", can_focus=False)
-        yield Panel(id="vehicle", can_focus=False)
-        with Horizontal(id="middle"):
-            yield Panel(id="components")
-            yield Panel(id="mission")
-        yield Panel(id="events", follows_end=True)
-        yield Footer(show_command_palette=False)
+        self._was_possible: object = None
 
     def on_mount(self) -> None:
         """Begins to look at the fleet."""
-        self.register_theme(THEME)
-        self.theme = THEME.name
-        self.query_one("#events").border_title = "events"
+        for theme in THEMES:
+            self.register_theme(theme)
+        for name in [name for name in self.available_themes if name not in {theme.name for theme in THEMES}]:
+            self.unregister_theme(name)
+        known = self._configuration.theme in {theme.name for theme in THEMES}
+        self.theme = MONOCHROME if self._is_monochrome else self._configuration.theme if known else THEMES[0].name
+        for row in SCREENS:
+            self.add_mode(row.name, partial(row.screen, self.desk, SCREENS, row, self.view))
+        last = self._configuration.session.screen
+        self.switch_mode(last if last in {row.name for row in SCREENS} else SCREENS[0].name)
         self.set_interval(1.0 / REFRESH_HZ, self.look)
-        self.call_after_refresh(self.look)
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        """The variables of the style sheet that only our themes have."""
+        return THEMES[0].variables
+
+    def watch_theme(self, theme: str) -> None:
+        """Without colours, bold and reverse tell what they would."""
+        self.set_class(theme == MONOCHROME, "-mono")
+
+    def configuration(self) -> Configuration:
+        """What is to be found again next time."""
+        seen = self._in_view or self._configuration.session.platform
+        is_screen = self.current_mode in {row.name for row in SCREENS}
+        screen = self.current_mode if is_screen else self._configuration.session.screen
+        theme = self._configuration.theme if self._is_monochrome else self.theme
+        session = replace(self._configuration.session, platform=seen, screen=screen)
+        return replace(self._configuration, theme=theme, session=session)
+
+    # --- what is shown ---
 
     @property
     def platform(self) -> PlatformSnapshot | None:
-        """The platform in view."""
-        fleet = self._desk.station.fleet
-        if self._in_view is None:
-            return next(iter(fleet), None)
-        return fleet.get(self._in_view)
+        """The platform in view: the one asked for; else that of the last session, or while it is silent the first."""
+        fleet = self.desk.station.fleet
+        if self._asked_for is not None:
+            return fleet.get(self._asked_for)
+        return fleet.get(self._in_view) or next(iter(fleet), None)
+
+    def view(self) -> View:
+        """Everything that is known now."""
+        station, platform = self.desk.station, self.platform
+        return View(
+            fleet=station.fleet,
+            platform=platform,
+            now_s=station.now_s(),
+            started_s=station.started_s,
+            station=station.id,
+            moves=self.desk.moves(platform) if platform is not None else frozenset(),
+            plan=self.desk.plan,
+            alerts=self.desk.alerts(),
+            waiting_for=self._waiting_for(),
+        )
 
     def look(self) -> None:
-        """Shows the fleet as it is now; panels draw only what has changed."""
-        station, platform = self._desk.station, self.platform
-        fleet, now_s = station.fleet, station.now_s()
-        panels = {panel.id: panel for panel in self.screen_stack[0].query(Panel)}
-        title, vehicle, components = panels["title"], panels["vehicle"], panels["components"]
-        mission, events = panels["mission"], panels["events"]
-        title.show([title_line(fleet, platform, station.id, station.started_s, now_s, title.width)])
-        vehicle.show(vehicle_lines(platform, now_s, self._waiting_for()))
-        components.show(component_lines(platform, now_s, components.width), components_title(platform, now_s))
-        mission.show(mission_lines(platform, self._desk.plan, now_s, mission.width - 1), mission_title(platform, now_s))
-        events.show(event_lines(fleet, station.started_s, events.width))
-        moves = self._desk.moves(platform) if platform is not None else frozenset()
-        if moves != self._moves:
-            self._moves = moves
+        """Shows the fleet as it is now on the screen that is shown; panels draw only what has changed."""
+        view, base = self.view(), self.screen_stack[0]
+        if isinstance(base, StationScreen):
+            base.show(view)
+        possible = view.moves, len(view.fleet.platforms) > 1, bool(view.alerts.pending)
+        if possible != self._was_possible:
+            self._was_possible = possible
             self.refresh_bindings()
-        if platform is not None and not self._has_begun and self._desk.plan is not None:
+        if view.platform is not None and not self._has_begun and self.desk.plan is not None:
             self._has_begun = True
-            self._run(self._fly(platform.name) if self._is_starting else self._desk.bring(platform.name))
+            name = view.platform.name
+            self.do(self._fly(name) if self._is_starting else self.desk.bring(name))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Greys out the keys that make no sense now."""
-        if action == "next":
-            return len(self._desk.station.fleet.platforms) > 1
-        if action == "steer":
-            action = str(parameters[0])
+        """Greys out, or hides, the keys that make no sense now."""
+        match action:
+            case "cycle":
+                return len(self.desk.station.fleet.platforms) > 1
+            case "acknowledge":
+                return bool(self.desk.alerts().pending)
+            case "emergency":
+                is_typing = isinstance(self.focused, Input | TextArea) and not parameters
+                return not (is_typing or isinstance(self.screen, EmergencyQuestion))
+            case "steer":
+                action = str(parameters[0])
         if action in list(Move):
-            return True if Move(action) in self._moves else None
+            platform = self.platform
+            return True if platform is not None and Move(action) in self.desk.moves(platform) else None
         return True
 
-    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
-        """None: every key is shown."""
-        return ()
-
     # --- keys ---
+
+    def action_go(self, name: str) -> None:
+        """Shows a screen."""
+        self.switch_mode(name)
+
+    def action_help(self) -> None:
+        """Explains the screen in view and its keys."""
+        base = self.screen_stack[0]
+        if isinstance(base, StationScreen):
+            screens = [(row.key, row.title, row.help) for row in SCREENS]
+            self.push_screen(HelpScreen(base.row.title, base.HELP, help_keys(base, self), screens))
+
+    def action_acknowledge(self, is_all: bool = False) -> None:
+        """Takes note of the alert that is shown, or of all."""
+        pending = self.desk.alerts().pending
+        if pending:
+            self.desk.acknowledge(None if is_all else pending[0].key)
+            self.look()
+
+    def action_cycle(self, step: int) -> None:
+        """Looks at the next platform."""
+        names = list(self.desk.station.fleet.platforms)
+        if self.platform is not None:
+            self.look_at(names[(names.index(self.platform.name) + step) % len(names)])
+
+    def look_at(self, name: str) -> None:
+        """Looks at a platform."""
+        self._asked_for, self._in_view = None, name
+        self.look()
+
+    def on_look_at(self, message: LookAt) -> None:
+        """Looks at the platform that a screen asks for."""
+        self.look_at(message.platform)
 
     def action_start(self) -> None:
         """Starts the mission."""
         if self.platform is not None:
-            self._run(self._desk.start(self.platform.name))
+            self.do(self.desk.start(self.platform.name))
 
     def action_stream(self) -> None:
         """Streams the mission at hand."""
         if self.platform is not None:
-            self._run(self._desk.stream(self.platform.name))
+            self.do(self.desk.stream(self.platform.name))
 
     def action_control(self) -> None:
         """Asks for control."""
         if self.platform is not None:
-            self._run(self._desk.take_control(self.platform.name))
+            self.do(self.desk.take_control(self.platform.name))
 
     def action_steer(self, verb: str) -> None:
         """Pauses or resumes the mission."""
         if self.platform is not None:
-            self._run(self._desk.steer(self.platform.name, Verb(verb)))
+            self.do(self.desk.steer(self.platform.name, Verb(verb)))
 
     def action_abort(self) -> None:
         """Aborts the mission, once confirmed."""
         platform = self.platform
         if platform is None:
             return
-
-        def answered(answer: bool | None) -> None:
-            if answer:
-                self._run(self._desk.steer(platform.name, Verb.ABORT))
-
         question = (
             f"Abort the mission of {platform.name}?\nIts actions are cancelled, then its on_failure policy is flown."
         )
-        self.push_screen(Question(question, "abort"), answered)
+        self.confirm(question, "abort", lambda: self.do(self.desk.steer(platform.name, Verb.ABORT)))
 
-    def action_emergency(self) -> None:
+    def action_emergency(self, is_typing: bool = False) -> None:
         """Holds at once; pressed again it offers more."""
         platform = self.platform
         if platform is None:
             return
-        if not self._desk.was_just_held(platform.name):
-            self._run(self._desk.emergency(platform.name, EmergencyVerb.HOLD))
+        if not self.desk.was_just_held(platform.name):
+            self.do(self.desk.emergency(platform.name, EmergencyVerb.HOLD))
             return
 
         def chosen(choice: tuple[EmergencyVerb, str] | None) -> None:
             if choice is not None:
-                self._run(self._desk.emergency(platform.name, *choice))
+                self.do(self.desk.emergency(platform.name, *choice))
 
         self.push_screen(EmergencyQuestion(platform.name), chosen)
 
-    def action_next(self) -> None:
-        """Looks at the next platform."""
-        names = list(self._desk.station.fleet.platforms)
-        if self.platform is not None:
-            self._in_view = names[(names.index(self.platform.name) + 1) % len(names)]
-            self.look()
-
     def action_leave(self) -> None:
         """Closes; asks first while this station holds control of an armed vehicle."""
-        armed = self._desk.armed_in_our_control()
+        armed = self.desk.armed_in_our_control()
         if not armed:
             self.exit(None)
             return
-
-        def answered(answer: bool | None) -> None:
-            if answer:
-                self.exit(None)
-
-        question = f"{', '.join(armed)} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."
-        self.push_screen(Question(question, "quit"), answered)
+        who = f"{', '.join(armed)} is armed and in this station's control."
+        self.confirm(f"{who}\nWithout it, the mission's on_link_loss policy decides.", "quit", lambda: self.exit(None))
 
     def action_interrupt(self) -> None:
         """Closes at once, asking nothing: Ctrl-C, or a signal to the process."""
@@ -212,10 +275,20 @@ class StationApp(App[End | None]):
 
     # --- work that takes time ---
 
-    def _run(self, work: Awaitable[Any]) -> None:
+    def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
+        """Asks before something that can hurt, and does it if the answer is yes."""
+
+        def answered(answer: bool | None) -> None:
+            if answer:
+                work()
+
+        self.push_screen(Question(question, yes), answered)
+
+    def do(self, work: Awaitable[Any]) -> None:
+        """Does what takes time; its end shows in the fleet."""
         self.run_worker(work, exit_on_error=True)
 
     async def _fly(self, name: str) -> None:
-        end = await self._desk.fly(name)
+        end = await self.desk.fly(name)
         if self._is_closing:
             self.exit(end)

@@ -1,5 +1,6 @@
 """What panels show: lines of spans, each with a tone. Made without Textual, so that tests read them as text."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -18,6 +19,10 @@ class Tone(StrEnum):
     ALARM = "alarm"
     STALE = "stale"
     """No longer to be taken for what is so."""
+    KEY = "key"
+    """A key to press."""
+    CHOSEN = "chosen"
+    """Where the operator is: the screen that is shown."""
 
 
 class Span(NamedTuple):
@@ -76,3 +81,24 @@ def wrapped(text: str, width: int) -> list[str]:
             rest = rest[cut:].lstrip()
         lines.append(rest)
     return lines
+
+
+def cut(text: str, width: int) -> str:
+    """Text in at most `width` characters; an ellipsis stands for what is left out."""
+    if len(text) <= width:
+        return text
+    return text[: width - 1] + "…" if width > 0 else ""
+
+
+def column(text: str, width: int) -> str:
+    """Text in exactly `width` characters."""
+    return f"{cut(text, width):<{width}}"
+
+
+def fitted(parts: Sequence[tuple[int, Span]], width: int, gap: str = "   ") -> Line:
+    """Those spans that have room side by side; those of the highest numbers go first."""
+    kept = list(parts)
+    while kept and len(text_of(joined([span for _, span in kept], gap))) > width:
+        least = max(rank for rank, _ in kept)
+        kept.pop(max(index for index, (rank, _) in enumerate(kept) if rank == least))
+    return joined([span for _, span in kept], gap)

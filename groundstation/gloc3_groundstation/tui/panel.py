@@ -16,15 +16,23 @@ class Panel(ScrollView, can_focus=True):
 
     COMPONENT_CLASSES = {f"panel--{tone}" for tone in Tone}
 
-    def __init__(self, *, id: str, follows_end: bool = False, can_focus: bool = True) -> None:  # noqa: A002 - Textual's name
+    def __init__(
+        self,
+        *,
+        id: str,  # noqa: A002 - Textual's name
+        classes: str | None = None,
+        follows_end: bool = False,
+        can_focus: bool = True,
+    ) -> None:
         """A panel.
 
         Args:
             id: its name in the style sheet.
+            classes: `plain` has no rule above it.
             follows_end: whether it stays at the last line until the operator scrolls up.
             can_focus: whether it takes part in scrolling by key.
         """
-        super().__init__(id=id)
+        super().__init__(id=id, classes=classes)
         self.can_focus = can_focus
         self._follows_end = follows_end
         self._lines: list[Line] = []

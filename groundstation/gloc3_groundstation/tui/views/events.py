@@ -4,6 +4,7 @@ from gloc3.messages import Severity
 from gloc3_groundstation import wording
 from gloc3_groundstation.snapshots import Fleet, FleetEvent
 from gloc3_groundstation.tui.lines import Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.views.chrome import tone_of
 
 SHOWN = 200
 
@@ -20,17 +21,6 @@ def event_lines(fleet: Fleet, start_s: float, width: int) -> list[Line]:
     for event in fleet.events[-SHOWN:]:
         lines += _lines(event, len(fleet.platforms) > 1, start_s, width)
     return lines or [(Span(" Nothing has happened yet.", Tone.DIM),)]
-
-
-def tone_of(severity: Severity) -> Tone:
-    """How loud an event is shown."""
-    if severity <= Severity.CRITICAL:
-        return Tone.ALARM
-    if severity is Severity.ERROR:
-        return Tone.BAD
-    if severity is Severity.WARNING:
-        return Tone.WARN
-    return Tone.TEXT if severity is Severity.NOTICE else Tone.DIM
 
 
 def _lines(event: FleetEvent, has_many: bool, start_s: float, width: int) -> list[Line]:

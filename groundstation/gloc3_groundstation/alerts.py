@@ -1,0 +1,231 @@
+"""What the operator has to take note of: standing causes and warnings, each until it is acknowledged and over.
+
+A cause that stands (a faulty component, an empty battery, a silent link) is an alert as long as it stands and until
+somebody has acknowledged it, whichever ends later. A warning that a platform sends is over as soon as it is said, and
+goes when it is acknowledged. What gets worse has to be acknowledged again.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+import msgspec
+from msgspec.structs import replace
+
+from gloc3.ci import Health
+from gloc3.messages import Severity
+from gloc3_groundstation import wording
+from gloc3_groundstation.snapshots import HEALTHS, Fleet, FleetEvent, PlatformSnapshot
+
+BATTERY_LOW_PERCENT: Final = 30
+BATTERY_CRITICAL_PERCENT: Final = 15
+LOSS_BAD: Final = 0.5
+"""Share of the status that is lost from which the link is worth an alert."""
+SETTLE_S: Final = 5.0
+"""A platform that has just been heard for the first time is given this long before its link is judged."""
+KEPT: Final = 200
+"""Alerts at most; the oldest that are over make room."""
+
+
+class Cause(msgspec.Struct, frozen=True):
+    """Something that is wrong now."""
+
+    platform: str
+    what: str
+    """Names it among the platform's causes: `battery`, `component pose`."""
+    severity: Severity
+    text: str
+
+
+class Alert(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing to take note of."""
+
+    platform: str
+    what: str
+    severity: Severity
+    text: str
+    since_s: float
+    """When it began, on the station's clock."""
+    last_s: float
+    """When it was so, or was said, last."""
+    is_over: bool = False
+    """The cause is gone."""
+    is_acknowledged: bool = False
+    count: int = 1
+    """How often it was said."""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What it is known by."""
+        return self.platform, self.what
+
+
+class Alerts(msgspec.Struct, frozen=True):
+    """All alerts of a fleet."""
+
+    all: Mapping[tuple[str, str], Alert] = {}
+    events_seen: int = 0
+    """The number of the last event that was looked at."""
+
+    @property
+    def pending(self) -> list[Alert]:
+        """Those that nobody has acknowledged, worst and then newest first."""
+        return _sorted(alert for alert in self.all.values() if not alert.is_acknowledged)
+
+    @property
+    def listed(self) -> list[Alert]:
+        """All, those first that are not acknowledged, worst and then newest first."""
+        return [*self.pending, *_sorted(alert for alert in self.all.values() if alert.is_acknowledged)]
+
+    @property
+    def worst(self) -> Severity | None:
+        """The severity of the worst that is not acknowledged."""
+        return min((alert.severity for alert in self.all.values() if not alert.is_acknowledged), default=None)
+
+    def of(self, platform: str) -> list[Alert]:
+        """Those of one platform, as `listed`."""
+        return [alert for alert in self.listed if alert.platform == platform]
+
+
+def update(alerts: Alerts, fleet: Fleet, now_s: float) -> Alerts:
+    """The alerts as the fleet is now; the same object where nothing has changed.
+
+    Args:
+        alerts: those that were.
+        fleet: with the events since then.
+        now_s: the station's time.
+    """
+    found = dict(alerts.all)
+    standing = {(cause.platform, cause.what): cause for cause in causes(fleet, now_s)}
+    for key, cause in standing.items():
+        found[key] = _standing(found.get(key), cause, now_s)
+    for event in fleet.events_after(alerts.events_seen):
+        if event.severity > Severity.WARNING or _is_answer(event):
+            continue
+        if (event.platform, f"component {event.source}") not in standing:
+            alert = _said(found.get((event.platform, _what(event))), event)
+            found[alert.key] = alert
+    for key, alert in list(found.items()):
+        if key in standing:
+            continue
+        if alert.is_acknowledged:
+            del found[key]
+        elif not alert.is_over:
+            found[key] = replace(alert, is_over=True)
+    if found == alerts.all and fleet.event_count == alerts.events_seen:
+        return alerts
+    return Alerts(_bounded(found), fleet.event_count)
+
+
+def acknowledge(alerts: Alerts, key: tuple[str, str] | None = None) -> Alerts:
+    """The alerts after an operator has taken note of one, or (without a key) of all; those that are over go."""
+    found = {}
+    for name, alert in alerts.all.items():
+        if key is None or name == key:
+            if alert.is_over:
+                continue
+            alert = replace(alert, is_acknowledged=True)
+        found[name] = alert
+    return Alerts(found, alerts.events_seen)
+
+
+def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
+    """What is wrong now, platform by platform."""
+    for platform in fleet:
+        if platform.is_quiet_link(now_s):
+            since = wording.clock(platform.heard_s - platform.first_heard_s)
+            is_flying = platform.vehicle is not None and platform.vehicle.value.is_armed
+            text = f"nothing heard since {since} after it was first heard" if not is_flying else "armed and silent"
+            yield Cause(platform.name, "link", Severity.CRITICAL if is_flying else Severity.ERROR, text)
+            continue
+        if now_s - platform.first_heard_s >= SETTLE_S and platform.link.loss >= LOSS_BAD:
+            yield Cause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
+        yield from _vehicle_causes(platform, now_s)
+        yield from _component_causes(platform)
+
+
+def _vehicle_causes(platform: PlatformSnapshot, now_s: float) -> Iterator[Cause]:
+    if platform.vehicle is None or platform.vehicle.is_stale(now_s):
+        return
+    vehicle, name = platform.vehicle.value, platform.name
+    if 0 <= vehicle.battery_percent <= BATTERY_LOW_PERCENT:
+        is_critical = vehicle.battery_percent <= BATTERY_CRITICAL_PERCENT
+        limit = BATTERY_CRITICAL_PERCENT if is_critical else BATTERY_LOW_PERCENT
+        severity = Severity.CRITICAL if is_critical else Severity.WARNING
+        yield Cause(name, "battery", severity, f"battery at or below {limit} %")
+    if not vehicle.is_autopilot_connected:
+        yield Cause(name, "autopilot", Severity.CRITICAL, "no autopilot: the companion does not hear it")
+    if vehicle.has_pilot_control:
+        yield Cause(name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back")
+    if vehicle.is_armed and not vehicle.is_pose_valid:
+        yield Cause(name, "position", Severity.CRITICAL, "armed without a valid position")
+
+
+def _component_causes(platform: PlatformSnapshot) -> Iterator[Cause]:
+    if platform.table is None:
+        return
+    for index, row in enumerate(platform.table.rows):
+        line, _ = platform.lines.get(index, (None, 0.0))
+        if line is None or line.state >= len(HEALTHS):
+            continue
+        health = HEALTHS[line.state]
+        if health is not Health.FAULTY and not (health is Health.ABSENT and row.is_required):
+            continue
+        trouble = platform.troubles.get(row.name)
+        cause = f": {trouble.cause.strip().splitlines()[-1]}" if trouble and trouble.cause.strip() else ""
+        severity = Severity.ERROR if row.is_required else Severity.WARNING
+        yield Cause(platform.name, f"component {row.name}", severity, f"{row.name} is {health}{cause}")
+
+
+def _standing(alert: Alert | None, cause: Cause, now_s: float) -> Alert:
+    """The alert of a cause that stands: a new one, or one that came back or got worse, is not acknowledged."""
+    if alert is None or alert.is_over:
+        count = alert.count + 1 if alert is not None else 1
+        return Alert(
+            platform=cause.platform,
+            what=cause.what,
+            severity=cause.severity,
+            text=cause.text,
+            since_s=now_s,
+            last_s=now_s,
+            count=count,
+        )
+    is_worse = cause.severity < alert.severity
+    return replace(
+        alert, severity=cause.severity, text=cause.text, is_acknowledged=alert.is_acknowledged and not is_worse
+    )
+
+
+def _said(alert: Alert | None, event: FleetEvent) -> Alert:
+    """The alert of a warning that was said, perhaps again."""
+    return Alert(
+        platform=event.platform,
+        what=_what(event),
+        severity=event.severity,
+        text=f"{event.source}: {event.text}" if event.source else event.text,
+        since_s=alert.since_s if alert else event.heard_s,
+        last_s=event.heard_s,
+        is_over=True,
+        count=alert.count + 1 if alert else 1,
+    )
+
+
+def _what(event: FleetEvent) -> str:
+    return f"event {event.source}: {event.text}"
+
+
+def _is_answer(event: FleetEvent) -> bool:
+    """Whether it only answers what this station's operator has just asked for: a refusal."""
+    return not event.source and bool(event.platform) and event.severity is Severity.ERROR
+
+
+def _sorted(alerts: Iterable[Alert]) -> list[Alert]:
+    return sorted(alerts, key=lambda alert: (alert.severity, -alert.last_s))
+
+
+def _bounded(found: dict[tuple[str, str], Alert]) -> dict[tuple[str, str], Alert]:
+    surplus = len(found) - KEPT
+    if surplus > 0:
+        over = sorted((alert for alert in found.values() if alert.is_over), key=lambda alert: alert.last_s)
+        for alert in over[:surplus]:
+            del found[alert.key]
+    return found

@@ -1,0 +1,74 @@
+"""The command palette: every screen, every action on the vehicle in view, every vehicle and every theme, by name."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, cast
+
+from textual.command import DiscoveryHit, Hit, Hits, Provider
+
+from gloc3_groundstation.desk import Move
+from gloc3_groundstation.tui.screen import Command, StationScreen
+from gloc3_groundstation.tui.screens.table import SCREENS
+from gloc3_groundstation.tui.themes import DESCRIPTIONS
+
+if TYPE_CHECKING:
+    from gloc3_groundstation.tui.app import StationApp
+
+MOVES = {
+    Move.START: ("Start the mission", "start"),
+    Move.PAUSE: ("Pause the mission", "steer('pause')"),
+    Move.RESUME: ("Resume the mission", "steer('resume')"),
+    Move.ABORT: ("Abort the mission", "abort"),
+    Move.STREAM: ("Upload the mission at hand", "stream"),
+    Move.CONTROL: ("Ask for control", "control"),
+}
+
+
+class StationCommands(Provider):
+    """Offers what can be done now; nothing that would be refused."""
+
+    async def discover(self) -> Hits:
+        """All of it, in order."""
+        for command in self._commands():
+            yield DiscoveryHit(command.title, command.run, help=command.help)
+
+    async def search(self, query: str) -> Hits:
+        """What fits some letters."""
+        matcher = self.matcher(query)
+        for command in self._commands():
+            score = matcher.match(command.title)
+            if score > 0:
+                yield Hit(score, matcher.highlight(command.title), command.run, help=command.help)
+
+    def _commands(self) -> Iterator[Command]:
+        app = cast("StationApp", self.app)
+        view, screen = app.view(), self.screen
+        platform = view.platform
+        if isinstance(screen, StationScreen):
+            yield from screen.commands()
+            yield from self._keys(screen)
+        if platform is not None:
+            for move, (title, action) in MOVES.items():
+                if move in view.moves:
+                    yield Command(f"{platform.name}: {title}", "", partial(app.run_action, action))
+            yield Command(f"{platform.name}: HOLD (emergency)", "At once, asking nothing", app.action_emergency)
+        if view.alerts.pending:
+            yield Command("Acknowledge all alerts", "", partial(app.action_acknowledge, True))
+        for name in view.fleet.platforms:
+            if platform is None or name != platform.name:
+                yield Command(f"Look at {name}", "The vehicle in view", partial(app.look_at, name))
+        for row in SCREENS:
+            yield Command(f"Screen: {row.title}", row.help, partial(app.action_go, row.name))
+        for theme, said in DESCRIPTIONS.items():
+            yield Command(f"Theme: {theme}", said, partial(setattr, app, "theme", theme))
+        yield Command("Help", "The screen in view and its keys", app.action_help)
+        yield Command("Quit", "Asks while a vehicle is armed in our control", app.action_leave)
+
+    def _keys(self, screen: StationScreen) -> Iterator[Command]:
+        """The screen's own keys, by their names."""
+        for active in screen.active_bindings.values():
+            own = active.node is screen and active.enabled and active.binding.description
+            if own and not active.binding.action.startswith(("screen.", "app.")):
+                title = f"{screen.row.title}: {active.binding.description}"
+                run = partial(screen.run_action, active.binding.action)
+                yield Command(title, active.binding.tooltip, run)

@@ -1,0 +1,177 @@
+"""The base of all screens: title, screens and alert above, keys below, and between them what the screen itself shows."""
+
+from collections.abc import Awaitable, Callable, Iterable, Sequence
+from typing import Any, ClassVar, Final, NamedTuple
+
+from textual.app import ComposeResult
+from textual.containers import Container
+from textual.events import Resize
+from textual.message import Message
+from textual.screen import Screen
+
+from gloc3_groundstation.desk import Desk
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.chrome import (
+    Key,
+    Tab,
+    alert_line,
+    keys_line,
+    tabs_line,
+    title_line,
+    too_small_lines,
+)
+
+SMALLEST: Final = (80, 24)
+"""Columns and lines that every screen is made for."""
+ALWAYS_SHOWN: Final = ("emergency", "help")
+"""Actions whose keys stand in the last line of every screen."""
+
+
+class Command(NamedTuple):
+    """An entry of the command palette."""
+
+    title: str
+    help: str
+    run: Callable[[], Any]
+
+
+class LookAt(Message):
+    """Asks for a vehicle to be brought into view."""
+
+    def __init__(self, platform: str) -> None:
+        super().__init__()
+        self.platform = platform
+
+
+class StationScreen(Screen[None]):
+    """A screen of the station.
+
+    An author writes `body`, which gives the widgets, and `look`, which fills them from a view; `HELP` says what the
+    screen is for. Both are called only while the screen is shown. Keys are `BINDINGS`, with a tooltip where the label
+    does not say it all; their actions call the desk, through `do` where that takes time.
+    """
+
+    HELP: ClassVar[str] = ""
+    """What the screen shows and how to read it, in a few sentences; a blank line begins a paragraph."""
+
+    def __init__(self, desk: Desk, rows: Sequence["ScreenRow"], row: "ScreenRow", moment: Callable[[], View]) -> None:
+        """A screen; made by the app from its row.
+
+        Args:
+            desk: where keys lead to.
+            rows: all screens.
+            row: this screen.
+            moment: gives the view of now.
+        """
+        super().__init__()
+        self.desk: Final = desk
+        self.row: Final = row
+        self._rows = rows
+        self._moment = moment
+        self.view: View | None = None
+        """What is shown; None before the first look."""
+
+    # --- what a screen brings ---
+
+    def body(self) -> ComposeResult:
+        """The widgets between title and keys."""
+        raise NotImplementedError
+
+    def look(self, view: View) -> None:
+        """Fills the widgets; called at 5 Hz, at once after a key that changes something, and after a change of size."""
+        raise NotImplementedError
+
+    def commands(self) -> Iterable[Command]:
+        """What the command palette offers on this screen beyond its keys."""
+        return ()
+
+    # --- what it may call ---
+
+    def panel(self, name: str) -> Panel:
+        """A panel of the body by its id."""
+        return self.query_one(f"#{name}", Panel)
+
+    def do(self, work: Awaitable[Any]) -> None:
+        """Does what takes time, such as a request of the desk."""
+        self.app.run_worker(work, exit_on_error=True)
+
+    def look_at_vehicle(self, name: str) -> None:
+        """Brings a vehicle into view, on all screens."""
+        self.post_message(LookAt(name))
+
+    def look_again(self) -> None:
+        """Shows at once what a key has changed."""
+        self.show(self._moment())
+
+    # --- the same on all screens ---
+
+    def compose(self) -> ComposeResult:
+        """Title, screens, alert, body and keys; and what is said in a small terminal."""
+        yield Panel(id="title", can_focus=False)
+        yield Panel(id="tabs", can_focus=False)
+        yield Panel(id="alert", can_focus=False)
+        with Container(id="body"):
+            yield from self.body()
+        yield Panel(id="keys", can_focus=False)
+        yield Panel(id="too_small", can_focus=False)
+
+    def on_mount(self) -> None:
+        """Keeps the line of keys up to date."""
+        self.bindings_updated_signal.subscribe(self, lambda _: self._show_keys())
+
+    def on_screen_resume(self) -> None:
+        """Shows what has happened while another screen was shown."""
+        self.call_after_refresh(self.look_again)
+
+    def on_resize(self, event: Resize) -> None:
+        """Says so where there is not enough room, and lays out again."""
+        width, height = event.size
+        is_small = width < SMALLEST[0] or height < SMALLEST[1]
+        self.set_class(is_small, "-too-small")
+        if is_small:
+            self.panel("too_small").show(too_small_lines(width, height, SMALLEST))
+        self.call_after_refresh(self.look_again)
+
+    def show(self, view: View) -> None:
+        """Shows a view."""
+        self.view = view
+        if self.has_class("-too-small") or not self.is_mounted or not self.size.width:
+            return
+        width = self.size.width
+        self.panel("title").show([title_line(view, width)])
+        tabs = [Tab(row.key, row.title, row is self.row) for row in self._rows]
+        self.panel("tabs").show([tabs_line(tabs, width)])
+        alert = alert_line(view, width)
+        self.panel("alert").display = bool(alert)
+        self.panel("alert").show([alert])
+        self.look(view)
+
+    def keys(self) -> list[Key]:
+        """The keys that are worth showing now, those of the screen first."""
+        found: dict[str, Key] = {}
+        for active in self.active_bindings.values():
+            binding = active.binding
+            if binding.show and binding.action not in found:
+                name = binding.action.rpartition(".")[2]
+                key = self.app.get_key_display(binding)
+                found[binding.action] = Key(key, binding.description, active.enabled, name in ALWAYS_SHOWN)
+        return list(found.values())
+
+    def _show_keys(self) -> None:
+        if self.is_mounted and self.is_current:
+            self.panel("keys").show([keys_line(self.keys(), self.size.width)])
+
+
+class ScreenRow(NamedTuple):
+    """One screen of the station, as data."""
+
+    name: str
+    """Known by it in the configuration file."""
+    key: str
+    """The digit; the function key of the same number does the same."""
+    title: str
+    """One word, or two: all titles stand in one line of 80 characters."""
+    help: str
+    """One line for help and palette."""
+    screen: type[StationScreen]

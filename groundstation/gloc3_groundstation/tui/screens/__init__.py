@@ -1,0 +1,1 @@
+"""The screens, one a file; `table` holds a row for each."""

@@ -1,0 +1,62 @@
+"""The overview: is everything all right?"""
+
+from textual import on
+from textual.app import ComposeResult
+from textual.containers import Horizontal
+
+from gloc3_groundstation.tui.keys import MISSION_KEYS
+from gloc3_groundstation.tui.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.events import event_lines
+from gloc3_groundstation.tui.views.mission import mission_lines, mission_title
+from gloc3_groundstation.tui.views.overview import (
+    alert_lines,
+    alerts_title,
+    detail_lines,
+    vehicle_header,
+    vehicle_line,
+    waiting_lines,
+)
+
+
+class OverviewScreen(StationScreen):
+    """The fleet, the vehicle in view with its mission, the alerts and what has just happened."""
+
+    HELP = """Is everything all right? Each vehicle has a line; ► marks the one in view, to which all keys lead. Below
+    it stand its facts, its mission, the alerts of all vehicles, and what has just happened.
+
+    What is shown in italics is old: it was so when the vehicle was heard last. An alert stays until it is acknowledged
+    and its cause is gone."""
+    BINDINGS = MISSION_KEYS
+    AUTO_FOCUS = "#vehicles"
+
+    def body(self) -> ComposeResult:
+        """Vehicles; facts, mission and alerts side by side; events."""
+        yield Panel(id="vehicles_header", classes="plain line", can_focus=False)
+        yield ListPanel(id="vehicles", classes="plain")
+        with Horizontal(id="middle"):
+            yield Panel(id="facts", can_focus=False)
+            yield Panel(id="mission")
+            yield Panel(id="alerts")
+        yield Panel(id="events", follows_end=True)
+
+    def look(self, view: View) -> None:
+        """Fills the panels."""
+        vehicles, facts, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
+        alerts, events = self.panel("alerts"), self.panel("events")
+        self.panel("vehicles_header").show([vehicle_header(vehicles.width)] if view.fleet.platforms else [()])
+        rows = [Row(vehicle_line(view, platform, vehicles.width), platform.name) for platform in view.fleet]
+        vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
+        vehicles.styles.height = max(3, min(len(rows), self.size.height // 3))
+        facts.show(detail_lines(view), view.platform.name if view.platform else "")
+        lines = mission_lines(view.platform, view.plan, view.now_s, mission.width - 1)
+        mission.show(lines, mission_title(view.platform, view.now_s))
+        alerts.show(alert_lines(view, alerts.width), alerts_title(view))
+        events.show(event_lines(view.fleet, view.started_s, events.width), "events")
+
+    @on(ListPanel.Chosen, "#vehicles")
+    def look_at(self, event: ListPanel.Chosen) -> None:
+        """Brings a vehicle into view."""
+        self.look_at_vehicle(event.key)

@@ -1,0 +1,16 @@
+"""All screens of the station: a new one is a file and a row here."""
+
+from typing import Final
+
+from gloc3_groundstation.tui.screen import ScreenRow
+from gloc3_groundstation.tui.screens.events import EventsScreen
+from gloc3_groundstation.tui.screens.health import HealthScreen
+from gloc3_groundstation.tui.screens.mission import MissionScreen
+from gloc3_groundstation.tui.screens.overview import OverviewScreen
+
+SCREENS: Final = (
+    ScreenRow("overview", "1", "Overview", "is everything all right?", OverviewScreen),
+    ScreenRow("health", "2", "Health", "every component, and where the data stops", HealthScreen),
+    ScreenRow("mission", "3", "Mission", "what is flown: tasks, actions and their states", MissionScreen),
+    ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
+)

@@ -1,0 +1,60 @@
+"""The colours: few, and apart for those who see red and green alike (Okabe and Ito's palette). Words tell it all too."""
+
+from typing import Final
+
+from textual.theme import Theme
+
+THEMES: Final = (
+    Theme(
+        name="dark",
+        dark=True,
+        background="#101418",
+        surface="#101418",
+        panel="#1c232a",
+        foreground="#d4dae0",
+        primary="#56b4e9",
+        secondary="#7d8a97",
+        accent="#56b4e9",
+        success="#2fb98f",
+        warning="#e8a33d",
+        error="#f0724a",
+        variables={"quiet": "#7d8a97", "rule": "#38424c", "cursor": "#24313d"},
+    ),
+    Theme(
+        name="daylight",
+        dark=False,
+        background="#ffffff",
+        surface="#ffffff",
+        panel="#e6e9ec",
+        foreground="#000000",
+        primary="#004f8a",
+        secondary="#454d55",
+        accent="#004f8a",
+        success="#00543d",
+        warning="#7a4a00",
+        error="#a83200",
+        variables={"quiet": "#454d55", "rule": "#8c959d", "cursor": "#c9dff0"},
+    ),
+    Theme(
+        name="mono",
+        ansi=True,
+        background="ansi_default",
+        surface="ansi_default",
+        panel="ansi_default",
+        boost="ansi_default",
+        foreground="ansi_default",
+        primary="ansi_default",
+        secondary="ansi_default",
+        accent="ansi_default",
+        success="ansi_default",
+        warning="ansi_default",
+        error="ansi_default",
+        variables={"quiet": "ansi_default", "rule": "ansi_default", "cursor": "ansi_default"},
+    ),
+)
+
+DESCRIPTIONS: Final = {
+    "dark": "few colours on near black",
+    "daylight": "black on white, for sunlight",
+    "mono": "no colours: bold, reverse and underlined",
+}

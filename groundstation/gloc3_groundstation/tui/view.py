@@ -1,0 +1,40 @@
+"""What a screen is given to show: everything that is known at one moment, immutable."""
+
+from typing import NamedTuple
+
+from gloc3_groundstation.alerts import Alerts
+from gloc3_groundstation.desk import Move
+from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
+
+
+class View(NamedTuple):
+    """One moment of the station. Two views of the same moment are equal, and are shown alike."""
+
+    fleet: Fleet
+    platform: PlatformSnapshot | None
+    """The vehicle in view; None while none is heard."""
+    now_s: float
+    """On the station's clock, as all times of the fleet."""
+    started_s: float
+    """When the station started; times shown to people count from here."""
+    station: str
+    """The id of this station, such as `255`."""
+    moves: frozenset[Move] = frozenset()
+    """What makes sense to ask of the vehicle in view."""
+    plan: Plan | None = None
+    """The mission at hand."""
+    alerts: Alerts = Alerts()
+    waiting_for: str = "the link"
+    """What is listened to."""
+
+    @property
+    def number(self) -> int:
+        """Which vehicle of the fleet is in view, from 1; 0 while none is heard."""
+        return list(self.fleet.platforms).index(self.platform.name) + 1 if self.platform is not None else 0
+
+    @property
+    def is_in_control(self) -> bool:
+        """Whether this station holds control of the vehicle in view."""
+        control = self.platform.control if self.platform is not None else None
+        return control is not None and control.value.holder == self.station

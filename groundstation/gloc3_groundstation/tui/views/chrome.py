@@ -1,0 +1,171 @@
+"""What stands around every screen: the vehicle in view, the screens, the alert at hand, and the keys."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gloc3.messages import Severity
+from gloc3_groundstation import wording
+from gloc3_groundstation.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, fitted, spread, text_of
+from gloc3_groundstation.tui.view import View
+
+SPACIOUS: Final = 100
+"""From this width on the screens' names stand apart from their keys."""
+
+
+class Key(NamedTuple):
+    """A key, and what it does."""
+
+    key: str
+    """As a person reads it: `space`, `^p`."""
+    label: str
+    is_enabled: bool = True
+    is_always_shown: bool = False
+
+
+class Tab(NamedTuple):
+    """A screen in the line of screens."""
+
+    key: str
+    title: str
+    is_shown: bool
+
+
+def title_line(view: View, width: int) -> Line:
+    """The vehicle in view: mode, armed, battery, link and control; the alerts of all vehicles; the time."""
+    clock = (Span(f"  {wording.clock(view.now_s - view.started_s)} ", Tone.DIM),)
+    alerts = _alerts(view)
+    if view.platform is None:
+        name = (Span(" GLOC3", Tone.STRONG), Span(f"   station {view.station}", Tone.DIM))
+        return spread(name, (*alerts, *clock), width)
+    platform = view.platform
+    count = f" {view.number}/{len(view.fleet.platforms)}" if len(view.fleet.platforms) > 1 else ""
+    parts: list[tuple[int, Span]] = [(0, Span(f" {platform.name}{count}", Tone.STRONG))]
+    if platform.vehicle is None:
+        parts.append((1, Span("state unknown", Tone.STALE)))
+    else:
+        vehicle = platform.vehicle.value
+        is_stale = platform.vehicle.is_stale(view.now_s)
+        was = "was " if is_stale else ""
+        parts.append((2, _span(f"{was}{vehicle.mode or 'mode unknown'}", Tone.TEXT, is_stale)))
+        armed = "ARMED" if vehicle.is_armed else "disarmed"
+        parts.append((1, _span(armed, Tone.BUSY if vehicle.is_armed else Tone.DIM, is_stale)))
+        parts.append((3, _span(*battery(vehicle.battery_percent), is_stale)))
+    parts.append((1, link(view)))
+    parts.append((4, control(view)))
+    room = width - len(text_of((*alerts, *clock))) - 2
+    return spread(fitted(parts, room), (*alerts, *clock), width)
+
+
+def battery(percent: int) -> tuple[str, Tone]:
+    """`bat 97 %`."""
+    if percent < 0:
+        return "bat ?", Tone.WARN
+    tone = Tone.TEXT if percent > BATTERY_LOW_PERCENT else Tone.WARN
+    return f"bat {percent} %", tone if percent > BATTERY_CRITICAL_PERCENT else Tone.ALARM
+
+
+def link(view: View) -> Span:
+    """`link ok`, `link 12 % lost`, or for how long nothing has come."""
+    platform = view.platform
+    if platform is None:
+        return Span("no link", Tone.STALE)
+    if platform.is_quiet_link(view.now_s):
+        return Span(f"SILENT {wording.duration(platform.age_s(view.now_s))}", Tone.ALARM)
+    if platform.link.loss >= wording.LOSS_WORTH_TELLING:
+        return Span(f"link {platform.link.loss * 100.0:.0f} % lost", Tone.WARN)
+    return Span("link ok", Tone.GOOD)
+
+
+def control(view: View) -> Span:
+    """Who is in control of the vehicle in view, in a word or two."""
+    holder = view.platform.control.value.holder if view.platform is not None and view.platform.control else None
+    if view.is_in_control:
+        return Span("in control", Tone.TEXT)
+    if holder is None:
+        return Span("control ?", Tone.STALE)
+    return Span(f"{holder} controls" if holder else "watching", Tone.WARN if holder else Tone.DIM)
+
+
+def tone_of(severity: Severity) -> Tone:
+    """How loud something of a severity is shown."""
+    if severity <= Severity.CRITICAL:
+        return Tone.ALARM
+    if severity is Severity.ERROR:
+        return Tone.BAD
+    if severity is Severity.WARNING:
+        return Tone.WARN
+    return Tone.TEXT if severity is Severity.NOTICE else Tone.DIM
+
+
+def tabs_line(tabs: Sequence[Tab], width: int) -> Line:
+    """The screens with their keys; the one that is shown stands out."""
+    is_spacious = width >= SPACIOUS
+    between, gap = (" ", "  ") if is_spacious else ("", " ")
+    spans = [Span(" ")]
+    for tab in tabs:
+        spans.append(Span(f"{tab.key}{between}", Tone.STRONG if tab.is_shown else Tone.BUSY))
+        spans.append(Span(tab.title, Tone.CHOSEN if tab.is_shown else Tone.DIM))
+        spans.append(Span(gap))
+    return tuple(spans)
+
+
+def alert_line(view: View, width: int) -> Line:
+    """The worst alert that nobody has acknowledged; empty without one."""
+    pending = view.alerts.pending
+    if not pending:
+        return EMPTY
+    alert, more = pending[0], f"  +{len(pending) - 1} more" if len(pending) > 1 else ""
+    tail = f"{more}   x acknowledges "
+    who = f"{alert.platform}: " if alert.platform else ""
+    said = f" {alert.severity.name.lower()}: {who}{' '.join(alert.text.split())}"
+    said += (
+        f" (over since {wording.clock(alert.last_s - view.started_s)})"
+        if alert.is_over and alert.since_s != alert.last_s
+        else ""
+    )
+    tone = tone_of(alert.severity)
+    return spread((Span(cut(said, width - len(tail) - 2), tone),), (Span(tail, Tone.DIM),), width)
+
+
+def keys_line(keys: Sequence[Key], width: int) -> Line:
+    """The keys that fit: first those that are always shown, then the others in their order."""
+    always = [key for key in keys if key.is_always_shown]
+    room = width - 1 - sum(_width(key) for key in always)
+    shown = []
+    for key in keys:
+        if key.is_always_shown:
+            continue
+        room -= _width(key)
+        if room < 0:
+            break
+        shown.append(key)
+    spans = [Span(" ")]
+    for key in (*shown, *always):
+        spans.append(Span(key.key, Tone.KEY if key.is_enabled else Tone.DIM))
+        spans.append(Span(f" {key.label}  ", Tone.TEXT if key.is_enabled else Tone.DIM))
+    return tuple(spans)
+
+
+def too_small_lines(width: int, height: int, needed: tuple[int, int]) -> list[Line]:
+    """What is the matter with a small terminal, and what still works."""
+    return [
+        (Span(f"This terminal has {width} × {height} characters.", Tone.WARN),),
+        (Span(f"The station needs {needed[0]} × {needed[1]}: enlarge it."),),
+        (Span("space makes the vehicle hold, q quits.", Tone.DIM),),
+    ]
+
+
+def _alerts(view: View) -> Line:
+    pending, worst = view.alerts.pending, view.alerts.worst
+    if worst is None:
+        return (Span(f"{len(view.alerts.all)} known" if view.alerts.all else "", Tone.DIM),)
+    return (Span(f" ▲ {len(pending)} alert{'s' if len(pending) > 1 else ''} ", tone_of(worst)),)
+
+
+def _span(text: str, tone: Tone, is_stale: bool) -> Span:
+    return Span(text, Tone.STALE if is_stale else tone)
+
+
+def _width(key: Key) -> int:
+    return len(key.key) + len(key.label) + 3

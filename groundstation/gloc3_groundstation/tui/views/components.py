@@ -1,0 +1,138 @@
+"""The components of a platform: SS, DP, CC, AD, CI, each with state, rate, load and errors; and one of them in full."""
+
+from typing import Final
+
+from gloc3.ci import Health
+from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.tables import Column, Table
+
+SLOW_PERCENT: Final = 80
+"""A component that cycles slower than this share of its rate is worth a look."""
+BUSY_PERCENT: Final = 80
+
+HEALTH_TONES: Final = {
+    Health.WORKING: Tone.GOOD,
+    Health.QUIET: Tone.BUSY,
+    Health.STANDBY: Tone.WARN,
+    Health.IDLE: Tone.WARN,
+    Health.ABSENT: Tone.BAD,
+    Health.FAULTY: Tone.BAD,
+}
+KINDS: Final = {
+    "SS": "sensor samplers",
+    "DP": "data processors",
+    "CC": "controllers",
+    "AD": "actuator drivers",
+    "CI": "command interface",
+}
+COLUMNS: Final = (
+    Column("", 2),
+    Column("component", 16, grows=1),
+    Column("state", 9),
+    Column("rate", 13, is_right=True),
+    Column("load", 5, is_right=True),
+    Column("late", 5, is_right=True),
+    Column("errors", 6, is_right=True),
+    Column("last error", 8, rank=1, grows=4),
+)
+
+
+def components_title(platform: PlatformSnapshot | None, now_s: float) -> str:
+    """How many are well, and who is not."""
+    components = platform.components(now_s) if platform is not None else ()
+    if not components:
+        return "components"
+    if all(component.is_stale for component in components):
+        return "components, as last heard"
+    unwell = [component.name for component in components if not component.is_well]
+    if not unwell:
+        return f"components: all {len(components)} well"
+    others = f" +{len(unwell) - 1}" if len(unwell) > 1 else ""
+    return f"components: {unwell[0]}{others} not well"
+
+
+def components_header(width: int) -> Line:
+    """The titles of the columns."""
+    return Table(COLUMNS, width).header()
+
+
+def component_rows(platform: PlatformSnapshot | None, now_s: float, width: int) -> list[tuple[str, Line]]:
+    """A name and a line for each component; without any, a line that says so."""
+    components = platform.components(now_s) if platform is not None else ()
+    if not components:
+        return [("", (Span(" asking for the components…" if platform else " no vehicle is heard", Tone.DIM),))]
+    table = Table(COLUMNS, width)
+    rows = []
+    kind = ""
+    for component in components:
+        rows.append((component.name, _line(table, component, component.kind if component.kind != kind else "")))
+        kind = component.kind
+    return rows
+
+
+def component_lines(platform: PlatformSnapshot | None, name: str, now_s: float, width: int) -> list[Line]:
+    """One component, with its last error in full."""
+    components = platform.components(now_s) if platform is not None else ()
+    component = next((component for component in components if component.name == name), None)
+    if component is None:
+        return []
+    role = [KINDS.get(component.kind, component.kind), "required" if component.is_required else "not required"]
+    if component.standby_for:
+        role.append(f"stands by for {component.standby_for}")
+    if component.nominal_rate_hz > 0.0:
+        role.append(f"{component.nominal_rate_hz:g} Hz")
+    lines: list[Line] = [(Span(f" {', '.join(role)}", Tone.DIM),)]
+    if component.cause:
+        count = f" ({component.errors} so far)" if component.errors > 1 else ""
+        tone = Tone.STALE if component.is_stale else Tone.TEXT if component.is_well else Tone.BAD
+        lines += [(Span(f" last error{count}:", Tone.DIM),)]
+        lines += [(Span(f"   {row}", tone),) for row in wrapped(component.cause, width - 4)]
+    elif component.errors:
+        lines.append((Span(f" {component.errors} errors; what they were has not been sent yet", Tone.WARN),))
+    else:
+        lines.append((Span(" no errors", Tone.DIM),))
+    return lines
+
+
+def health_counts(platform: PlatformSnapshot | None, now_s: float) -> Line:
+    """How many components are in each state."""
+    components = platform.components(now_s) if platform is not None else ()
+    spans = [Span(" ")]
+    for health in Health:
+        count = sum(component.health is health for component in components)
+        if count:
+            spans += [Span(f"{count} {health}", HEALTH_TONES[health]), Span("   ")]
+    return tuple(spans) if len(spans) > 1 else EMPTY
+
+
+def _line(table: Table, component: ComponentSnapshot, kind: str) -> Line:
+    if component.health is None:
+        state, tone = "not heard", Tone.STALE
+    else:
+        state = component.health.value
+        tone = Tone.GOOD if component.is_well else HEALTH_TONES[component.health]
+    if component.is_stale:
+        state, tone = f"was {state}", Tone.STALE
+    rest = Tone.STALE if component.is_stale or component.health is None else None
+    is_slow = component.is_well and component.rate_percent < SLOW_PERCENT
+    has_rate = component.nominal_rate_hz > 0.0 and component.health is not None
+    rate = f"{component.nominal_rate_hz * component.rate_percent / 100.0:.1f}/{component.nominal_rate_hz:g} Hz"
+    is_busy = component.load_percent >= BUSY_PERCENT
+    cause = component.cause.strip().splitlines()[-1] if component.cause.strip() else ""
+    return table.line(
+        [
+            Span(kind, Tone.DIM),
+            Span(component.name, rest or Tone.TEXT),
+            Span(state, tone),
+            Span(rate if has_rate else "", rest or (Tone.WARN if is_slow else Tone.DIM)),
+            Span(f"{component.load_percent} %" if has_rate else "", rest or (Tone.WARN if is_busy else Tone.DIM)),
+            Span(str(component.overruns) if component.overruns else "·", rest or Tone.DIM),
+            Span(str(component.errors) if component.errors else "·", rest or _error_tone(component)),
+            Span(cause, rest or (Tone.DIM if component.is_well else Tone.BAD)),
+        ]
+    )
+
+
+def _error_tone(component: ComponentSnapshot) -> Tone:
+    return Tone.WARN if component.errors else Tone.DIM

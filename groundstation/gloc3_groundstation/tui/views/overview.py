@@ -1,0 +1,207 @@
+"""The fleet at a glance: a line for each vehicle, what is worth knowing of the one in view, and the alerts."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gloc3.ci import Health, VehicleSummary
+from gloc3.mission.states import ActionState
+from gloc3_groundstation import wording
+from gloc3_groundstation.snapshots import PlatformSnapshot, Timed
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, bar, wrapped
+from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.chrome import battery, tone_of
+from gloc3_groundstation.tui.views.components import HEALTH_TONES
+
+COLUMNS: Final = (
+    Column("", 1),
+    Column("vehicle", 10, grows=1),
+    Column("mode", 9),
+    Column("state", 16),
+    Column("battery", 8, is_right=True),
+    Column("link", 11),
+    Column("mission", 9, grows=2),
+    Column("progress", 15, rank=2),
+    Column("position", 24, rank=3),
+    Column("components", 20, rank=1, grows=1),
+    Column("alerts", 6, is_right=True, rank=1),
+)
+BAR_WIDTH: Final = 9
+
+
+def vehicle_header(width: int) -> Line:
+    """The titles of the columns."""
+    return Table(COLUMNS, width).header()
+
+
+def vehicle_line(view: View, platform: PlatformSnapshot, width: int) -> Line:
+    """One vehicle."""
+    is_in_view = view.platform is not None and platform.name == view.platform.name
+    now_s = view.now_s
+    cells = [
+        Span("►" if is_in_view else " ", Tone.BUSY),
+        Span(platform.name, Tone.STRONG if is_in_view else Tone.TEXT),
+        *_vehicle_cells(platform, now_s),
+        link_span(platform, now_s),
+        *_mission_cells(platform, now_s),
+        _position(platform, now_s),
+        worst_span(platform, now_s),
+        _alerts(view, platform),
+    ]
+    return Table(COLUMNS, width).line(cells)
+
+
+def waiting_lines(view: View) -> list[Line]:
+    """What is waited for, and what to do about it."""
+    hint = "Is gloc3 onboard running, and does its link lead here?"
+    return [EMPTY, (Span(f" Waiting for a platform on {view.waiting_for}."),), (Span(f" {hint}", Tone.DIM),)]
+
+
+def detail_lines(view: View) -> list[Line]:
+    """What is worth knowing of the vehicle in view, a fact a line."""
+    platform = view.platform
+    if platform is None:
+        return []
+    now_s = view.now_s
+    facts: list[tuple[str, Span]] = [("control", _control(view, platform)), ("link", link_detail(platform, now_s))]
+    timed = platform.vehicle
+    if timed is None:
+        facts.append(("vehicle", Span("nothing is known of it yet", Tone.STALE)))
+    else:
+        vehicle = timed.value
+        stale = Tone.STALE if timed.is_stale(now_s) else None
+        motion = f"{vehicle.speed_m_s:.1f} m/s, heading {vehicle.heading_deg % 360:03d}°"
+        place = wording.position(vehicle) + (f" in {vehicle.frame}" if vehicle.frame else "")
+        age = f", {wording.duration(timed.age_s(now_s))} ago" if stale else ""
+        facts += [
+            ("position", Span(place + age, stale or (Tone.TEXT if vehicle.is_pose_valid else Tone.BAD))),
+            ("motion", Span(motion + age, stale or Tone.TEXT)),
+            ("battery", _battery_bar(vehicle.battery_percent, stale)),
+        ]
+        if not vehicle.is_autopilot_connected:
+            facts.append(("autopilot", Span("NOT CONNECTED", stale or Tone.ALARM)))
+        if vehicle.has_pilot_control:
+            facts.append(("pilot", Span("HAS CONTROL", stale or Tone.ALARM)))
+    facts.append(("components", worst_span(platform, now_s)))
+    return [(Span(f" {name:<11}", Tone.DIM), span) for name, span in facts]
+
+
+def alert_lines(view: View, width: int) -> list[Line]:
+    """The alerts of all vehicles, those first that nobody has acknowledged."""
+    lines: list[Line] = []
+    for alert in view.alerts.listed:
+        tone = Tone.DIM if alert.is_acknowledged else tone_of(alert.severity)
+        sign = "✓" if alert.is_acknowledged else "▲"
+        who = f"{alert.platform}: " if alert.platform and len(view.fleet.platforms) > 1 else ""
+        times = f" ({alert.count} times)" if alert.count > 1 else ""
+        clock = wording.clock(alert.since_s - view.started_s)
+        head = f" {sign} {clock}  "
+        said = f"{alert.severity.name.lower()}: {who}{alert.text}{times}"
+        for n, row in enumerate(wrapped(said, width - len(head))):
+            lines.append((Span(head if n == 0 else " " * len(head), Tone.DIM), Span(row, tone)))
+    return lines or [(Span(" Nothing is wrong.", Tone.GOOD),)]
+
+
+def alerts_title(view: View) -> str:
+    """How many are to be acknowledged."""
+    pending = len(view.alerts.pending)
+    if pending:
+        return f"alerts: {pending} to acknowledge"
+    return f"alerts: {len(view.alerts.all)} known" if view.alerts.all else "alerts"
+
+
+def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
+    """`ok`, `12 % lost`, or for how long it has been silent."""
+    if platform.is_quiet_link(now_s):
+        return Span(f"no {wording.duration(platform.age_s(now_s))}", Tone.ALARM)
+    if platform.link.loss >= wording.LOSS_WORTH_TELLING:
+        return Span(f"{platform.link.loss * 100.0:.0f} % lost", Tone.WARN)
+    return Span("ok", Tone.GOOD)
+
+
+def link_detail(platform: PlatformSnapshot, now_s: float) -> Span:
+    """The same in a sentence."""
+    if silence := wording.silence(platform, now_s):
+        return Span(silence, Tone.ALARM)
+    loss = platform.link.loss
+    tone = Tone.WARN if loss >= wording.LOSS_WORTH_TELLING else Tone.TEXT
+    return Span(f"{(1.0 - loss) * 100.0:.0f} % of the status arrives", tone)
+
+
+def worst_span(platform: PlatformSnapshot, now_s: float) -> Span:
+    """The worst component, or that all are well."""
+    components = platform.components(now_s)
+    if not components:
+        return Span("not known yet", Tone.STALE)
+    if all(component.is_stale for component in components):
+        return Span("as last heard", Tone.STALE)
+    order = list(Health)
+    unwell = [component for component in components if not component.is_well and component.health is not None]
+    if not unwell:
+        return Span(f"all {len(components)} well", Tone.GOOD)
+    worst = max(unwell, key=lambda component: order.index(component.health or Health.WORKING))
+    more = f" +{len(unwell) - 1}" if len(unwell) > 1 else ""
+    return Span(f"{worst.name} {worst.health}{more}", HEALTH_TONES[worst.health or Health.WORKING])
+
+
+def _vehicle_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
+    if platform.vehicle is None:
+        return Span("?", Tone.STALE), Span("not known yet", Tone.STALE), Span("?", Tone.STALE)
+    vehicle = platform.vehicle.value
+    level, tone = battery(vehicle.battery_percent)
+    mode = Span(vehicle.mode or "?")
+    state = Span(_state(vehicle), Tone.BUSY if vehicle.is_armed else Tone.DIM)
+    return _aged((mode, state, Span(level.removeprefix("bat "), tone)), platform.vehicle, now_s)
+
+
+def _state(vehicle: VehicleSummary) -> str:
+    if not vehicle.is_armed and vehicle.landed == "on_ground":
+        return "disarmed"
+    return wording.arming(vehicle)
+
+
+def _mission_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
+    if platform.mission is None or not platform.mission.value.state:
+        return Span("none", Tone.DIM), Span("")
+    mission = platform.mission.value
+    policy = f", {mission.policy}" if mission.policy else ""
+    tones = {ActionState.RUNNING: Tone.BUSY, ActionState.DONE: Tone.GOOD, ActionState.WAITING: Tone.DIM}
+    tone = tones.get(ActionState(mission.state), Tone.WARN) if mission.state in list(ActionState) else Tone.WARN
+    actions = [item for item in wording.items(mission) if not item.is_task]
+    over = sum(item.state in (ActionState.DONE, ActionState.SKIPPED) for item in actions)
+    share = (over + sum(mission.progress.values())) / max(1, len(actions))
+    progress = f"{bar(share, BAR_WIDTH)} {min(1.0, share) * 100.0:3.0f} %"
+    return _aged((Span(f"{mission.state}{policy}", tone), Span(progress, tone)), platform.mission, now_s)
+
+
+def _position(platform: PlatformSnapshot, now_s: float) -> Span:
+    if platform.vehicle is None:
+        return Span("")
+    vehicle = platform.vehicle.value
+    span = Span(wording.position(vehicle), Tone.TEXT if vehicle.is_pose_valid else Tone.BAD)
+    return _aged((span,), platform.vehicle, now_s)[0]
+
+
+def _alerts(view: View, platform: PlatformSnapshot) -> Span:
+    alerts = [alert for alert in view.alerts.all.values() if alert.platform == platform.name]
+    pending = [alert for alert in alerts if not alert.is_acknowledged]
+    if pending:
+        return Span(f"▲ {len(pending)}", tone_of(min(alert.severity for alert in pending)))
+    return Span(f"✓ {len(alerts)}" if alerts else "none", Tone.DIM)
+
+
+def _control(view: View, platform: PlatformSnapshot) -> Span:
+    asks = platform.control.value.requested_by if platform.control is not None else ""
+    text = wording.holder(platform, view.station) + (f", station {asks} asks for it" if asks else "")
+    return Span(text, Tone.TEXT if view.is_in_control and not asks else Tone.WARN)
+
+
+def _battery_bar(percent: int, stale: Tone | None) -> Span:
+    level, tone = battery(percent)
+    if percent < 0:
+        return Span("not known", stale or Tone.WARN)
+    return Span(f"{bar(percent / 100.0, 12)} {level.removeprefix('bat ')}", stale or tone)
+
+
+def _aged(spans: Sequence[Span], timed: Timed, now_s: float) -> Sequence[Span]:  # type: ignore[type-arg] # of any message
+    return [Span(span.text, Tone.STALE) for span in spans] if timed.is_stale(now_s) else spans

@@ -1,0 +1,125 @@
+"""A station's terminal with a scripted platform: what Pilot tests and screenshots have in common."""
+
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from textual.pilot import Pilot
+
+from gloc3.ci import MissionSummary
+from gloc3.exchange import LocalExchange
+from gloc3.messages import Severity
+from gloc3_groundstation.configuration import Configuration
+from gloc3_groundstation.desk import Desk
+from gloc3_groundstation.flights import End
+from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.station import Station
+from gloc3_groundstation.tui.app import StationApp
+from gloc3_groundstation.tui.lines import text_of
+from gloc3_groundstation.tui.panel import Panel
+
+from .scripted_platform import TASKS, ScriptedPlatform
+
+PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+
+
+class Scene(NamedTuple):
+    app: StationApp
+    pilot: Pilot[End | None]
+    platform: ScriptedPlatform
+    station: Station
+    exchange: LocalExchange
+
+    def shown(self, panel: str) -> str:
+        """The text of a panel of the screen that is shown (also below a dialogue)."""
+        self.app.look()
+        return "\n".join(text_of(line) for line in self.app.screen_stack[0].query_one(f"#{panel}", Panel).lines)
+
+    async def until(self, panel: str, text: str) -> None:
+        """Waits until a panel shows a text."""
+        for _ in range(300):
+            if text in self.shown(panel):
+                return
+            await self.pilot.pause(0.003)
+        raise AssertionError(f"{panel} never showed {text!r}:\n{self.shown(panel)}")
+
+    async def press(self, *keys: str) -> None:
+        """Presses keys without waiting for the processor to be idle, as `Pilot.press` does."""
+        for key in keys:
+            self.app.simulate_key(key)
+            await self.pilot.pause(0.005)
+
+    async def go(self, digit: str) -> None:
+        """Shows the screen of a digit."""
+        self.app.simulate_key(digit)
+        await self.pilot.pause()
+        await self.pilot.pause()
+
+    def asked(self, kind: type) -> list[object]:
+        """The requests of a kind that the platform has had."""
+        return [body for body in self.platform.requests if isinstance(body, kind)]
+
+    async def trouble_in_flight(self) -> None:
+        """Has the platform fly a mission, with a component that has failed, a gust and a battery that gets low."""
+        self.platform.fly(is_armed=True, mode="OFFBOARD", landed="in_air", position_m=(4.2, 1.0, 2.0), speed_m_s=0.5)
+        self.platform.mission = MissionSummary(name="cargo hold", digest="d1", state="running", tasks=TASKS)
+        done = dict.fromkeys(("depart", "depart__climb"), "done")
+        running = dict.fromkeys(("sweep", "sweep__wall", "sweep__photos"), "running")
+        self.platform.advance("running", {"sweep.wall": 0.42}, **done, **running)
+        self.platform.event("gust of 7 m/s: setpoint clamped to the limit of 3.0 m/s", Severity.NOTICE, "limiter")
+        self.platform.event("battery below 30 %: on_low_battery is return", Severity.WARNING, "command_server")
+        self.platform.trouble("ground_camera", "ValueError: no frame for 1.0 s, the device has gone away")
+        self.platform.speak()
+        self.platform.event("working -> faulty: no frame for 1.0 s", Severity.ERROR, "ground_camera")
+        self.platform.fly(battery_percent=14)
+        await self.pilot.pause()
+        self.app.look()
+        await self.pilot.pause()
+
+
+@asynccontextmanager
+async def scene(
+    plan: Plan | None = PLAN,
+    size: tuple[int, int] = (80, 24),
+    configuration: Configuration = Configuration(),  # noqa: B008 - immutable
+    *,
+    flies: bool = False,
+    **options: Any,
+) -> AsyncIterator[Scene]:
+    """The terminal, with a platform that has not yet said anything."""
+    exchange = LocalExchange()
+    platform = ScriptedPlatform(exchange)
+    platform.delay_s = 0.001
+    station = Station(exchange, platform.loop, "255", 11)
+    app = StationApp(
+        Desk(station, plan),
+        configuration,
+        waiting_for=lambda: "udpin://0.0.0.0:14550",
+        is_starting=flies,
+        is_closing=flies,
+        **options,
+    )
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        try:
+            yield Scene(app, pilot, platform, station, exchange)
+        finally:
+            platform.is_deaf = True
+            station.close()
+
+
+def shoot(app: StationApp, path: Path) -> None:
+    """Writes what the terminal shows as SVG, and as PNG beside it where cairosvg is installed."""
+    svg = app.export_screenshot()
+    path.with_suffix(".svg").write_text(svg)
+    try:
+        import cairosvg  # type: ignore[import-untyped]
+    except ImportError:
+        return
+    svg = re.sub(r"@font-face \{.*?\}\s*(?=@|\.)", "", svg, flags=re.DOTALL)
+    svg = svg.replace("Fira Code, monospace", "DejaVu Sans Mono").replace("Fira Code", "DejaVu Sans Mono")
+    braille = r"<text ([^>]*)>([^<]*[\u2800-\u28ff][^<]*)</text>"
+    svg = re.sub(braille, r'<text \1 style="font-family:DejaVu Sans">\2</text>', svg)
+    cairosvg.svg2png(bytestring=svg.encode(), write_to=str(path.with_suffix(".png")), scale=1.2)

@@ -1,0 +1,51 @@
+"""Pictures of every screen in every size, to be looked at: `python -m tests.groundstation.station_shots OUT [SCREEN…]`."""
+
+import asyncio
+import sys
+from pathlib import Path
+
+from gloc3_groundstation.configuration import Configuration
+from gloc3_groundstation.tui.screens.table import SCREENS
+
+from .station_scene import scene, shoot
+
+SIZES = ((80, 24), (120, 40), (200, 60))
+
+
+async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: str = "dark") -> None:
+    """One size: each screen in trouble in flight, and the dialogues over the overview."""
+    tag = f"{size[0]}x{size[1]}" + (f"_{theme}" if theme != "dark" else "")
+    async with scene(size=size, configuration=Configuration(theme=theme)) as here:
+        if not screens:
+            shoot(here.app, out / f"{tag}_waiting")
+        here.platform.speak()
+        await here.until("title", "HOLD")
+        await here.pilot.pause(0.1)
+        await here.trouble_in_flight()
+        for row in SCREENS:
+            if not screens or row.name in screens:
+                await here.go(row.key)
+                here.app.look()
+                await here.pilot.pause()
+                shoot(here.app, out / f"{tag}_{row.name}")
+        if screens:
+            return
+        await here.go("1")
+        for name, key in (("help", "question_mark"), ("palette", "ctrl+p"), ("abort", "a")):
+            await here.pilot.press(key)
+            await here.pilot.pause(0.3)
+            shoot(here.app, out / f"{tag}_{name}")
+            await here.pilot.press("escape")
+        here.app.desk.station.now_s = lambda: here.platform.loop.time() + 12  # type: ignore[misc]
+        here.app.look()
+        await here.pilot.pause()
+        shoot(here.app, out / f"{tag}_stale")
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    themes = [name[8:] for name in sys.argv[2:] if name.startswith("--theme=")] or ["dark"]
+    for each in SIZES:
+        for chosen in themes:
+            asyncio.run(shots(folder, each, [name for name in sys.argv[2:] if not name.startswith("--")], chosen))

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 
 from gloc3.ci import Health
 from gloc3.messages import Severity
-from gloc3_groundstation import wording
 from gloc3_groundstation.snapshots import HEALTHS, Fleet, FleetEvent, PlatformSnapshot
 
 BATTERY_LOW_PERCENT: Final = 30
@@ -132,9 +131,8 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
     """What is wrong now, platform by platform."""
     for platform in fleet:
         if platform.is_quiet_link(now_s):
-            since = wording.clock(platform.heard_s - platform.first_heard_s)
             is_flying = platform.vehicle is not None and platform.vehicle.value.is_armed
-            text = f"nothing heard since {since} after it was first heard" if not is_flying else "armed and silent"
+            text = "nothing is heard of it, and it was armed" if is_flying else "nothing is heard of it any more"
             yield Cause(platform.name, "link", Severity.CRITICAL if is_flying else Severity.ERROR, text)
             continue
         if now_s - platform.first_heard_s >= SETTLE_S and platform.link.loss >= LOSS_BAD:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
+from rich.segment import Segment
 from rich.style import Style
 from textual.binding import Binding, BindingType
 from textual.message import Message
@@ -97,8 +98,17 @@ class ListPanel(Panel):
         strip = super().render_line(y)
         if y + self.scroll_offset.y != self._index or not self._key:
             return strip
-        cursor = self.get_component_rich_style("list--cursor", partial=True)
-        return strip.apply_style(Style(bgcolor=cursor.bgcolor, reverse=cursor.reverse, bold=cursor.bold))
+        cursor, plain = self.get_component_rich_style("list--cursor", partial=True), self.rich_style.bgcolor
+        mark = Style(bgcolor=cursor.bgcolor, reverse=cursor.reverse)
+        return Strip(
+            [
+                Segment(text, (style or Style.null()) + mark)
+                if style is None or style.bgcolor == plain
+                else Segment(text, style)
+                for text, style, _ in strip
+            ],
+            strip.cell_length,
+        )
 
     def _point(self, index: int) -> None:
         before, self._index = self._index, index

@@ -21,6 +21,8 @@ class Column(NamedTuple):
     """Its share of the room that is left over."""
     is_right: bool = False
     """Aligned at the right, as numbers are."""
+    most: int = 1000
+    """Characters that it has at most, so that what belongs together stays together on wide terminals."""
 
 
 class Table:
@@ -43,9 +45,9 @@ class Table:
         while needed() > width and (rank := max(columns[n].rank for n in shown)) > 0:
             shown.remove(max(n for n in shown if columns[n].rank == rank))
         spare = max(0, width - needed())
-        shares = sum(columns[n].grows for n in shown)
+        shares = max(1, sum(columns[n].grows for n in shown))
         self._columns = [
-            (n, columns[n]._replace(width=columns[n].width + (spare * columns[n].grows // shares if shares else 0)))
+            (n, columns[n]._replace(width=min(columns[n].most, columns[n].width + spare * columns[n].grows // shares)))
             for n in shown
         ]
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from textual.theme import Theme
+from textual.theme import BUILTIN_THEMES, Theme
 
 THEMES: Final = (
     Theme(
@@ -49,7 +49,11 @@ THEMES: Final = (
         success="ansi_default",
         warning="ansi_default",
         error="ansi_default",
-        variables={"quiet": "ansi_default", "rule": "ansi_default", "cursor": "ansi_default"},
+        variables={
+            **dict.fromkeys(BUILTIN_THEMES["ansi-dark"].variables, "ansi_default"),
+            **dict.fromkeys(("quiet", "rule", "cursor", "block-cursor-background", "border"), "ansi_default"),
+            **dict.fromkeys(("block-cursor-text-style", "input-cursor-text-style"), "reverse"),
+        },
     ),
 )
 

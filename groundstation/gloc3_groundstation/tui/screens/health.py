@@ -1,5 +1,7 @@
 """The health of the vehicle in view: every component, and one of them in full."""
 
+from typing import Final
+
 from textual import on
 from textual.app import ComposeResult
 
@@ -14,6 +16,9 @@ from gloc3_groundstation.tui.views.components import (
     components_title,
     health_counts,
 )
+
+AROUND: Final = 8
+"""Lines that are left to what stands above and below the components."""
 
 
 class HealthScreen(StationScreen):
@@ -40,6 +45,7 @@ class HealthScreen(StationScreen):
         self.panel("components_header").show([components_header(components.width)])
         rows = component_rows(view.platform, view.now_s, components.width)
         components.show_rows([Row(line, name) for name, line in rows], components_title(view.platform, view.now_s))
+        components.styles.height = min(len(rows), self.query_one("#body").size.height - AROUND)
         name = components.chosen
         component.show(component_lines(view.platform, name, view.now_s, component.width), name)
 

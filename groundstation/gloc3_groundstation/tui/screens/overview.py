@@ -2,7 +2,7 @@
 
 from textual import on
 from textual.app import ComposeResult
-from textual.containers import Horizontal
+from textual.containers import Grid
 
 from gloc3_groundstation.tui.keys import MISSION_KEYS
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
@@ -15,6 +15,7 @@ from gloc3_groundstation.tui.views.overview import (
     alert_lines,
     alerts_title,
     detail_lines,
+    detail_title,
     vehicle_header,
     vehicle_line,
     waiting_lines,
@@ -36,11 +37,11 @@ class OverviewScreen(StationScreen):
         """Vehicles; facts, mission and alerts side by side; events."""
         yield Panel(id="vehicles_header", classes="plain line", can_focus=False)
         yield ListPanel(id="vehicles", classes="plain")
-        with Horizontal(id="middle"):
+        with Grid(id="overview"):
             yield Panel(id="facts", can_focus=False)
             yield Panel(id="mission")
             yield Panel(id="alerts")
-        yield Panel(id="events", follows_end=True)
+            yield Panel(id="events", follows_end=True)
 
     def look(self, view: View) -> None:
         """Fills the panels."""
@@ -49,8 +50,8 @@ class OverviewScreen(StationScreen):
         self.panel("vehicles_header").show([vehicle_header(vehicles.width)] if view.fleet.platforms else [()])
         rows = [Row(vehicle_line(view, platform, vehicles.width), platform.name) for platform in view.fleet]
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
-        vehicles.styles.height = max(3, min(len(rows), self.size.height // 3))
-        facts.show(detail_lines(view), view.platform.name if view.platform else "")
+        vehicles.styles.height = max(1 if rows else 4, min(len(rows), self.size.height // 3))
+        facts.show(detail_lines(view), detail_title(view))
         lines = mission_lines(view.platform, view.plan, view.now_s, mission.width - 1)
         mission.show(lines, mission_title(view.platform, view.now_s))
         alerts.show(alert_lines(view, alerts.width), alerts_title(view))

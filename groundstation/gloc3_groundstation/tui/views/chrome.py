@@ -104,8 +104,10 @@ def tabs_line(tabs: Sequence[Tab], width: int) -> Line:
     between, gap = (" ", "  ") if is_spacious else ("", " ")
     spans = [Span(" ")]
     for tab in tabs:
-        spans.append(Span(f"{tab.key}{between}", Tone.STRONG if tab.is_shown else Tone.BUSY))
-        spans.append(Span(tab.title, Tone.CHOSEN if tab.is_shown else Tone.DIM))
+        if tab.is_shown:
+            spans.append(Span(f"{tab.key}{between}{tab.title}", Tone.CHOSEN))
+        else:
+            spans += [Span(f"{tab.key}{between}", Tone.BUSY), Span(tab.title, Tone.DIM)]
         spans.append(Span(gap))
     return tuple(spans)
 
@@ -132,6 +134,8 @@ def keys_line(keys: Sequence[Key], width: int) -> Line:
     """The keys that fit: first those that are always shown, then the others in their order."""
     always = [key for key in keys if key.is_always_shown]
     room = width - 1 - sum(_width(key) for key in always)
+    if sum(_width(key) for key in keys) > width - 1:
+        keys = [key for key in keys if key.is_enabled]
     shown = []
     for key in keys:
         if key.is_always_shown:

@@ -28,13 +28,13 @@ KINDS: Final = {
 }
 COLUMNS: Final = (
     Column("", 2),
-    Column("component", 16, grows=1),
+    Column("component", 16, grows=1, most=24),
     Column("state", 9),
     Column("rate", 13, is_right=True),
     Column("load", 5, is_right=True),
     Column("late", 5, is_right=True),
     Column("errors", 6, is_right=True),
-    Column("last error", 8, rank=1, grows=4),
+    Column("last error", 24, rank=1, grows=4),
 )
 
 

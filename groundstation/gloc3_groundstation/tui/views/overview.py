@@ -15,15 +15,15 @@ from gloc3_groundstation.tui.views.components import HEALTH_TONES
 
 COLUMNS: Final = (
     Column("", 1),
-    Column("vehicle", 10, grows=1),
+    Column("vehicle", 10, grows=1, most=20),
     Column("mode", 9),
     Column("state", 16),
     Column("battery", 8, is_right=True),
     Column("link", 11),
-    Column("mission", 9, grows=2),
+    Column("mission", 9, grows=2, most=20),
     Column("progress", 15, rank=2),
     Column("position", 24, rank=3),
-    Column("components", 20, rank=1, grows=1),
+    Column("components", 20, rank=1, grows=2, most=36),
     Column("alerts", 6, is_right=True, rank=1),
 )
 BAR_WIDTH: Final = 9
@@ -65,25 +65,42 @@ def detail_lines(view: View) -> list[Line]:
     now_s = view.now_s
     facts: list[tuple[str, Span]] = [("control", _control(view, platform)), ("link", link_detail(platform, now_s))]
     timed = platform.vehicle
+    is_silent = platform.is_quiet_link(now_s)
     if timed is None:
         facts.append(("vehicle", Span("nothing is known of it yet", Tone.STALE)))
     else:
         vehicle = timed.value
         stale = Tone.STALE if timed.is_stale(now_s) else None
         motion = f"{vehicle.speed_m_s:.1f} m/s, heading {vehicle.heading_deg % 360:03d}°"
-        place = wording.position(vehicle) + (f" in {vehicle.frame}" if vehicle.frame else "")
-        age = f", {wording.duration(timed.age_s(now_s))} ago" if stale else ""
         facts += [
-            ("position", Span(place + age, stale or (Tone.TEXT if vehicle.is_pose_valid else Tone.BAD))),
-            ("motion", Span(motion + age, stale or Tone.TEXT)),
+            (
+                "position",
+                Span(wording.position(vehicle), stale or (Tone.TEXT if vehicle.is_pose_valid else Tone.BAD)),
+            ),
+            ("motion", Span(motion, stale or Tone.TEXT)),
             ("battery", _battery_bar(vehicle.battery_percent, stale)),
         ]
         if not vehicle.is_autopilot_connected:
-            facts.append(("autopilot", Span("NOT CONNECTED", stale or Tone.ALARM)))
+            facts.append(("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
         if vehicle.has_pilot_control:
-            facts.append(("pilot", Span("HAS CONTROL", stale or Tone.ALARM)))
-    facts.append(("components", worst_span(platform, now_s)))
-    return [(Span(f" {name:<11}", Tone.DIM), span) for name, span in facts]
+            facts.append(("pilot", Span("HAS CONTROL", stale or Tone.BAD)))
+        if vehicle.frame:
+            facts.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
+    if is_silent:
+        facts[0] = "control", Span(facts[0][1].text, Tone.STALE)
+    facts.insert(2, ("health", worst_span(platform, now_s)))
+    return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in facts]
+
+
+def detail_title(view: View) -> str:
+    """Which vehicle is in view, and how old its state is where that is no longer to be trusted."""
+    platform = view.platform
+    if platform is None:
+        return ""
+    timed = platform.vehicle
+    if timed is None or not timed.is_stale(view.now_s):
+        return platform.name
+    return f"{platform.name}, {wording.duration(timed.age_s(view.now_s))} ago"
 
 
 def alert_lines(view: View, width: int) -> list[Line]:
@@ -94,11 +111,22 @@ def alert_lines(view: View, width: int) -> list[Line]:
         sign = "✓" if alert.is_acknowledged else "▲"
         who = f"{alert.platform}: " if alert.platform and len(view.fleet.platforms) > 1 else ""
         times = f" ({alert.count} times)" if alert.count > 1 else ""
-        clock = wording.clock(alert.since_s - view.started_s)
-        head = f" {sign} {clock}  "
-        said = f"{alert.severity.name.lower()}: {who}{alert.text}{times}"
-        for n, row in enumerate(wrapped(said, width - len(head))):
-            lines.append((Span(head if n == 0 else " " * len(head), Tone.DIM), Span(row, tone)))
+        head = f" {sign} {wording.clock(alert.since_s - view.started_s)}  "
+        severity = f"{alert.severity.name.lower():<9}"
+        rest = Tone.DIM if alert.is_acknowledged else Tone.TEXT
+        blank = len(head) + len(severity) + 2
+        for n, row in enumerate(wrapped(f"{who}{alert.text}{times}", width - blank)):
+            if n == 0:
+                lines.append(
+                    (
+                        Span(head, Tone.DIM),
+                        Span(severity.rstrip(), tone),
+                        Span(" " * (len(severity) - len(severity.rstrip()) + 2)),
+                        Span(row, rest),
+                    )
+                )
+            else:
+                lines.append((Span(" " * blank), Span(row, rest)))
     return lines or [(Span(" Nothing is wrong.", Tone.GOOD),)]
 
 
@@ -113,7 +141,7 @@ def alerts_title(view: View) -> str:
 def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
     """`ok`, `12 % lost`, or for how long it has been silent."""
     if platform.is_quiet_link(now_s):
-        return Span(f"no {wording.duration(platform.age_s(now_s))}", Tone.ALARM)
+        return Span(f"no {wording.duration(platform.age_s(now_s))}", Tone.BAD)
     if platform.link.loss >= wording.LOSS_WORTH_TELLING:
         return Span(f"{platform.link.loss * 100.0:.0f} % lost", Tone.WARN)
     return Span("ok", Tone.GOOD)
@@ -122,10 +150,10 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
 def link_detail(platform: PlatformSnapshot, now_s: float) -> Span:
     """The same in a sentence."""
     if silence := wording.silence(platform, now_s):
-        return Span(silence, Tone.ALARM)
+        return Span(silence, Tone.BAD)
     loss = platform.link.loss
     tone = Tone.WARN if loss >= wording.LOSS_WORTH_TELLING else Tone.TEXT
-    return Span(f"{(1.0 - loss) * 100.0:.0f} % of the status arrives", tone)
+    return Span(f"{(1.0 - loss) * 100.0:.0f} % of status arrives", tone)
 
 
 def worst_span(platform: PlatformSnapshot, now_s: float) -> Span:
@@ -148,10 +176,10 @@ def _vehicle_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
     if platform.vehicle is None:
         return Span("?", Tone.STALE), Span("not known yet", Tone.STALE), Span("?", Tone.STALE)
     vehicle = platform.vehicle.value
-    level, tone = battery(vehicle.battery_percent)
+    level, tone = _battery(vehicle.battery_percent)
     mode = Span(vehicle.mode or "?")
     state = Span(_state(vehicle), Tone.BUSY if vehicle.is_armed else Tone.DIM)
-    return _aged((mode, state, Span(level.removeprefix("bat "), tone)), platform.vehicle, now_s)
+    return _aged((mode, state, Span(level, tone)), platform.vehicle, now_s)
 
 
 def _state(vehicle: VehicleSummary) -> str:
@@ -186,7 +214,8 @@ def _alerts(view: View, platform: PlatformSnapshot) -> Span:
     alerts = [alert for alert in view.alerts.all.values() if alert.platform == platform.name]
     pending = [alert for alert in alerts if not alert.is_acknowledged]
     if pending:
-        return Span(f"▲ {len(pending)}", tone_of(min(alert.severity for alert in pending)))
+        tone = tone_of(min(alert.severity for alert in pending))
+        return Span(f"▲ {len(pending)}", Tone.BAD if tone is Tone.ALARM else tone)
     return Span(f"✓ {len(alerts)}" if alerts else "none", Tone.DIM)
 
 
@@ -196,11 +225,17 @@ def _control(view: View, platform: PlatformSnapshot) -> Span:
     return Span(text, Tone.TEXT if view.is_in_control and not asks else Tone.WARN)
 
 
-def _battery_bar(percent: int, stale: Tone | None) -> Span:
+def _battery(percent: int) -> tuple[str, Tone]:
+    """The same as above, a little less loud: the alarm stands in the title."""
     level, tone = battery(percent)
+    return level.removeprefix("bat "), Tone.BAD if tone is Tone.ALARM else tone
+
+
+def _battery_bar(percent: int, stale: Tone | None) -> Span:
+    level, tone = _battery(percent)
     if percent < 0:
         return Span("not known", stale or Tone.WARN)
-    return Span(f"{bar(percent / 100.0, 12)} {level.removeprefix('bat ')}", stale or tone)
+    return Span(f"{bar(percent / 100.0, 12)} {level}", stale or tone)
 
 
 def _aged(spans: Sequence[Span], timed: Timed, now_s: float) -> Sequence[Span]:  # type: ignore[type-arg] # of any message

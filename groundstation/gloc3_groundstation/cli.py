@@ -2,6 +2,7 @@
 
 import asyncio
 import sys
+from pathlib import Path
 from typing import Annotated, Final
 
 import msgspec
@@ -10,7 +11,6 @@ from cyclopts import App, Parameter
 from gloc3.errors import InputError, Refused
 from gloc3_groundstation.plans import Plan, read_plan
 
-DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"
 FLAG: Final = Parameter(negative=(), show_default=False)
 
 app = App(
@@ -46,7 +46,8 @@ def station(
     start: Annotated[bool, FLAG] = False,
     exit_when_done: Annotated[bool, FLAG] = False,
     wait: float = 60.0,
-    station_id: int = 255,
+    station_id: int | None = None,
+    config: Path | None = None,
 ) -> int:
     """Watch and command vehicles.
 
@@ -54,14 +55,17 @@ def station(
         mission: A mission file, or the name of an example; it is checked before anything else, and brought to the
             platform as soon as that is heard. With --headless it is started too.
         link: Where MAVLink comes from: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
-            may be given again. Default: udpin://0.0.0.0:14550.
+            may be given again. Default: those of the configuration file, else udpin://0.0.0.0:14550.
         platform: The platform to command, by name; otherwise the first that is heard.
         headless: No terminal: narrate on stderr. Without --mission it watches until Ctrl-C.
         json: With --headless: one JSON object a line on stdout, for everything that is narrated.
         start: Start the mission without waiting for the key, once the platform is ready.
         exit_when_done: Close the terminal when the mission has ended.
         wait: With --headless: give up when the platform is not heard within so many seconds.
-        station_id: The MAVLink system of this station: 255, and 254, 253 for further ones.
+        station_id: The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
+            configuration file, else 255.
+        config: The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
+            and where the last session was. Default: gloc3/station.toml in the XDG configuration directory.
     """
     if json and not headless:
         raise Refused("--json goes with --headless")
@@ -69,7 +73,7 @@ def station(
         raise Refused("--start and --exit-when-done need a --mission")
     if not 0.0 < wait < float("inf"):
         raise Refused("--wait must be above 0 seconds")
-    if not 200 <= station_id <= 255:
+    if station_id is not None and not 200 <= station_id <= 255:
         raise Refused("--station-id must be from 200 to 255")
     if not headless and not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
         raise Refused("there is no terminal here; use --headless")
@@ -80,12 +84,21 @@ def station(
         except InputError as error:
             print(f"{error}\nthe mission did not pass the check", file=sys.stderr)  # noqa: T201
             return 1
+    from gloc3_groundstation.configuration import Configuration, ConfigurationFile, default_path
     from gloc3_groundstation.session import Session
 
-    session = Session(link or [DEFAULT_LINK], station_id, platform, plan)
+    file, configuration, problem = ConfigurationFile(config or default_path()), Configuration(), ""
+    try:
+        configuration = file.read()
+    except InputError as error:
+        problem = f"{error}; the station runs with its defaults and leaves the file as it is"
+    if mission is not None:
+        configuration = configuration.with_mission(str(Path(mission).resolve()) if Path(mission).is_file() else mission)
+    own = configuration.station_id if station_id is None else station_id
+    session = Session(link or configuration.links, own, platform, plan, configuration, problem)
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None))
-    return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done))
+    return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write))
 
 
 def _print_json(line: msgspec.Struct) -> None:

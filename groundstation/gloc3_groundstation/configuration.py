@@ -6,16 +6,18 @@ that is wrong, is reported with its place and never written to.
 
 import os
 import re
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import msgspec
 import tomlkit
-from tomlkit.exceptions import ParseError, TOMLKitError
+from tomlkit.exceptions import TOMLKitError
 
 from gloc3.errors import Finding, InputError, nearest
 
+ThemeName = Literal["dark", "daylight", "mono"]
 DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"
 RECENT_KEPT: Final = 10
 
@@ -33,8 +35,7 @@ class LastSession(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the file holds."""
 
-    theme: str = "dark"
-    """`dark`, `daylight` or `mono`."""
+    theme: ThemeName = "dark"
     station_id: int = 255
     """The MAVLink system of this station, 200 to 255."""
     links: tuple[str, ...] = (DEFAULT_LINK,)
@@ -61,7 +62,7 @@ class ConfigurationFile:
             InputError: it cannot be used; it will not be written to.
         """
         self._read = None
-        _, self._read = self._parse()
+        self._read, _ = self._load()
         return self._read
 
     def write(self, configuration: Configuration) -> bool:
@@ -76,34 +77,35 @@ class ConfigurationFile:
         if configuration == before:
             return True
         try:
-            document, _ = self._parse()
-            _merge(document, _plain(before), _plain(configuration))
+            _, text = self._load()
+            document = tomlkit.parse(text)
+            _merge(document, msgspec.to_builtins(before), msgspec.to_builtins(configuration))
             self.path.parent.mkdir(parents=True, exist_ok=True)
             beside = self.path.with_name(f".{self.path.name}.new")
             beside.write_text(tomlkit.dumps(document), encoding="utf-8")
             beside.replace(self.path)
-        except (InputError, OSError):
+        except (InputError, OSError, TOMLKitError):
             return False
         self._read = configuration
         return True
 
-    def _parse(self) -> tuple[tomlkit.TOMLDocument, Configuration]:
+    def _load(self) -> tuple[Configuration, str]:
         name = str(self.path)
         try:
             text = self.path.read_text(encoding="utf-8")
         except FileNotFoundError:
-            return tomlkit.document(), Configuration()
+            return Configuration(), ""
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
             raise InputError([Finding(file=name, message=f"cannot be read: {reason}")]) from None
         try:
-            document = tomlkit.parse(text)
-        except ParseError as error:
-            message = str(error).rpartition(" at line ")[0] or str(error)
-            raise InputError([Finding(file=name, line=error.line, column=error.col + 1, message=message)]) from None
-        except TOMLKitError as error:
-            raise InputError([Finding(file=name, message=str(error))]) from None
-        return document, _checked(document.unwrap(), text, name)
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            message, _, place = str(error).rpartition(" (at ")
+            found = re.fullmatch(r"line (\d+), column (\d+)\)", place)
+            line, column = (int(found[1]), int(found[2])) if found else (len(text.splitlines()), 1)
+            raise InputError([Finding(file=name, line=line, column=column, message=message)]) from None
+        return _checked(data, text, name), text
 
 
 def default_path(environment: Mapping[str, str] = os.environ) -> Path:
@@ -153,11 +155,6 @@ def _place(text: str, table: str, name: str) -> tuple[int, int]:
         if found and here in (table, ""):
             return number, len(found.group(1)) + 1
     return 0, 0
-
-
-def _plain(configuration: Configuration) -> dict[str, Any]:
-    plain: dict[str, Any] = msgspec.to_builtins(configuration)
-    return plain
 
 
 def _merge(document: Any, before: dict[str, Any], after: dict[str, Any]) -> None:

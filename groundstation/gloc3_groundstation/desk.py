@@ -72,6 +72,18 @@ class Desk:
         """Whether the mission at hand was brought to this life of the platform."""
         return self._streamed.get(platform.name) == platform.boot
 
+    async def make(self, name: str, move: Move) -> None:
+        """Asks a platform for something."""
+        match move:
+            case Move.STREAM:
+                await self.stream(name)
+            case Move.CONTROL:
+                await self.take_control(name)
+            case Move.START:
+                await self.start(name)
+            case Move.PAUSE | Move.RESUME | Move.ABORT:
+                await self.steer(name, Verb(move.value))
+
     async def stream(self, name: str) -> bool:
         """Takes control and brings the mission at hand over."""
         if self.plan is None:

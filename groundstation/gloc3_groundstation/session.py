@@ -3,7 +3,7 @@
 import asyncio
 import secrets
 import signal
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from typing import Final
 
@@ -13,6 +13,7 @@ from gloc3.messages import Severity
 from gloc3.narrate import narrate
 from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
+from gloc3_groundstation.configuration import Configuration
 from gloc3_groundstation.headless import Headless
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.narration import Line
@@ -25,7 +26,15 @@ INTERRUPTED: Final = 128 + signal.SIGINT
 class Session:
     """What was asked for on the command line, ready to be run once."""
 
-    def __init__(self, urls: list[str], system: int, platform: str | None, plan: Plan | None) -> None:
+    def __init__(
+        self,
+        urls: Sequence[str],
+        system: int,
+        platform: str | None,
+        plan: Plan | None,
+        configuration: Configuration = Configuration(),  # noqa: B008 - immutable
+        problem: str = "",
+    ) -> None:
         """A run.
 
         Args:
@@ -33,11 +42,15 @@ class Session:
             system: the station's MAVLink system.
             platform: the one to command; None for the first that is heard.
             plan: the mission at hand.
+            configuration: how the terminal looks, and where it was left.
+            problem: why the configuration file could not be used; empty where it could.
         """
-        self._urls = urls
+        self._urls = list(urls)
         self._system = system
         self._platform = platform
         self._plan = plan
+        self._configuration = configuration
+        self._problem = problem
         self._links = Links()
 
     async def narrate(self, wait_s: float, data: Callable[[Line], None] | None = None) -> int:
@@ -58,6 +71,8 @@ class Session:
 
         async with self._station() as station:
             run = Headless(station, tell, platform=self._platform)
+            if self._problem:
+                run.say(f"warning: {self._problem}")
             run.say(f"listening on {self._links.describe()}")
             work = asyncio.ensure_future(run.watch() if self._plan is None else self._fly(run, self._plan, wait_s))
             loop = asyncio.get_running_loop()
@@ -69,8 +84,13 @@ class Session:
                 run.say(wording.farewell(station.fleet))
                 return 0 if self._plan is None else INTERRUPTED
 
-    async def show(self, *, is_starting: bool, is_closing: bool) -> int:
+    async def show(self, *, is_starting: bool, is_closing: bool, keep: Callable[[Configuration], bool]) -> int:
         """Opens the terminal.
+
+        Args:
+            is_starting: starts the mission at hand without waiting for the key.
+            is_closing: closes when that mission has ended.
+            keep: is given the configuration when the terminal closes; tells whether it could be kept.
 
         Returns:
             The exit code.
@@ -81,15 +101,20 @@ class Session:
         async with self._station() as station:
             app = StationApp(
                 Desk(station, self._plan),
+                self._configuration,
                 platform=self._platform,
                 waiting_for=self._links.describe,
                 is_starting=is_starting,
                 is_closing=is_closing,
             )
             loop = asyncio.get_running_loop()
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 loop.add_signal_handler(number, app.action_interrupt)
+            if self._problem:
+                station.note("", Severity.WARNING, self._problem)
             end = await app.run_async()
+            if not keep(app.configuration()) and not self._problem:
+                narrate("warning: the configuration file cannot be written: this session is not kept")
             for line in _summary(station):
                 narrate(line)
             if end is None:

@@ -3,8 +3,9 @@
 import asyncio
 import sys
 from pathlib import Path
+from typing import get_args
 
-from gloc3_groundstation.configuration import Configuration
+from gloc3_groundstation.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.screens.table import SCREENS
 
 from .station_scene import scene, shoot
@@ -12,7 +13,7 @@ from .station_scene import scene, shoot
 SIZES = ((80, 24), (120, 40), (200, 60))
 
 
-async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: str = "dark") -> None:
+async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: ThemeName = "dark") -> None:
     """One size: each screen in trouble in flight, and the dialogues over the overview."""
     tag = f"{size[0]}x{size[1]}" + (f"_{theme}" if theme != "dark" else "")
     async with scene(size=size, configuration=Configuration(theme=theme)) as here:
@@ -45,7 +46,7 @@ async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: str
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    themes = [name[8:] for name in sys.argv[2:] if name.startswith("--theme=")] or ["dark"]
+    themes = [name for name in get_args(ThemeName) if f"--theme={name}" in sys.argv] or ["dark"]
     for each in SIZES:
         for chosen in themes:
             asyncio.run(shots(folder, each, [name for name in sys.argv[2:] if not name.startswith("--")], chosen))

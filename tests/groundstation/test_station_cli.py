@@ -43,3 +43,16 @@ def test_a_platform_that_never_comes_ends_with_1(capsys: pytest.CaptureFixture[s
     assert "listening on udpin://127.0.0.1:0" in told.err
     assert "a platform was not heard" in told.err
     assert told.out == ""
+
+
+@pytest.mark.sockets
+def test_a_bad_configuration_file_is_told_with_its_place_and_the_defaults_are_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "station.toml"
+    file.write_text('theme = "dark"\nlink = []\n')
+    arguments = ("--config", str(file), "--link", "udpin://127.0.0.1:0", "--wait", "0.05")
+    assert run("--headless", "--mission", "hop", *arguments) == 1
+    told = capsys.readouterr().err
+    assert f"warning: {file}:2:1: unknown setting 'link' (did you mean 'links'?); the station runs with" in told
+    assert file.read_text() == 'theme = "dark"\nlink = []\n'

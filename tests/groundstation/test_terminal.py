@@ -123,7 +123,7 @@ async def test_digits_and_function_keys_show_the_screens_and_only_the_one_that_i
             assert not look.called
         await here.press("down", "down", "down")
         await here.pilot.pause()
-        assert "data processors, required, 20 Hz" in here.shown("component")
+        assert "data processor, required, 20 Hz" in here.shown("component")
 
 
 @pytest.mark.sockets

@@ -169,7 +169,7 @@ def test_an_unwell_component_says_why() -> None:
     assert text_of(line).split()[:3] == ["DP", "pose", "faulty"]
     assert text_of(line).rstrip().endswith("Lost: no pose for 0.5 s")
     assert texts(component_lines(ill, "pose", 100.0, 60)) == [
-        " data processors, required, 20 Hz",
+        " data processor, required, 20 Hz",
         " last error (2 so far):",
         "   Traceback: ...",
         "   Lost: no pose for 0.5 s",

@@ -3,19 +3,21 @@
 import os
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, cast
 
 from msgspec.structs import replace
 from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.widgets import Input, TextArea
 
-from gloc3.ci import EmergencyVerb, Verb
-from gloc3_groundstation.configuration import Configuration
+from gloc3.ci import EmergencyVerb
+from gloc3_groundstation.configuration import Configuration, ThemeName
 from gloc3_groundstation.desk import Desk, Move
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.help import HelpScreen, help_keys
+from gloc3_groundstation.tui.in_view import InView
+from gloc3_groundstation.tui.keys import GENERAL_KEYS
 from gloc3_groundstation.tui.palette import StationCommands
 from gloc3_groundstation.tui.questions import EmergencyQuestion, Question
 from gloc3_groundstation.tui.screen import LookAt, StationScreen
@@ -36,24 +38,7 @@ class StationApp(App[End | None]):
     CSS_PATH = "station.tcss"
     COMMANDS = {StationCommands}
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("space", "emergency", "HOLD", priority=True, tooltip="the vehicle holds at once; again: land, disarm"),
-        Binding(
-            "ctrl+@,ctrl+space",
-            "emergency(True)",
-            "HOLD",
-            key_display="^space",
-            show=False,
-            priority=True,
-            tooltip="the same, while typing too",
-        ),
-        Binding("x", "acknowledge", "Acknowledge", tooltip="take note of the alert that is shown; X: of all"),
-        Binding("X", "acknowledge(True)", "Acknowledge all", show=False),
-        Binding("v", "cycle(1)", "Vehicle", tooltip="look at the next vehicle; V: at the one before"),
-        Binding("V", "cycle(-1)", "Vehicle before", show=False),
-        Binding("question_mark", "help", "Help", tooltip="this page"),
-        Binding("ctrl+p,colon", "command_palette", "All commands", tooltip="everything, by name"),
-        Binding("q", "leave", "Quit"),
-        Binding("ctrl+c", "interrupt", "Quit", show=False, priority=True, tooltip="asking nothing"),
+        *GENERAL_KEYS,
         *(
             Binding(f"{row.key},f{row.key if row.key != '0' else '10'}", f"go('{row.name}')", show=False)
             for row in SCREENS
@@ -85,8 +70,7 @@ class StationApp(App[End | None]):
         self.desk: Final = desk
         self._configuration = configuration
         self._is_monochrome = is_monochrome
-        self._asked_for = platform
-        self._in_view = platform or configuration.session.platform
+        self._in_view = InView(platform, configuration.session.platform)
         self._waiting_for = waiting_for
         self._is_starting = is_starting
         self._is_closing = is_closing
@@ -99,8 +83,7 @@ class StationApp(App[End | None]):
             self.register_theme(theme)
         for name in [name for name in self.available_themes if name not in {theme.name for theme in THEMES}]:
             self.unregister_theme(name)
-        known = self._configuration.theme in {theme.name for theme in THEMES}
-        self.theme = MONOCHROME if self._is_monochrome else self._configuration.theme if known else THEMES[0].name
+        self.theme = MONOCHROME if self._is_monochrome else self._configuration.theme
         for row in SCREENS:
             self.add_mode(row.name, partial(row.screen, self.desk, SCREENS, row, self.view))
         last = self._configuration.session.screen
@@ -117,22 +100,18 @@ class StationApp(App[End | None]):
 
     def configuration(self) -> Configuration:
         """What is to be found again next time."""
-        seen = self._in_view or self._configuration.session.platform
         is_screen = self.current_mode in {row.name for row in SCREENS}
         screen = self.current_mode if is_screen else self._configuration.session.screen
-        theme = self._configuration.theme if self._is_monochrome else self.theme
-        session = replace(self._configuration.session, platform=seen, screen=screen)
+        theme = self._configuration.theme if self._is_monochrome else cast("ThemeName", self.theme)
+        session = replace(self._configuration.session, platform=self._in_view.name, screen=screen)
         return replace(self._configuration, theme=theme, session=session)
 
     # --- what is shown ---
 
     @property
     def platform(self) -> PlatformSnapshot | None:
-        """The platform in view: the one asked for; else that of the last session, or while it is silent the first."""
-        fleet = self.desk.station.fleet
-        if self._asked_for is not None:
-            return fleet.get(self._asked_for)
-        return fleet.get(self._in_view) or next(iter(fleet), None)
+        """The platform in view."""
+        return self._in_view.platform(self.desk.station.fleet)
 
     def view(self) -> View:
         """Everything that is known now."""
@@ -151,10 +130,11 @@ class StationApp(App[End | None]):
 
     def look(self) -> None:
         """Shows the fleet as it is now on the screen that is shown; panels draw only what has changed."""
+        self._in_view.settle(self.desk.station.fleet, self.desk.station.now_s())
         view, base = self.view(), self.screen_stack[0]
         if isinstance(base, StationScreen):
             base.show(view)
-        possible = view.moves, len(view.fleet.platforms) > 1, bool(view.alerts.pending)
+        possible = view.moves, min(len(view.fleet.platforms), 2), bool(view.alerts.pending)
         if possible != self._was_possible:
             self._was_possible = possible
             self.refresh_bindings()
@@ -172,12 +152,10 @@ class StationApp(App[End | None]):
                 return bool(self.desk.alerts().pending)
             case "emergency":
                 is_typing = isinstance(self.focused, Input | TextArea) and not parameters
-                return not (is_typing or isinstance(self.screen, EmergencyQuestion))
-            case "steer":
-                action = str(parameters[0])
-        if action in list(Move):
-            platform = self.platform
-            return True if platform is not None and Move(action) in self.desk.moves(platform) else None
+                is_away = is_typing or isinstance(self.screen, EmergencyQuestion)
+                return False if is_away else True if self.platform is not None else None
+            case "move":
+                return True if self.platform and Move(str(parameters[0])) in self.desk.moves(self.platform) else None
         return True
 
     # --- keys ---
@@ -202,48 +180,29 @@ class StationApp(App[End | None]):
 
     def action_cycle(self, step: int) -> None:
         """Looks at the next platform."""
-        names = list(self.desk.station.fleet.platforms)
-        if self.platform is not None:
-            self.look_at(names[(names.index(self.platform.name) + step) % len(names)])
+        self._in_view.cycle(self.desk.station.fleet, step)
+        self.look()
 
     def look_at(self, name: str) -> None:
         """Looks at a platform."""
-        self._asked_for, self._in_view = None, name
+        self._in_view.look_at(name)
         self.look()
 
     def on_look_at(self, message: LookAt) -> None:
         """Looks at the platform that a screen asks for."""
         self.look_at(message.platform)
 
-    def action_start(self) -> None:
-        """Starts the mission."""
-        if self.platform is not None:
-            self.do(self.desk.start(self.platform.name))
-
-    def action_stream(self) -> None:
-        """Streams the mission at hand."""
-        if self.platform is not None:
-            self.do(self.desk.stream(self.platform.name))
-
-    def action_control(self) -> None:
-        """Asks for control."""
-        if self.platform is not None:
-            self.do(self.desk.take_control(self.platform.name))
-
-    def action_steer(self, verb: str) -> None:
-        """Pauses or resumes the mission."""
-        if self.platform is not None:
-            self.do(self.desk.steer(self.platform.name, Verb(verb)))
-
-    def action_abort(self) -> None:
-        """Aborts the mission, once confirmed."""
-        platform = self.platform
+    def action_move(self, name: str) -> None:
+        """Asks something of the platform in view; before an abort the operator is asked."""
+        platform, move = self.platform, Move(name)
         if platform is None:
             return
-        question = (
-            f"Abort the mission of {platform.name}?\nIts actions are cancelled, then its on_failure policy is flown."
-        )
-        self.confirm(question, "abort", lambda: self.do(self.desk.steer(platform.name, Verb.ABORT)))
+        if move is not Move.ABORT:
+            self.do(self.desk.make(platform.name, move))
+            return
+        what = "Its actions are cancelled, then its on_failure policy is flown."
+        question = f"Abort the mission of {platform.name}?\n{what}"
+        self.confirm(question, "abort", lambda: self.do(self.desk.make(platform.name, move)))
 
     def action_emergency(self, is_typing: bool = False) -> None:
         """Holds at once; pressed again it offers more."""

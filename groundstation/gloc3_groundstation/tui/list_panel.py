@@ -32,7 +32,7 @@ class ListPanel(Panel):
         Binding("pagedown", "move(10)", "Ten down", show=False),
         Binding("home", "move(-1000000)", "First", show=False),
         Binding("end", "move(1000000)", "Last", show=False),
-        Binding("enter", "choose", "Open", show=False, tooltip="the row under the cursor"),
+        Binding("enter", "choose", "Open", show=False, key_display="enter", tooltip="the row under the cursor"),
     ]
 
     class Moved(Message):

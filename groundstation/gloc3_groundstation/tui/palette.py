@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from gloc3_groundstation.tui.app import StationApp
 
 MOVES = {
-    Move.START: ("Start the mission", "start"),
-    Move.PAUSE: ("Pause the mission", "steer('pause')"),
-    Move.RESUME: ("Resume the mission", "steer('resume')"),
-    Move.ABORT: ("Abort the mission", "abort"),
-    Move.STREAM: ("Upload the mission at hand", "stream"),
-    Move.CONTROL: ("Ask for control", "control"),
+    Move.START: "Start the mission",
+    Move.PAUSE: "Pause the mission",
+    Move.RESUME: "Resume the mission",
+    Move.ABORT: "Abort the mission",
+    Move.STREAM: "Upload the mission at hand",
+    Move.CONTROL: "Ask for control",
 }
 
 
@@ -48,21 +48,21 @@ class StationCommands(Provider):
             yield from screen.commands()
             yield from self._keys(screen)
         if platform is not None:
-            for move, (title, action) in MOVES.items():
+            for move, title in MOVES.items():
                 if move in view.moves:
-                    yield Command(f"{platform.name}: {title}", "", partial(app.run_action, action))
-            yield Command(f"{platform.name}: HOLD (emergency)", "At once, asking nothing", app.action_emergency)
+                    yield Command(f"{platform.name}: {title}", "", partial(app.action_move, move))
+            yield Command(f"{platform.name}: HOLD (emergency)", "at once, asking nothing", app.action_emergency)
         if view.alerts.pending:
             yield Command("Acknowledge all alerts", "", partial(app.action_acknowledge, True))
         for name in view.fleet.platforms:
             if platform is None or name != platform.name:
-                yield Command(f"Look at {name}", "The vehicle in view", partial(app.look_at, name))
+                yield Command(f"Look at {name}", "brings it into view", partial(app.look_at, name))
         for row in SCREENS:
             yield Command(f"Screen: {row.title}", row.help, partial(app.action_go, row.name))
         for theme, said in DESCRIPTIONS.items():
             yield Command(f"Theme: {theme}", said, partial(setattr, app, "theme", theme))
-        yield Command("Help", "The screen in view and its keys", app.action_help)
-        yield Command("Quit", "Asks while a vehicle is armed in our control", app.action_leave)
+        yield Command("Help", "the screen in view and its keys", app.action_help)
+        yield Command("Quit", "asks while a vehicle is armed in our control", app.action_leave)
 
     def _keys(self, screen: StationScreen) -> Iterator[Command]:
         """The screen's own keys, by their names."""

@@ -52,8 +52,8 @@ class StationScreen(Screen[None]):
     does not say it all; their actions call the desk, through `do` where that takes time.
     """
 
-    HORIZONTAL_BREAKPOINTS: ClassVar[list[tuple[int, str]] | None] = [(0, "-narrow"), (110, "-wide")]
-    VERTICAL_BREAKPOINTS: ClassVar[list[tuple[int, str]] | None] = [(0, "-low"), (32, "-tall")]
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (32, "-tall")]
     HELP: ClassVar[str] = ""
     """What the screen shows and how to read it, in a few sentences; a blank line begins a paragraph."""
 

@@ -20,10 +20,10 @@ HEALTH_TONES: Final = {
     Health.FAULTY: Tone.BAD,
 }
 KINDS: Final = {
-    "SS": "sensor samplers",
-    "DP": "data processors",
-    "CC": "controllers",
-    "AD": "actuator drivers",
+    "SS": "sensor sampler",
+    "DP": "data processor",
+    "CC": "controller",
+    "AD": "actuator driver",
     "CI": "command interface",
 }
 COLUMNS: Final = (

@@ -127,7 +127,9 @@ def alert_lines(view: View, width: int) -> list[Line]:
                 )
             else:
                 lines.append((Span(" " * blank), Span(row, rest)))
-    return lines or [(Span(" Nothing is wrong.", Tone.GOOD),)]
+    if not lines and view.platform is not None:
+        return [(Span(" Nothing is wrong.", Tone.GOOD),)]
+    return lines
 
 
 def alerts_title(view: View) -> str:

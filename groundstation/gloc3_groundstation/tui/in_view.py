@@ -1,0 +1,45 @@
+"""Which vehicle is in view: the one asked for, that of the last session, or the first that is heard; then it stays."""
+
+from typing import Final
+
+from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
+
+WAITS_S: Final = 5.0
+"""So long after the first platform was heard, that of the last session is waited for."""
+
+
+class InView:
+    """The choice, and the operator's changes of it."""
+
+    def __init__(self, asked_for: str | None, last: str) -> None:
+        """A choice.
+
+        Args:
+            asked_for: waited for as long as it takes; None without one.
+            last: of the last session; empty without one.
+        """
+        self._is_fixed = asked_for is not None
+        self.name = asked_for or last
+        """The vehicle that is, or is to be, in view; empty while none is known."""
+
+    def platform(self, fleet: Fleet) -> PlatformSnapshot | None:
+        """The platform in view; None while none is heard, or not yet the one that was asked for."""
+        found = fleet.get(self.name)
+        return found if found is not None or self._is_fixed else next(iter(fleet), None)
+
+    def settle(self, fleet: Fleet, now_s: float) -> None:
+        """Stays with the first that is heard, so that no other comes into view under the operator's fingers."""
+        first = next(iter(fleet), None)
+        is_late = first is not None and now_s - first.first_heard_s >= WAITS_S
+        if first is not None and is_late and not self._is_fixed and fleet.get(self.name) is None:
+            self.name = first.name
+
+    def look_at(self, name: str) -> None:
+        """Brings a platform into view."""
+        self._is_fixed, self.name = False, name
+
+    def cycle(self, fleet: Fleet, step: int) -> None:
+        """Brings the next platform into view, or the one before."""
+        platform, names = self.platform(fleet), list(fleet.platforms)
+        if platform is not None:
+            self.look_at(names[(names.index(platform.name) + step) % len(names)])

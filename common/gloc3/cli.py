@@ -1,5 +1,6 @@
 """The program `gloc3`: its subcommands are found through entry points, so that each package brings its own."""
 
+import gc
 import os
 import signal
 import sys
@@ -33,6 +34,7 @@ EXIT_NOBODY_READS: Final = 128 + signal.SIGPIPE
 
 def main() -> None:
     """Runs the program with the arguments of its command line, and ends the process."""
+    gc.set_threshold(20_000, 20, 20)  # loading makes many objects that stay; looking for garbage among them is dear
     sys.exit(run(sys.argv[1:]))
 
 

@@ -44,12 +44,19 @@ class DataLogger:
 
 def read_items(component: Component[Any], items: Sequence[str], failures: list[Failure]) -> dict[str, Any]:
     """The items' values as plain data, a snapshot; one that cannot be read is None and adds to the failures."""
+    read, _ = guard(_read_all, component, items)
+    if read is not None:
+        return read
     values: dict[str, Any] = {}
-    for item in items:
+    for item in items:  # one by one, to find out which of them it is
         values[item], error = guard(_read, component, item)
         if error is not None:
             failures.append(Failure(f"log item {item}", error))
     return values
+
+
+def _read_all(component: Component[Any], items: Sequence[str]) -> dict[str, Any]:
+    return {item: _read(component, item) for item in items}
 
 
 def _read(component: Component[Any], item: str) -> Any:

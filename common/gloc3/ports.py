@@ -109,7 +109,9 @@ class Mailbox:
         self._latest: dict[str, Envelope[Any]] = {}
         self._taken: dict[str, Envelope[Any]] = {}
         """What the last inbox holds: never changed, because a worker may be reading it."""
-        self._has_new = False
+        self._filled: list[str] = []
+        """The ports whose queues are not empty."""
+        self._nothing = Inbox({}, self._taken)
         self.dropped = 0
 
     def put(self, port: str, envelope: Envelope[Any]) -> None:
@@ -121,21 +123,23 @@ class Mailbox:
                 self.dropped += 1
                 return
             queue.popleft()
+        elif not queue:
+            self._filled.append(port)
         queue.append(envelope)
         self._latest[port] = envelope
-        self._has_new = True
 
     def take(self) -> Inbox:
         """What the next cycle reads; the queues are empty afterwards."""
-        if not self._has_new:
-            return Inbox({}, self._taken)
+        if not self._filled:
+            return self._nothing
         new: dict[str, Sequence[Envelope[Any]]] = {}
-        for name, queue in self._queues.items():
-            if queue:
-                new[name] = tuple(queue)
-                queue.clear()
-        self._has_new = False
+        for name in self._filled:
+            queue = self._queues[name]
+            new[name] = tuple(queue)
+            queue.clear()
+        self._filled.clear()
         self._taken = self._latest.copy()
+        self._nothing = Inbox({}, self._taken)
         return Inbox(new, self._taken)
 
     def clear(self) -> None:
@@ -143,7 +147,8 @@ class Mailbox:
         for queue in self._queues.values():
             queue.clear()
         self._latest, self._taken = {}, {}
-        self._has_new = False
+        self._filled.clear()
+        self._nothing = Inbox({}, self._taken)
 
 
 def inbox_of(**messages: Envelope[Any] | Sequence[Envelope[Any]]) -> Inbox:

@@ -77,6 +77,7 @@ class Recorder:
         topics: TopicTable,
         metadata: Mapping[str, str],
         compression: Compression = "zstd",
+        flush_s: float = FLUSH_S,
     ) -> None:
         """Begins a log.
 
@@ -86,6 +87,7 @@ class Recorder:
             topics: which topics are logged; a topic without a row is.
             metadata: what the log says of itself, such as the platform's name; no paths, no dates.
             compression: of the messages.
+            flush_s: how long a message stays in memory at most.
 
         Raises:
             Gloc3Error: the file cannot be written.
@@ -96,6 +98,7 @@ class Recorder:
         except OSError as error:
             raise Gloc3Error(f"cannot write the log {stream_or_path}: {error.strerror}") from error
         self._clock = clock
+        self._flush_every_s = flush_s
         self._now_s = clock.now_s
         self._topics = topics
         self._offset_ns: Final = round(clock.utc_offset_s * 1e9)
@@ -134,11 +137,11 @@ class Recorder:
         """Records everything that passes an exchanger; with a loop, also flushes by itself."""
         self._subscriptions.append(exchange.subscribe("**", self.record))
         if loop is not None and self._timer is None:
-            self._timer = loop.call_later(FLUSH_S, self._tick, loop)
+            self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
 
     def flush(self, now_s: float) -> None:
-        """Hands what is in memory to the operating system when it is time; call it every `FLUSH_S`."""
-        if now_s - self._flushed_s >= 0.99 * FLUSH_S and self._is_open:
+        """Hands what is in memory to the operating system when it is time; call it more often than that."""
+        if now_s - self._flushed_s >= 0.99 * self._flush_every_s and self._is_open:
             self._flushed_s = now_s
             try:
                 self._writer.flush()
@@ -169,7 +172,7 @@ class Recorder:
 
     def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
         self.flush(self._now_s())
-        self._timer = loop.call_later(FLUSH_S, self._tick, loop)
+        self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
         if self._is_owner and not self._clock.is_virtual and (self._syncing is None or self._syncing.done()):
             # The disk may take long, and a loss of power must not take more than a second of the flight with it.
             self._syncing = loop.run_in_executor(None, _sync, self._stream)

@@ -6,6 +6,7 @@ charge: the one that is not quiet.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import inf
 from typing import Final, NamedTuple
 
 from gloc3.ci import Health, health_of
@@ -140,6 +141,8 @@ class Supervision:
         self._groups: Final = _groups_of(list(self._watched.values()))
         self._name = name
         self._orders = 0
+        self._next_s = -inf
+        """Before that there is nothing to do."""
 
     # --- what is known ---
 
@@ -185,6 +188,7 @@ class Supervision:
             return []
         if watched.heard_s is None:  # it comes, or comes back
             watched.recover()
+            self._next_s = -inf
         watched.state = status.state
         watched.heard_s = None if status.state is None else now_s
         if watched.pending is not None:  # what we have asked for is under way: its reply decides
@@ -197,6 +201,7 @@ class Supervision:
         pending = watched.pending if watched is not None else None
         if watched is None or pending is None or pending.request_id != reply.request_id:
             return []
+        self._next_s = -inf
         watched.pending = None
         watched.state = reply.state
         watched.heard_s = None if reply.state is None else now_s
@@ -206,6 +211,8 @@ class Supervision:
 
     def tick(self, now_s: float) -> list[Step]:
         """Looks at what is due: attempts, orders without reply, silent components."""
+        if now_s < self._next_s:
+            return []
         steps: list[Step] = []
         for watched in self._watched.values():
             pending = watched.pending
@@ -219,6 +226,8 @@ class Supervision:
                 watched.attempts += 1
                 is_in_charge = self._groups[watched.row.name].in_charge is watched
                 steps.append(self._order(watched, UP if is_in_charge else UP_QUIETLY, watched.reason, now_s))
+        next_s = self.next_tick_s()
+        self._next_s = inf if next_s is None else next_s
         return steps
 
     def next_tick_s(self) -> float | None:
@@ -287,6 +296,7 @@ class Supervision:
         plan: Reinitialize | None = watched.on_fault.reinitialize
         if watched.state is State.FAULTY and plan is not None and watched.attempts < plan.times:
             watched.due_s = now_s + plan.back_off_s * 2.0**watched.attempts
+            self._next_s = -inf
             return
         group = self._groups[watched.row.name]
         policy = group.primary.on_fault.then
@@ -325,6 +335,7 @@ class Supervision:
         limit_s: float | None = None,
     ) -> Order:
         self._orders += 1
+        self._next_s = -inf
         request_id = f"{self._name}-{self._orders}"
         patience_s = watched.row.timeout_s * len(commands) + MARGIN_S if limit_s is None else limit_s
         is_resume = commands[0] is Command.RESUME

@@ -55,6 +55,8 @@ from gloc3_sitl.world import World
 STATION_ID: Final = 255
 STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
+FLUSH_S: Final = 1.0
+"""How long a message stays in memory: in virtual time a second is over in some milliseconds."""
 AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
 STATION_RADIO: Final = Conditions(latency_s=0.03)
 
@@ -175,7 +177,7 @@ class Flight:
             return None
         self.plan.out.mkdir(parents=True, exist_ok=True)
         metadata = {"platform": self.platform.platform, "autopilot": self.plan.autopilot, "seed": str(self.plan.seed)}
-        recorder = Recorder(self.plan.out / "log.mcap", self.clock, self.topics, metadata)
+        recorder = Recorder(self.plan.out / "log.mcap", self.clock, self.topics, metadata, flush_s=FLUSH_S)
         recorder.attach_file(PLATFORM_FILE, "application/yaml", find_platform(self.plan.platform).read_bytes())
         recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
         recorder.attach(self.exchange, self.loop)

@@ -186,10 +186,10 @@ class Quadrotor:
         was0, was1, was2, was3 = self._rotors
         one, two, three, four = throttles
         linear = 1.0 - curve
-        one = 0.0 if not one > 0.0 else min(one, 1.0)
-        two = 0.0 if not two > 0.0 else min(two, 1.0)
-        three = 0.0 if not three > 0.0 else min(three, 1.0)
-        four = 0.0 if not four > 0.0 else min(four, 1.0)
+        one = 0.0 if not one > 0.0 else 1.0 if one > 1.0 else one
+        two = 0.0 if not two > 0.0 else 1.0 if two > 1.0 else two
+        three = 0.0 if not three > 0.0 else 1.0 if three > 1.0 else three
+        four = 0.0 if not four > 0.0 else 1.0 if four > 1.0 else four
         d0 = fastest * sqrt((curve * one + linear) * one) - was0
         d1 = fastest * sqrt((curve * two + linear) * two) - was1
         d2 = fastest * sqrt((curve * three + linear) * three) - was2

@@ -44,8 +44,12 @@ class TappedExchange(LocalExchange):
 
     def publish(self, envelope: Envelope[Any]) -> None:
         """Hands on what the topic's taps let through."""
+        taps = self._taps.get(envelope.topic)
+        if taps is None:
+            super().publish(envelope)
+            return
         passing: Sequence[Envelope[Any]] = (envelope,)
-        for tap in self._taps.get(envelope.topic, ()):
+        for tap in taps:
             passing = [after for before in passing for after in tap(before)]
         for one in passing:
             super().publish(one)

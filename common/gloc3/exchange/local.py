@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from gloc3.exchange.base import Deliver, Unsubscribe
@@ -46,10 +46,9 @@ class LocalExchange:
         if route is None:
             route = tuple(deliver for pattern, deliver in self._subscribers if matches(pattern, envelope.topic))
             self._routes[envelope.topic] = route
-        for deliver in route:
-            _, error = guard(deliver, envelope)
-            if error is not None:
-                _complain(f"a subscriber of {envelope.topic} failed", error)
+        rest = iter(route)
+        while (error := guard(_hand, rest, envelope)[1]) is not None:  # goes on behind the one that failed
+            _complain(f"a subscriber of {envelope.topic} failed", error)
 
     def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
         """Asks for a topic or a pattern of topics."""
@@ -103,6 +102,11 @@ class LocalExchange:
                 _, error = guard(changed, token, is_alive)
                 if error is not None:
                     _complain(f"a watcher of {token} failed", error)
+
+
+def _hand(rest: Iterator[Deliver], envelope: Envelope[Any]) -> None:
+    for deliver in rest:
+        deliver(envelope)
 
 
 def _complain(message: str, error: BaseException) -> None:

@@ -24,6 +24,10 @@ _NO_ERROR_S: Final = 1e-6
 """Times that differ by less are the same: sums of periods are not exact."""
 
 
+LONGEST_US: Final = 2e9
+"""What MESSAGE_INTERVAL can tell, rounded down."""
+
+
 class StreamScheduler(Service[Never]):
     """The vehicle's side: says which messages are due, and answers who wants them more or less often.
 
@@ -90,7 +94,7 @@ class StreamScheduler(Service[Never]):
             if number not in self._once:
                 self._once.append(number)
             return CommandResult.ACCEPTED
-        if not math.isfinite(value):
+        if not -1.0 <= value <= LONGEST_US:
             return CommandResult.DENIED
         if value == 0.0:
             usual_hz = self._usual_hz[number]

@@ -34,8 +34,14 @@ _NO_DATE: Final = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
 @contextmanager
-def drawing(file: Path, width_in: float, height_in: float) -> "Iterator[Figure]":
+def drawing(file: Path, width_in: float, height_in: float, *, is_fitted: bool = True) -> "Iterator[Figure]":
     """A figure in the project's style; it is written to `file` at the end.
+
+    Args:
+        file: the picture; its suffix says the format.
+        width_in: its width in inches.
+        height_in: its height in inches.
+        is_fitted: whether the margins are found by drawing everything twice; False: whoever draws sets them.
 
     Raises:
         Gloc3Error: matplotlib is not installed, the file's format is not known, or it cannot be written.
@@ -52,7 +58,7 @@ def drawing(file: Path, width_in: float, height_in: float) -> "Iterator[Figure]"
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)
-        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        figure = Figure(figsize=(width_in, height_in), layout="constrained" if is_fitted else None)
         yield figure
         try:
             figure.savefig(file, metadata=_NO_DATE.get(file.suffix))

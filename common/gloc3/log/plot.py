@@ -18,6 +18,7 @@ FENCE: Final = {"edgecolor": "#555555", "linestyle": (0, (6, 3)), "linewidth": 1
 KEEP_OUT: Final = {"edgecolor": "#555555", "facecolor": "#dddddd", "hatch": "///", "linewidth": 0.8}
 WIDTH_IN: Final = 8.0
 HEIGHT_VIEW_IN: Final = 2.4
+TOP_IN, BETWEEN_IN, BOTTOM_IN, LEFT_IN = 0.6, 0.75, 0.85, 0.6
 MARGIN_M: Final = 1.0
 NUMBERED_MAX: Final = 30
 """So many waypoints still get a number."""
@@ -53,8 +54,16 @@ def plot_path(
     north = _span([place[0] for place in places])
     east = _span([place[1] for place in places])
     plan_in = min(max((north[1] - north[0]) / (east[1] - east[0]) * (WIDTH_IN - 1.0), 2.5), 6.0)
-    with drawing(file, WIDTH_IN, plan_in + HEIGHT_VIEW_IN + 1.3) as figure:
+    height_in = TOP_IN + plan_in + BETWEEN_IN + HEIGHT_VIEW_IN + BOTTOM_IN
+    with drawing(file, WIDTH_IN, height_in, is_fitted=False) as figure:
         plan, height = figure.subplots(2, 1, height_ratios=[plan_in, HEIGHT_VIEW_IN])
+        figure.subplots_adjust(
+            left=LEFT_IN / WIDTH_IN,
+            right=1.0 - 0.15 / WIDTH_IN,
+            top=1.0 - TOP_IN / height_in,
+            bottom=BOTTOM_IN / height_in,
+            hspace=2.0 * BETWEEN_IN / (plan_in + HEIGHT_VIEW_IN),
+        )
         plan.set(xlim=east, ylim=north, aspect="equal", xlabel="east, m", ylabel="north, m", title="plan view")
         _draw_fence(plan, fence)
         _line(plan, [p[1] for p in requested], [p[0] for p in requested], REQUESTED, "requested")
@@ -63,9 +72,9 @@ def plot_path(
         if home is not None:
             plan.plot([home[1]], [home[0]], "s", color="black", markersize=6, zorder=5, label="home", gid="home")
         _draw_height(height, flown, requested, home, fence)
-        figure.legend(*plan.get_legend_handles_labels(), loc="outside lower center", ncols=6)
+        figure.legend(*plan.get_legend_handles_labels(), loc="lower center", ncols=6)
         if title:
-            figure.suptitle(title, x=0.02, ha="left", fontweight="bold")
+            figure.suptitle(title, x=0.02, y=1.0 - 0.1 / height_in, ha="left", fontweight="bold")
 
 
 def plot_flight(path: FlightPath, file: Path) -> None:

@@ -29,6 +29,8 @@ class ComponentBook:
         self._until_s = float("-inf")
         """What was last found out holds until then, unless a state changes."""
         self._told_errors: dict[str, int] = {}
+        self._troubled: dict[str, None] = {}
+        """The components whose count of errors has changed since it was last asked for."""
         self._table = 0
         """Grows with each change of the table, so that indices are never read by an older one."""
 
@@ -40,6 +42,8 @@ class ComponentBook:
                 self._until_s = float("-inf")
             if before is None or (before.kind, before.nominal_rate_hz) != (status.kind, status.nominal_rate_hz):
                 self._table += 1
+            if status.errors != self._told_errors.get(status.name, 0):
+                self._troubled[status.name] = None
             self._status[status.name] = status
             self._heard_s[status.name] = now_s
             if status.state in OPERATING:
@@ -125,8 +129,10 @@ class ComponentBook:
     def new_troubles(self) -> list[ComponentTrouble]:
         """The last errors in words, of the components whose count of errors has grown since this was last asked."""
         troubles = []
-        for name, status in self._status.items():
+        for name in self._troubled:
+            status = self._status[name]
             if status.errors > self._told_errors.get(name, 0):
                 troubles.append(ComponentTrouble(name=name, cause=status.cause, errors=status.errors))
             self._told_errors[name] = status.errors
+        self._troubled.clear()
         return troubles

@@ -1,7 +1,7 @@
 """The MAVLink front end: streams, requests, commands, routing, and what each style says of itself."""
 
 from collections import Counter
-from math import nan
+from math import inf, nan
 
 import pytest
 from hypothesis import given, settings
@@ -239,6 +239,32 @@ def test_commands_with_any_numbers_are_answered(command: int, params: list[float
         bench.send("COMMAND_LONG", target_system=1, target_component=1, command=command, **values, **rest)
     assert bench.counts["COMMAND_ACK"] > before
     bench.sim.autopilot.commander.disarm(Author.SELF, is_forced=True)
+
+
+@pytest.mark.parametrize(
+    ("command", "params"),
+    [
+        (192, (0.0, nan, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        (192, (0.0, inf, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        (511, (32.0, 1e25, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        (510, (32.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        (611, (0.0, 0.0, 0.0, 0.0, 47.0, 8.0, 1e30)),
+        (611, (0.0, 0.0, 0.0, 0.0, 4700.0, 8.0, 1e3)),
+        (179, (0.0, 0.0, 0.0, 0.0, 47.0, 8.0, 1e30)),
+    ],
+)
+@pytest.mark.parametrize("style", ["px4", "ardupilot"])
+def test_numbers_beyond_reason_are_refused_and_the_telemetry_goes_on(
+    style: str, command: int, params: tuple[float, ...]
+) -> None:
+    bench = Bench(style)
+    bench.run(1.0)
+    values = {f"param{index}": value for index, value in enumerate(params, start=1)}
+    bench.send("COMMAND_LONG", target_system=1, target_component=1, command=command, **values)
+    acks, beats = bench.counts["COMMAND_ACK"], bench.counts["HEARTBEAT"]
+    bench.run(5.0)
+    assert acks == 1
+    assert bench.counts["HEARTBEAT"] > beats
 
 
 @settings(max_examples=60)

@@ -109,17 +109,19 @@ class Outbox:
         if self._status.is_waiting:
             times_s.append(self._pacer.status.open_s())
         for peer in self._peers:
-            if peer.receiver.has_refusal or peer.wanted or any(peer.sender.has_work(lane) for lane in Lane):
+            sender = peer.sender
+            if peer.receiver.has_refusal or peer.wanted or any(map(sender.has_work, Lane)):
                 return line_s
-            copy_s = peer.sender.copy_s() if peer.is_alive else None
+            copy_s = sender.copy_s() if peer.is_alive else None
             times_s += [t_s for t_s in (peer.receiver.ack_s(), peer.ask_s(), copy_s) if t_s is not None]
         return max(line_s, min(times_s))
 
     def _choose(self, now_s: float) -> _Chosen | None:
+        first = self._answer(now_s) or self._introduce(now_s)
+        if first is not None or all(peer.sender.is_idle for peer in self._peers):
+            return first or self._best_effort()
         return (
-            self._answer(now_s)
-            or self._introduce(now_s)
-            or self._data(Lane.URGENT, now_s)
+            self._data(Lane.URGENT, now_s)
             or self._copy(now_s, is_idle=False)
             or self._best_effort()
             or self._data(Lane.ORDINARY, now_s)

@@ -162,6 +162,8 @@ class ReliableSender:
 
     def has_work(self, lane: Lane) -> bool:
         """Whether a fragment of a lane is to be sent now, new or known to be lost."""
+        if not self._lanes[lane]:
+            return False
         may_begin = lane is not Lane.BULK or self._may_fly
         return any(transfer.lost or (may_begin and transfer.fresh < transfer.count) for transfer in self._window(lane))
 
@@ -198,7 +200,7 @@ class ReliableSender:
     def _first_copy(self, *, is_idle: bool) -> tuple[float, Lane, _Transfer, int] | None:
         """Which fragment is to be repeated unasked next, and when: a few times soon, and anew after a round trip."""
         trips = self._round_trips
-        if trips.loss < LOSS_WORTH_COPIES:
+        if trips.loss < LOSS_WORTH_COPIES or self.is_idle:
             return None
         copies = self._copies
         slow_s = max(COPY_SPACING_S, LATE_ROUND_TRIPS * trips.smoothed_s)

@@ -38,9 +38,9 @@ class AttitudeController:
             r += (1.0 - 2.0 * (x * x + y * y)) * yaw_rate_rad_s
         limit_p, limit_q, limit_r = self.limit_rad_s
         return (
-            limit_p if p > limit_p else max(p, -limit_p),
-            limit_q if q > limit_q else max(q, -limit_q),
-            limit_r if r > limit_r else max(r, -limit_r),
+            limit_p if p > limit_p else -limit_p if p < -limit_p else p,
+            limit_q if q > limit_q else -limit_q if q < -limit_q else q,
+            limit_r if r > limit_r else -limit_r if r < -limit_r else r,
         )
 
 

@@ -46,9 +46,9 @@ class RateController:
             sum_p += gain_p * error_p * period
             sum_q += gain_q * error_q * period
             sum_r += gain_r * error_r * period
-            sum_p = limit if sum_p > limit else max(sum_p, -limit)
-            sum_q = limit if sum_q > limit else max(sum_q, -limit)
-            sum_r = limit if sum_r > limit else max(sum_r, -limit)
+            sum_p = limit if sum_p > limit else -limit if sum_p < -limit else sum_p
+            sum_q = limit if sum_q > limit else -limit if sum_q < -limit else sum_q
+            sum_r = limit if sum_r > limit else -limit if sum_r < -limit else sum_r
             self._integral = (sum_p, sum_q, sum_r)
         p_p, p_q, p_r = self._p
         d_p, d_q, d_r = self._d

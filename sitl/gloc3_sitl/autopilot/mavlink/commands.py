@@ -17,7 +17,8 @@ Handler = Callable[["Front", CommandRequest], Verdict]
 _FORCE: Final = 21196.0
 _MAGIC_FORCE: Final = 2989.0
 """ArduPilot's force-arming number."""
-_DENIED: Final = Verdict(Result.DENIED, "parameters out of range")
+OUT_OF_RANGE: Final = Verdict(Result.DENIED, "parameters out of range")
+MOST_HEIGHT_M: Final = 100_000.0
 _UNSUPPORTED: Final = Verdict(Result.UNSUPPORTED)
 _RELATIVE: Final = (3, 6)
 _CUSTOM_FLAG: Final = 1
@@ -45,9 +46,9 @@ def _arm(front: "Front", request: CommandRequest) -> Verdict:
 def _set_mode(front: "Front", request: CommandRequest) -> Verdict:
     base, main, sub = request.params[:3]
     if not (isfinite(base) and isfinite(main) and isfinite(sub)) or not int(base) & _CUSTOM_FLAG:
-        return _DENIED
+        return OUT_OF_RANGE
     if not 0 <= main < 2**16 or not 0 <= sub < 256:
-        return _DENIED
+        return OUT_OF_RANGE
     custom = int(main) << 16 | int(sub) << 24 if front.is_px4 else int(main)
     return front.commander.set_mode(custom, Author.COMMAND)
 
@@ -94,9 +95,6 @@ def _terminate(front: "Front", request: CommandRequest) -> Verdict:
 # -- places -----------------------------------------------------------------------------------------------------------
 
 
-_MOST_HEIGHT_M: Final = 100_000.0
-
-
 def _place(front: "Front", request: CommandRequest) -> Vector3 | Verdict:
     """The NED position of parameters 5 to 7; NaN means here."""
     craft = front.craft
@@ -107,11 +105,11 @@ def _place(front: "Front", request: CommandRequest) -> Vector3 | Verdict:
         return Verdict(front.commander.style.refused, "no global origin")
     if isfinite(latitude) and isfinite(longitude):
         if abs(latitude) > 90.0 or abs(longitude) > 180.0:
-            return _DENIED
+            return OUT_OF_RANGE
         n, e, _ = origin.ned_from_geo(latitude, longitude, origin.origin.altitude_m)
     if isfinite(height):
-        if abs(height) > _MOST_HEIGHT_M:
-            return _DENIED
+        if abs(height) > MOST_HEIGHT_M:
+            return OUT_OF_RANGE
         base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
         d = base - height if request.is_int and request.frame in _RELATIVE else origin.origin.altitude_m - height
     return (n, e, d)
@@ -125,7 +123,7 @@ def _reposition(front: "Front", request: CommandRequest) -> Verdict:
     if (
         style.takeoff_in_streamed
         and commander.mode.behaviour is not Behaviour.STREAMED
-        and not int(request.params[1]) & 1
+        and not (isfinite(request.params[1]) and int(request.params[1]) & 1)
     ):
         return Verdict(Result.DENIED, "not in GUIDED")
     yaw = request.params[3]
@@ -142,10 +140,7 @@ def _set_home(front: "Front", request: CommandRequest) -> Verdict:
 
 
 def _set_origin(front: "Front", request: CommandRequest) -> Verdict:
-    latitude, longitude, altitude = request.params[4:]
-    if not (isfinite(latitude) and isfinite(longitude) and isfinite(altitude)):
-        return _DENIED
-    return front.set_origin(GeoPoint(latitude, longitude, altitude))
+    return front.set_origin(GeoPoint(*request.params[4:]))
 
 
 # -- mission ----------------------------------------------------------------------------------------------------------
@@ -189,7 +184,7 @@ def _set_current(front: "Front", request: CommandRequest) -> Verdict:
 def _change_speed(front: "Front", request: CommandRequest) -> Verdict:
     speed = request.params[1]
     if not speed > 0.0:
-        return ACCEPTED if speed == -1.0 else _DENIED
+        return ACCEPTED if speed == -1.0 else OUT_OF_RANGE
     front.craft.tuning.limits.speed_xy_m_s = min(speed, front.craft.tuning.gains.speed_xy_m_s)
     return ACCEPTED
 
@@ -199,7 +194,7 @@ def _change_speed(front: "Front", request: CommandRequest) -> Verdict:
 
 def _request_message(front: "Front", request: CommandRequest) -> Verdict:
     if not isfinite(request.params[0]):
-        return _DENIED
+        return OUT_OF_RANGE
     return front.request_message(int(request.params[0]), request)
 
 
@@ -240,14 +235,14 @@ def _source_set(front: "Front", request: CommandRequest) -> Verdict:
         return _UNSUPPORTED
     index = request.params[0]
     if index not in (1.0, 2.0, 3.0):
-        return _DENIED
+        return OUT_OF_RANGE
     return front.use_source_set(int(index))
 
 
 def _fence_enable(front: "Front", request: CommandRequest) -> Verdict:
     wanted = request.params[0]
     if wanted not in (0.0, 1.0):
-        return _DENIED
+        return OUT_OF_RANGE
     front.craft.tuning.fence_is_on = wanted == 1.0
     return ACCEPTED
 

@@ -36,6 +36,9 @@ _QUADROTOR: Final = 2
 _STANDBY, _ACTIVE, _CRITICAL, _EMERGENCY, _BOOT, _TERMINATED = 3, 4, 5, 6, 1, 8
 _ARMED, _CUSTOM = 128, 1
 _CALIBRATION_S: Final = 1.0
+_BUSY_S: Final = 1.0
+"""So long after the last message to or from a service they are looked at in every outer period, and rarely otherwise."""
+_RARELY_S: Final = 0.1
 
 
 class Front:
@@ -76,6 +79,7 @@ class Front:
         self._producers = {codec.shape(name).id: produce for name, produce in PRODUCERS.items()}
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
         self._calibration: tuple[CommandRequest, float] | None = None
+        self._busy_until_s = self._serve_s = 0.0
         self._told = (-1, -1)
         self._home_told: Home | None = None
         self._origin_told: TangentPlane | None = None
@@ -111,6 +115,7 @@ class Front:
     def say(self, severity: Severity, text: str) -> None:
         """Sends a sentence to everybody."""
         self._texts.say(int(severity), text)
+        self._serve_s = 0.0
 
     @property
     def producible(self) -> list[str]:
@@ -121,7 +126,7 @@ class Front:
 
     def _take(self, frame: Frame) -> None:
         now_s = self.craft.now_s
-        self._node.receive(frame, now_s)
+        is_service = self._node.receive(frame, now_s)
         listen = self._listeners.get(frame.message_id)
         if listen is not None:
             message = frame.decode()
@@ -131,19 +136,26 @@ class Front:
                 except Refused as refusal:
                     self.refused_setpoints += 1
                     self.refusal = str(refusal)
-        self._serve()
+        if is_service:
+            self._busy_until_s = now_s + _BUSY_S
+            self._serve()
 
     def _serve(self) -> None:
         """Runs the commands that have come, and sends what the services have to say."""
+        now_s = self.craft.now_s
+        self._serve_s = now_s + _RARELY_S
         self.plans.tick()
         self._parameters.tick()
         for request in self._commands.events():
             verdict = commands.handle(self, request)
             if verdict.result is Result.IN_PROGRESS:
                 self._calibration = (request, self.craft.now_s + _CALIBRATION_S)
-            self._commands.answer(request, CommandResult(int(verdict.result)), now_s=self.craft.now_s)
+            self._commands.answer(request, CommandResult(int(verdict.result)), now_s=now_s)
         send = self.router.send
-        for message in self._node.outgoing():
+        messages = self._node.outgoing()
+        if len(messages) > 1:
+            self._busy_until_s = now_s + _BUSY_S
+        for message in messages:
             send(message)
 
     # -- out ----------------------------------------------------------------------------------------------------------
@@ -154,8 +166,9 @@ class Front:
         if self._calibration is not None and now_s >= self._calibration[1]:
             self._commands.answer(self._calibration[0], CommandResult.ACCEPTED, now_s=now_s)
             self._calibration = None
-        self._node.tick(now_s)
-        self._serve()
+        if now_s >= self._serve_s or now_s < self._busy_until_s:
+            self._node.tick(now_s)
+            self._serve()
         self._tell_mission()
         self._tell_places()
         made: dict[int, MavlinkMessage | None] = {}
@@ -184,6 +197,7 @@ class Front:
         if (base, custom) != self._told:
             self._told = (base, custom)
             heartbeat.send_now()
+            self._serve_s = 0.0
 
     def _tell_mission(self) -> None:
         """Items that were reached since the last time."""
@@ -281,6 +295,9 @@ class Front:
     def set_origin(self, place: GeoPoint) -> Verdict:
         """Fixes the estimator's origin, where there is none yet."""
         estimator = self.autopilot.estimator
+        latitude, longitude, altitude_m = place
+        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(altitude_m) <= commands.MOST_HEIGHT_M):
+            return commands.OUT_OF_RANGE
         if estimator.origin is not None:
             return Verdict(self.commander.style.refused, "the origin is set already")
         estimator.set_origin(place)

@@ -31,15 +31,14 @@ _DEFAULTS: Final[Mapping[str, Mapping[LinkKind, Mapping[str, float]]]] = {
         },
         LinkKind.COMPANION: {
             **_SLOW,
-            "ALTITUDE": 5.0,
-            "ATTITUDE": 10.0,
+            "ALTITUDE": 1.0,
             "ATTITUDE_QUATERNION": 25.0,
             "DISTANCE_SENSOR": 10.0,
             "ESTIMATOR_STATUS": 1.0,
             "GPS_GLOBAL_ORIGIN": 1.0,
             "GLOBAL_POSITION_INT": 5.0,
             "LOCAL_POSITION_NED": 25.0,
-            "POSITION_TARGET_LOCAL_NED": 5.0,
+            "POSITION_TARGET_LOCAL_NED": 1.0,
         },
     },
     # ArduPilot is silent until somebody asks, by SET_MESSAGE_INTERVAL, REQUEST_DATA_STREAM or a stream parameter.

@@ -89,6 +89,10 @@ class Link:
             for peer in self._peers.alive
         ]
 
+    def round_trip_s(self, platform: str) -> float | None:
+        """How long something to a platform and its answer are on their way here; None where that is not known."""
+        return self._tunnel.round_trip_s(platform)
+
     def close(self) -> None:
         """Sends and hears nothing more."""
         self._timer.cancel()
@@ -171,6 +175,11 @@ class Links:
             )
             parts.append(f"{endpoint.url} ({aside})" if aside else endpoint.url)
         return ", ".join(parts)
+
+    def round_trip_s(self, platform: str) -> float | None:
+        """The same over the quickest link that leads there."""
+        trips = [trip for _, link in self._open if (trip := link.round_trip_s(platform)) is not None]
+        return min(trips, default=None)
 
     async def close(self) -> None:
         """Closes all."""

@@ -135,6 +135,7 @@ class Session:
         exchange, topics = LocalExchange(), TopicTable.installed()
         boot = secrets.randbits(32)
         station = Station(exchange, asyncio.get_running_loop(), str(self._system), boot)
+        station.round_trip_s = self._links.round_trip_s
         try:
             await self._links.open(
                 self._urls,

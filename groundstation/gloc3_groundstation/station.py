@@ -26,6 +26,8 @@ class Station:
         self.client: Final = CommandClient(exchange, loop, station, boot)
         self.now_s: Final[Callable[[], float]] = loop.time
         self.started_s: Final = loop.time()
+        self.round_trip_s: Callable[[str], float | None] = lambda _: None
+        """How long something to a platform and its answer are on their way; told by whoever holds the links."""
         self._loop = loop
         self._listeners: list[Listener] = []
         self._tasks: set[asyncio.Task[Any]] = set()

@@ -1,7 +1,7 @@
 """A station's terminal with a scripted platform: what Pilot tests and screenshots have in common."""
 
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +19,8 @@ from gloc3_groundstation.station import Station
 from gloc3_groundstation.tui.app import StationApp
 from gloc3_groundstation.tui.lines import text_of
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.screen import SMALLEST
+from gloc3_groundstation.tui.screens.table import SCREENS
 
 from .scripted_platform import TASKS, ScriptedPlatform
 
@@ -35,15 +37,23 @@ class Scene(NamedTuple):
     def shown(self, panel: str) -> str:
         """The text of a panel of the screen that is shown (also below a dialogue)."""
         self.app.look()
-        return "\n".join(text_of(line) for line in self.app.screen_stack[0].query_one(f"#{panel}", Panel).lines)
+        panels = self.app.base.query(f"#{panel}").results(Panel) if self.app.base is not None else ()
+        return "\n".join(text_of(line) for each in panels for line in each.lines)
 
     async def until(self, panel: str, text: str) -> None:
         """Waits until a panel shows a text."""
-        for _ in range(300):
-            if text in self.shown(panel):
+        try:
+            await self.wait(lambda: text in self.shown(panel))
+        except AssertionError:
+            raise AssertionError(f"{panel} never showed {text!r}:\n{self.shown(panel)}") from None
+
+    async def wait(self, is_so: Callable[[], bool]) -> None:
+        """Waits until something is so."""
+        for _ in range(600):
+            if is_so():
                 return
             await self.pilot.pause(0.003)
-        raise AssertionError(f"{panel} never showed {text!r}:\n{self.shown(panel)}")
+        raise AssertionError("it never came to that")
 
     async def press(self, *keys: str) -> None:
         """Presses keys without waiting for the processor to be idle, as `Pilot.press` does."""
@@ -53,9 +63,19 @@ class Scene(NamedTuple):
 
     async def go(self, digit: str) -> None:
         """Shows the screen of a digit."""
+        row = next(row for row in SCREENS if digit in (row.key, f"f{row.key}"))
         self.app.simulate_key(digit)
-        await self.pilot.pause()
-        await self.pilot.pause()
+        await self.wait(lambda: self.app.current_mode == row.name)
+        await self.wait(lambda: self.is_shown(row.name))
+
+    def is_shown(self, name: str) -> bool:
+        """Whether a screen is there and has been filled."""
+        base = self.app.base
+        return (
+            base is not None
+            and base.row.name == name
+            and any(panel.lines for panel in base.query("#tabs").results(Panel))
+        )
 
     def asked(self, kind: type) -> list[object]:
         """The requests of a kind that the platform has had."""
@@ -102,9 +122,10 @@ async def scene(
         **options,
     )
     async with app.run_test(size=size) as pilot:
-        await pilot.pause()
+        here = Scene(app, pilot, platform, station, exchange)
+        await here.wait(lambda: here.is_shown(app.current_mode) or app.size.width < SMALLEST[0])
         try:
-            yield Scene(app, pilot, platform, station, exchange)
+            yield here
         finally:
             platform.is_deaf = True
             station.close()

@@ -129,3 +129,15 @@ async def test_links_are_opened_described_and_closed() -> None:
         assert links.describe() == "udpin://127.0.0.1:0"
     finally:
         await links.close()
+
+
+def test_the_round_trip_to_a_platform_is_known_from_greetings() -> None:
+    async def play(scene: Scene) -> None:
+        await flights.await_platform(scene.station, None)
+        assert scene.link.round_trip_s("nobody") is None
+        passed: asyncio.Future[None] = scene.platform.loop.create_future()
+        scene.platform.loop.call_later(10.0, passed.set_result, None)
+        await passed
+        assert scene.link.round_trip_s("heron") == pytest.approx(0.6, abs=0.15)
+
+    over(Conditions(latency_s=0.3), play)

@@ -3,7 +3,8 @@
 from unittest.mock import patch
 
 import pytest
-from textual.widgets import Input
+from textual.command import CommandPalette
+from textual.widgets import Input, OptionList
 
 from gloc3.ci import ControlState, Emergency, EmergencyVerb, LoadMission, Steer, Verb
 from gloc3_groundstation.configuration import Configuration, LastSession
@@ -76,7 +77,7 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
         await here.press("space", "l")
         await here.until("events", "emergency land")
         await here.press("space", "d")
-        await here.pilot.pause()
+        await here.wait(lambda: bool(here.app.screen.query(Input)))
         for name in ("herron", "heron"):
             here.app.screen.query_one(Input).value = name
             await here.press("enter")
@@ -122,8 +123,7 @@ async def test_digits_and_function_keys_show_the_screens_and_only_the_one_that_i
             here.app.look()
             assert not look.called
         await here.press("down", "down", "down")
-        await here.pilot.pause()
-        assert "data processor, required, 20 Hz" in here.shown("component")
+        await here.until("component", "data processor, required, 20 Hz")
 
 
 @pytest.mark.sockets
@@ -131,7 +131,9 @@ async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere(
     async with scene(None) as here:
         await here.go("3")
         await here.press("question_mark")
-        await here.pilot.pause()
+        await here.wait(
+            lambda: isinstance(here.app.screen, HelpScreen) and here.app.screen.query_one(Panel).lines != []
+        )
         screen = here.app.screen
         assert isinstance(screen, HelpScreen)
         said = "\n".join(text_of(line) for line in screen.query_one(Panel).lines)
@@ -139,7 +141,7 @@ async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere(
         assert "space     HOLD: the vehicle holds at once" in said
         assert "1         Overview: is everything all right?" in said
         await here.press("escape")
-        assert here.app.screen is not screen
+        await here.wait(lambda: here.app.screen is not screen)
 
 
 @pytest.mark.sockets
@@ -152,7 +154,7 @@ async def test_an_alert_stands_on_every_screen_until_it_is_acknowledged() -> Non
         assert "battery at or below 15 %" in here.shown("alert")
         assert "1 alert" in here.shown("title")
         await here.press("x")
-        assert here.shown("alert") == ""
+        await here.wait(lambda: here.shown("alert") == "")
         assert "1 known" in here.shown("title")
 
 
@@ -162,13 +164,12 @@ async def test_the_palette_offers_what_can_be_done_now() -> None:
         here.platform.speak()
         await here.until("facts", "all 13 well")
         await here.press("ctrl+p")
-        await here.pilot.pause(0.05)
-        for letter in "daylight":
-            here.app.simulate_key(letter)
-        await here.pilot.pause(0.3)
+        await here.wait(lambda: isinstance(here.app.screen, CommandPalette))
+        await here.wait(lambda: any(found.option_count for found in here.app.screen.query(OptionList)))
+        here.app.screen.query_one(Input).value = "daylight"
+        await here.wait(lambda: here.app.screen.query_one(OptionList).option_count == 1)
         await here.press("enter")
-        await here.pilot.pause(0.05)
-        assert here.app.theme == "daylight"
+        await here.wait(lambda: here.app.theme == "daylight")
         assert here.app.configuration().theme == "daylight"
 
 
@@ -182,7 +183,7 @@ async def test_the_vehicle_key_looks_at_the_next_and_what_was_in_view_is_kept_fo
         egret.speak()
         await here.until("title", "egret 2/2")
         await here.press("v")
-        assert "heron 1/2" in here.shown("title")
+        await here.until("title", "heron 1/2")
         kept = here.app.configuration().session
         assert (kept.platform, kept.screen) == ("heron", "health")
 
@@ -194,8 +195,7 @@ async def test_a_terminal_that_is_too_small_says_so_and_the_emergency_key_works_
         assert "This terminal has 60 × 20 characters." in here.shown("too_small")
         assert not here.app.screen.query_one("#body").display
         await here.press("space")
-        await here.pilot.pause()
-        assert here.asked(Emergency)
+        await here.wait(lambda: bool(here.asked(Emergency)))
         await here.pilot.resize_terminal(80, 24)
         await here.until("title", "heron")
-        assert here.app.screen.query_one("#body").display
+        await here.wait(lambda: here.app.screen.query_one("#body").display)

@@ -84,7 +84,9 @@ def test_a_silent_link_is_the_loudest_thing_in_the_title() -> None:
 def test_a_lossy_link_tells_how_much_is_lost() -> None:
     lossy = replace(PLATFORM, link=LinkStatistics(loss=0.2))
     assert "link 20 % lost" in text_of(title_line(view(lossy), 80))
-    assert "80 % of status arrives" in "\n".join(texts(detail_lines(view(lossy))))
+    assert " link      80 % arrives" in texts(detail_lines(view(lossy)))
+    far = texts(detail_lines(view(lossy)._replace(round_trip_s=0.62)))
+    assert " link      80 % arrives, 620 ms round" in far
 
 
 def test_ten_screens_stand_in_one_line_of_80() -> None:

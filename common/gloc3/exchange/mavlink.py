@@ -131,6 +131,11 @@ class MavlinkExchange:
         best = next((peer.clock.best for peer in self.endpoint.peers() if peer.name == name), None)
         return None if best is None else best.offset_s
 
+    def round_trip_s(self, name: str) -> float | None:
+        """How long the last greeting to a peer and its answer were on their way; None while that is not known."""
+        last = next((peer.clock.latest for peer in self.endpoint.peers() if peer.name == name), None)
+        return None if last is None else last.round_trip_s
+
     def heard_age_s(self, name: str) -> float | None:
         """How long ago anything came from a peer; None for one that is not known."""
         heard_s = [peer.heard_s for peer in self.endpoint.peers() if peer.name == name]

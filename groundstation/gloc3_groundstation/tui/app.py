@@ -113,6 +113,12 @@ class StationApp(App[End | None]):
         """The platform in view."""
         return self._in_view.platform(self.desk.station.fleet)
 
+    @property
+    def base(self) -> StationScreen | None:
+        """The screen that is shown, perhaps below a dialogue; None before the first and after the last."""
+        found = next(iter(self.screen_stack), None)
+        return found if isinstance(found, StationScreen) else None
+
     def view(self) -> View:
         """Everything that is known now."""
         station, platform = self.desk.station, self.platform
@@ -125,14 +131,15 @@ class StationApp(App[End | None]):
             moves=self.desk.moves(platform) if platform is not None else frozenset(),
             plan=self.desk.plan,
             alerts=self.desk.alerts(),
+            round_trip_s=station.round_trip_s(platform.name) if platform is not None else None,
             waiting_for=self._waiting_for(),
         )
 
     def look(self) -> None:
         """Shows the fleet as it is now on the screen that is shown; panels draw only what has changed."""
         self._in_view.settle(self.desk.station.fleet, self.desk.station.now_s())
-        view, base = self.view(), self.screen_stack[0]
-        if isinstance(base, StationScreen):
+        view, base = self.view(), self.base
+        if base is not None:
             base.show(view)
         possible = view.moves, min(len(view.fleet.platforms), 2), bool(view.alerts.pending)
         if possible != self._was_possible:
@@ -166,8 +173,8 @@ class StationApp(App[End | None]):
 
     def action_help(self) -> None:
         """Explains the screen in view and its keys."""
-        base = self.screen_stack[0]
-        if isinstance(base, StationScreen):
+        base = self.base
+        if base is not None:
             screens = [(row.key, row.title, row.help) for row in SCREENS]
             self.push_screen(HelpScreen(base.row.title, base.HELP, help_keys(base, self), screens))
 

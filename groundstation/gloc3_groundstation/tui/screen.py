@@ -138,7 +138,7 @@ class StationScreen(Screen[None]):
     def show(self, view: View) -> None:
         """Shows a view."""
         self.view = view
-        if self.has_class("-too-small") or not self.is_mounted or not self.size.width:
+        if self.has_class("-too-small") or not self.is_mounted or not self.size.width or not self.is_attached:
             return
         width = self.size.width
         self.panel("title").show([title_line(view, width)])

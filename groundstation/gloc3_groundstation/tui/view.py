@@ -25,6 +25,8 @@ class View(NamedTuple):
     plan: Plan | None = None
     """The mission at hand."""
     alerts: Alerts = Alerts()
+    round_trip_s: float | None = None
+    """How long something to the vehicle in view and its answer are on their way; None while that is not known."""
     waiting_for: str = "the link"
     """What is listened to."""
 

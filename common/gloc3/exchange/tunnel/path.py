@@ -93,3 +93,8 @@ class PeerClock:
     def best(self) -> ClockSample | None:
         """The best exchange; None before the first."""
         return min(self._samples, key=lambda sample: sample.round_trip_s, default=None)
+
+    @property
+    def latest(self) -> ClockSample | None:
+        """The last exchange; None before the first."""
+        return self._samples[-1] if self._samples else None

@@ -27,6 +27,8 @@ COLUMNS: Final = (
     Column("alerts", 6, is_right=True, rank=1),
 )
 BAR_WIDTH: Final = 9
+SLOW_TRIP_S: Final = 1.0
+"""A round trip from which the operator should know that keys act late."""
 
 
 def vehicle_header(width: int) -> Line:
@@ -63,7 +65,7 @@ def detail_lines(view: View) -> list[Line]:
     if platform is None:
         return []
     now_s = view.now_s
-    facts: list[tuple[str, Span]] = [("control", _control(view, platform)), ("link", link_detail(platform, now_s))]
+    facts: list[tuple[str, Span]] = [("control", _control(view, platform)), ("link", link_detail(view, platform))]
     timed = platform.vehicle
     is_silent = platform.is_quiet_link(now_s)
     if timed is None:
@@ -149,13 +151,15 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
     return Span("ok", Tone.GOOD)
 
 
-def link_detail(platform: PlatformSnapshot, now_s: float) -> Span:
-    """The same in a sentence."""
-    if silence := wording.silence(platform, now_s):
+def link_detail(view: View, platform: PlatformSnapshot) -> Span:
+    """`98 % arrives, 320 ms there and back`, or for how long it has been silent."""
+    if silence := wording.silence(platform, view.now_s):
         return Span(silence, Tone.BAD)
-    loss = platform.link.loss
-    tone = Tone.WARN if loss >= wording.LOSS_WORTH_TELLING else Tone.TEXT
-    return Span(f"{(1.0 - loss) * 100.0:.0f} % of status arrives", tone)
+    loss, trip_s = platform.link.loss, view.round_trip_s
+    is_slow = trip_s is not None and trip_s >= SLOW_TRIP_S
+    trip = f", {trip_s * 1000.0:.0f} ms round" if trip_s is not None else ""
+    tone = Tone.WARN if loss >= wording.LOSS_WORTH_TELLING or is_slow else Tone.TEXT
+    return Span(f"{(1.0 - loss) * 100.0:.0f} % arrives{trip}", tone)
 
 
 def worst_span(platform: PlatformSnapshot, now_s: float) -> Span:

@@ -1,24 +1,26 @@
 """Speed, determinism and accuracy of flights in virtual time, and control flights that must turn the figures red."""
 
 import filecmp
-import itertools
 import math
 import os
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from tests.evidence.page import ROOT, Bar, Figure, Progress
+from tests.flight.accuracy import CALM_LIMITS, WIND_RMS_M, cut_corners, hover, skip_a_leg
+from tests.flight.card import Card
 
-from gloc3_sitl.path_error import PathResult, Sample, path_error
+from gloc3_sitl.path_error import PathResult
 
 GLOC3 = str(ROOT / ".venv/bin/gloc3")
 SPEED_RUNS = 3
-CALM_RMS_M, CALM_MAX_M, WIND_RMS_M = 0.15, 0.5, 0.35
+CALM_RMS_M, CALM_MAX_M = CALM_LIMITS
 LEAST_SHARE = 0.9
 CONTROL_SPEED_M_S = 0.5
 
@@ -77,25 +79,19 @@ def same() -> dict[str, Any]:
 
 def controls() -> dict[str, dict[str, float]]:
     """Flights that are wrong on purpose, judged like the others."""
-    way = [(0.0, 0.0, -2.0), (10.0, 0.0, -2.0), (10.0, 10.0, -2.0), (0.0, 10.0, -2.0)]
-    flights = {
-        "hovers": [way[0], way[0]],
-        "skips a leg": [way[0], way[2], way[3]],
-        "cuts corners": [way[0], (8.5, 0.0, -2.0), (10.0, 1.5, -2.0), (10.0, 8.5, -2.0), (8.5, 10.0, -2.0), way[3]],
+    return {
+        name: _figures(_on_a_card(wrong))
+        for name, wrong in (("hovers", hover), ("skips a leg", skip_a_leg), ("cuts corners", cut_corners))
     }
-    return {name: _figures(path_error(_samples(points), way)) for name, points in flights.items()}
 
 
-def _samples(points: list[tuple[float, float, float]]) -> list[Sample]:
-    samples, t_s = [], 0.0
-    for a, b in itertools.pairwise(points):
-        steps = max(300 if a == b else 1, round(math.dist(a, b) / CONTROL_SPEED_M_S * 10))
-        for step in range(steps):
-            share = step / steps
-            n, e, d = (p + (q - p) * share for p, q in zip(a, b, strict=True))
-            samples.append(Sample(t_s, (n, e, d)))
-            t_s += 0.1
-    return samples
+def _on_a_card(wrong: Callable[[Card], PathResult]) -> PathResult:
+    with tempfile.TemporaryDirectory() as folder:
+        card = Card("px4", Path(folder))
+        try:
+            return wrong(card)
+        finally:
+            card.close()
 
 
 def _figures(result: PathResult) -> dict[str, float]:

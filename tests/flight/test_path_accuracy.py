@@ -1,44 +1,9 @@
 """How well the requested path is kept, in calm air and in gusts; and flights that are to turn each figure red."""
 
-from collections.abc import Sequence
-from typing import Any
-
-import msgspec
+from tests.flight.accuracy import CALM_LIMITS, SPEED_M_S, WIND_RMS_M, cut_corners, fly, hover, skip_a_leg
 from tests.flight.card import Card
-from tests.flight.missions import mission
 
-from gloc3.frames import Vector3
-from gloc3.messages import Envelope
-from gloc3_sitl.path_error import PathResult, path_error
-from gloc3_sitl.wind import CALM, Wind, gusty
-
-SPEED_M_S = 0.5
-LANES = [(1.0, 0.0, 2.0), (8.0, 0.0, 2.0), (8.0, 2.0, 2.0), (1.0, 2.0, 2.0)]
-CALM_LIMITS = (0.15, 0.5)
-"""RMS and greatest error, in metres."""
-WIND_RMS_M = 0.35
-
-
-def lanes(waypoints: Sequence[Vector3]) -> str:
-    """The sweep of a patrol, short."""
-    listed = [list(waypoint) for waypoint in waypoints]
-    return mission(f"{{out: {{follow_waypoints: {{waypoints_m: {listed}, speed_m_s: {SPEED_M_S}}}}}}}")
-
-
-def figures(flight: Card, requested: Sequence[Vector3] = LANES) -> PathResult:
-    """Of the sweep, against the way that was asked for."""
-    told = {event.text: event.t_s for event in flight.events}
-    begin_s, end_s = told["sweep.out running"], told.get("sweep.out done", flight.now_s)
-    samples = [sample for sample in flight.flight.samples if begin_s <= sample.t_s <= end_s]
-    polyline = [samples[0].position_ned_m, *((x, -y, -height) for x, y, height in requested)]
-    return path_error(samples, polyline)
-
-
-def fly(flight: Card, waypoints: Sequence[Vector3] = LANES, wind: Wind = CALM) -> PathResult:
-    """Flies the lanes to their end."""
-    flight.begin(lanes(waypoints), wind=wind)
-    flight.await_state("sweep", "done", 80.0)
-    return figures(flight)
+from gloc3_sitl.wind import gusty
 
 
 def test_in_calm_air_the_path_is_kept_within_decimetres_at_the_speed_that_was_asked(flight: Card) -> None:
@@ -57,31 +22,19 @@ def test_in_gusts_of_a_wind_of_6_m_s_the_path_is_kept_too(flight: Card) -> None:
 
 
 def test_a_flight_that_hovers_passes_nothing_and_has_no_speed(flight: Card) -> None:
-    flight.begin(lanes(LANES))
-    flight.await_state("sweep.out", "running")
-    first: list[Vector3] = []
-
-    def freeze(envelope: Envelope[Any]) -> Sequence[Envelope[Any]]:
-        first.append(envelope.payload.position_ned_m)
-        frozen = msgspec.structs.replace(envelope.payload, position_ned_m=first[0], velocity_ned_m_s=(0.0, 0.0, 0.0))
-        return (msgspec.structs.replace(envelope, payload=frozen),)
-
-    flight.flight.exchange.tap(f"{flight.flight.name}/setpoint_wanted/waypoints", freeze)
-    flight.wait(15.0)
-    result = figures(flight)
+    result = hover(flight)
     assert result.passed == 0
     assert result.slowest_m_s < 0.9 * SPEED_M_S
 
 
 def test_a_flight_that_skips_a_leg_has_great_errors(flight: Card) -> None:
-    result = fly(flight, [LANES[0], LANES[3]])
+    result = skip_a_leg(flight)
     assert result.rms_m > WIND_RMS_M
     assert result.max_m > CALM_LIMITS[1]
     assert not result.is_complete
 
 
 def test_a_flight_that_cuts_corners_misses_waypoints(flight: Card) -> None:
-    cut = [LANES[0], (6.5, 0.0, 2.0), (8.0, 1.0, 2.0), (6.5, 2.0, 2.0), LANES[3]]
-    result = fly(flight, cut)
+    result = cut_corners(flight)
     assert result.max_m > CALM_LIMITS[1]
     assert not result.is_complete

@@ -26,6 +26,16 @@ VIRTUAL_EPOCH_S: Final = datetime(2026, 1, 1, tzinfo=UTC).timestamp()
 """UTC at which virtual time starts, in seconds since 1970."""
 
 
+def utc_text(utc_s: float, form: str = "%Y-%m-%d %H:%M") -> str:
+    """A moment for people, in UTC.
+
+    Args:
+        utc_s: seconds since 1970.
+        form: as `strftime` takes it.
+    """
+    return datetime.fromtimestamp(utc_s, UTC).strftime(form)
+
+
 class Clock:
     """The time of one process: `now_s()`, and what turns it into UTC for people and logs."""
 

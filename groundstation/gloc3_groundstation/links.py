@@ -4,15 +4,17 @@ import asyncio
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from gloc3.exchange.base import Exchange
+from gloc3.clock import Clock
+from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, Trouble
 from gloc3.exchange.tunnel.pacing import LinkBudget
-from gloc3.link.codec import Encoder, Parser, enums, shape
+from gloc3.link.codec import Encoder, Frame, Parser, enums, shape
 from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, open_endpoint, parse_url
-from gloc3.link.heartbeat import Heartbeat, Peers
+from gloc3.link.heartbeat import Heartbeat, Peer, Peers
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
+from gloc3.link.signing import Signing, timestamp
 from gloc3.topics import TopicTable
 
 STATION_COMPONENT: Final = 190
@@ -38,6 +40,7 @@ class Link:
         told: Told,
         is_datagram: bool = True,
         budget: LinkBudget | None = None,
+        signing: Signing | None = None,
     ) -> None:
         """Begins to send heartbeats and to look for platforms.
 
@@ -51,14 +54,18 @@ class Link:
             told: is told what a person should know.
             is_datagram: whether the bytes come in whole frames.
             budget: what the link carries.
+            signing: signs all that is sent, and judges all that is heard; None on a link without a key.
         """
         own = Address(system, STATION_COMPONENT)
         self._loop = loop
+        self._signing = signing
+        self._utc_offset_s = Clock(loop).utc_offset_s
+        self._listeners: list[Callable[[Frame], None]] = []
         self._send = send
         self._told = told
         self._tunnel_id = shape("TUNNEL").id
         self._parser = Parser(is_datagram=is_datagram)
-        self._encoder = Encoder(*own)
+        self._encoder = Encoder(*own, signing)
         self._peers = Peers(own)
         self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
         self._own = own
@@ -73,6 +80,8 @@ class Link:
         """Takes bytes from the link."""
         now_s = self._loop.time()
         for frame in self._parser.receive(data):
+            if self._signing is not None and not self._signing.verify(frame).is_good:
+                continue
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
@@ -81,6 +90,31 @@ class Link:
                 self._is_doubled()
             else:
                 self._node.receive(frame, now_s)
+                for listener in tuple(self._listeners):
+                    listener(frame)
+
+    @property
+    def own(self) -> Address:
+        """As whom the station speaks here."""
+        return self._own
+
+    @property
+    def autopilots(self) -> list[Peer]:
+        """The autopilots that are heard here now, in the order in which they came."""
+        return self._peers.autopilots
+
+    def listen(self, listener: Callable[[Frame], None]) -> Unsubscribe:
+        """Is told every frame of others that comes, those of the command link excepted."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener) if listener in self._listeners else None
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends a message of the station's."""
+        self._send_message(message)
+
+    def forward(self, frame: Frame) -> None:
+        """Sends a frame that a library behind this link has made in the station's name."""
+        self._send(self._encoder.forward(frame))
 
     def heard(self) -> list[str]:
         """Who is there, told by their heartbeats: `autopilot 1/1`, `system 1/191`."""
@@ -101,6 +135,8 @@ class Link:
 
     def _tick(self) -> None:
         now_s = self._loop.time()
+        if self._signing is not None:
+            self._signing.advance(timestamp(now_s + self._utc_offset_s))
         self._node.tick(now_s)
         for message in self._node.outgoing():
             self._send_message(message)
@@ -180,6 +216,10 @@ class Links:
         """The same over the quickest link that leads there."""
         trips = [trip for _, link in self._open if (trip := link.round_trip_s(platform)) is not None]
         return min(trips, default=None)
+
+    def autopilots(self) -> list[tuple[Link, Address]]:
+        """Every autopilot that is heard now, with the link on which it is."""
+        return [(link, peer.address) for _, link in self._open for peer in link.autopilots]
 
     async def close(self) -> None:
         """Closes all."""

@@ -150,7 +150,19 @@ class Encoder:
             Misuse: a value does not fit its field; the text names the field.
         """
         shape = message.shape
-        payload = shape.encode(message).rstrip(b"\0") or b"\0"
+        return self._frame(shape, shape.encode(message).rstrip(b"\0") or b"\0")
+
+    def forward(self, frame: Frame) -> bytes:
+        """A frame of somebody who speaks in our name, numbered in our sequence and signed by us if that is done.
+
+        Raises:
+            Misuse: the dialect does not know the message, so its checksum cannot be made anew.
+        """
+        if frame.shape is None:
+            raise Misuse(f"message {frame.message_id} is not known and cannot be sent as ours")
+        return self._frame(frame.shape, frame.payload.rstrip(b"\0") or b"\0")
+
+    def _frame(self, shape: Shape, payload: bytes) -> bytes:
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
         number, signing = shape.id, self._signing

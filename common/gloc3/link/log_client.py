@@ -50,14 +50,16 @@ class LogDownload:
 
     __slots__ = ("_asked_s", "_budget", "_heard_s", "_missing", "data", "entry", "result", "target")
 
-    def __init__(self, target: Address, entry: LogEntry, now_s: float) -> None:
+    def __init__(self, target: Address, entry: LogEntry, now_s: float, begun: bytes = b"") -> None:
         self.target = target
         self.entry = entry
         self.data = bytearray(entry.size)
         """What has come so far; holes are zeros."""
         self.result: LogResult | None = None
         """None while it is not over."""
-        self._missing = dict.fromkeys(range(0, entry.size, PIECE_BYTES))
+        kept = min(len(begun), entry.size) // PIECE_BYTES * PIECE_BYTES if len(begun) < entry.size else entry.size
+        self.data[:kept] = begun[:kept]
+        self._missing = dict.fromkeys(range(kept, entry.size, PIECE_BYTES))
         self._asked_s = self._heard_s = now_s
         self._budget = 100 + entry.size // PIECE_BYTES
 
@@ -66,6 +68,11 @@ class LogDownload:
         """From 0 to 1."""
         size = self.entry.size
         return 1.0 - len(self._missing) * PIECE_BYTES / (size + PIECE_BYTES) if self._missing else 1.0
+
+    @property
+    def whole_bytes(self) -> int:
+        """How much has come from the beginning on without a hole."""
+        return next(iter(self._missing), self.entry.size)
 
 
 LogEvent: TypeAlias = LogList | LogDownload
@@ -92,8 +99,14 @@ class LogClient(Service[LogEvent]):
         self._send_to(target, "LOG_REQUEST_LIST", start=0, end=ALL)
         return listing
 
-    def read(self, target: Address, entry: LogEntry, *, now_s: float) -> LogDownload:
+    def read(self, target: Address, entry: LogEntry, *, now_s: float, begun: bytes = b"") -> LogDownload:
         """Reads a log.
+
+        Args:
+            target: whose.
+            entry: which, as it was listed.
+            now_s: now.
+            begun: what is here of it already, from its beginning; it is not asked for again.
 
         Raises:
             Refused: another request is under way, or the log is too large.
@@ -101,9 +114,9 @@ class LogClient(Service[LogEvent]):
         self._check_idle()
         if entry.size > LARGEST_BYTES:
             raise Refused(f"log {entry.number}: {LogResult.TOO_LARGE}")
-        download = LogDownload(target, entry, now_s)
+        download = LogDownload(target, entry, now_s, begun)
         self._active = download
-        if entry.size == 0:
+        if not download._missing:
             self._end(download, LogResult.DONE)
         else:
             self._ask_for_data(download, now_s)

@@ -28,6 +28,7 @@ class ParameterResult(StrEnum):
     NO_SUCH = "there is no such parameter"
     REFUSED = "the vehicle keeps another value"
     NO_ANSWER = "no answer"
+    CANCELLED = "cancelled"
     TOO_MANY_LOSSES = "given up: too much was lost on the way"
 
 
@@ -154,6 +155,14 @@ class ParameterClient(Service[ParameterEvent]):
                 raise Refused(f"the type of {name} is not known; read it first")
             kind = known.type
         return self._begin(ParameterCall(target, name, parameter(name, value, kind), now_s), now_s)
+
+    def cancel(self, work: ParameterCall | ParameterFetch) -> None:
+        """Asks no more for a parameter or a list; what has been set stays set."""
+        if isinstance(work, ParameterFetch):
+            if self._fetches.get(work.target) is work:
+                self._end_fetch(work, ParameterResult.CANCELLED)
+        elif self._calls.get((work.target, work.name)) is work:
+            self._end(work, ParameterResult.CANCELLED)
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Takes in a value, or an error."""

@@ -9,6 +9,7 @@ from fastcrc.crc16 import mcrf4xx as checksum
 
 from gloc3.errors import Misuse
 from gloc3.link import codec
+from gloc3.link.signing import Signing, Verdict
 
 
 def test_fields_that_are_left_out_are_zero() -> None:
@@ -125,3 +126,16 @@ def test_importing_the_codec_does_not_import_pymavlink() -> None:
     code = "import sys, gloc3.link.codec; sys.exit('pymavlink' in sys.modules)"
     environment = {"PYTHONPATH": ":".join(sys.path)}
     assert subprocess.run([sys.executable, "-c", code], env=environment, check=False).returncode == 0
+
+
+def test_a_frame_made_in_our_name_is_numbered_and_signed_anew() -> None:
+    theirs, ours = codec.Encoder(255, 190), codec.Encoder(255, 190, Signing(bytes(32), link_id=1, now=5))
+    ours.encode(codec.message("HEARTBEAT"))
+    (made,) = codec.Parser().receive(theirs.encode(codec.message("MISSION_COUNT", count=7, target_system=1)))
+    (sent,) = codec.Parser().receive(ours.forward(made))
+    assert sent.decode() == made.decode()
+    assert (sent.sequence, sent.is_signed, made.sequence, made.is_signed) == (1, True, 0, False)
+    assert Signing(bytes(32), link_id=2, now=5).verify(sent) is Verdict.GENUINE
+    (unknown,) = codec.Parser().receive(b"\xfd\x01\0\0\0\xff\xbe\xee\xee\xee\x05\x11\x22")
+    with pytest.raises(Misuse, match="not known"):
+        ours.forward(unknown)

@@ -109,3 +109,17 @@ def test_logs_are_erased_only_where_that_is_allowed() -> None:
         client.erase_all(VEHICLE)
         pair.run(1.0)
         assert (logs.contents == {}) is may_erase
+
+
+@pytest.mark.parametrize("begun", [0, 1, 89, 90, 5000, 9_999, 10_000, 20_000])
+def test_what_is_here_already_is_not_asked_for_again(begun: int) -> None:
+    logs = MemoryLogs([10_000])
+    pair, _, client = wired(logs, 0.1)
+    entry = logs.entries()[0]
+    first = (logs.contents[1] + bytes(20_000))[:begun]
+    download = client.read(VEHICLE, entry, now_s=0.0, begun=first)
+    assert download.whole_bytes == (10_000 if begun >= 10_000 else begun // 90 * 90)
+    assert finish(pair, download) is LogResult.DONE
+    assert download.data == logs.contents[1]
+    assert download.whole_bytes == 10_000
+    assert (pair.link.a.sent == 0) == (begun >= 10_000)

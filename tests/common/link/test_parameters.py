@@ -161,3 +161,14 @@ def test_anything_at_all_may_come(bits: int, kind: int, encoding: ParameterEncod
     server.receive(
         message("PARAM_SET", param_id="MODE", param_value=bits, param_type=kind, target_system=1), STATION, 0.0
     )
+
+
+def test_a_fetch_and_a_call_may_be_cancelled_and_begun_again() -> None:
+    pair, _, client = wired()
+    fetch, call = client.fetch(VEHICLE, now_s=0.0), client.read(VEHICLE, "GAIN", now_s=0.0)
+    for work in (fetch, call):
+        client.cancel(work)
+        assert work.result is ParameterResult.CANCELLED
+        client.cancel(work)
+    assert client.next_tick_s() is None
+    assert finish(pair, client.fetch(VEHICLE, now_s=pair.now_s)) is ParameterResult.DONE

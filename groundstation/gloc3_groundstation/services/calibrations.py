@@ -1,0 +1,95 @@
+"""Calibration of a vehicle's sensors: begun, followed step by step, confirmed and cancelled.
+
+It goes through a machine of our own, not through MAVSDK's: that knows PX4 alone (all else is UNSUPPORTED), its
+`cancel()` blocks for good when the vehicle acknowledges late, and a vehicle that falls silent leaves it waiting
+(measured with 4.1).
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from gloc3.errors import Refused
+from gloc3.link.calibration import Calibration, CalibrationKind, CalibrationState
+from gloc3.link.calibration_ardupilot import ArduPilotCalibration
+from gloc3.link.calibration_px4 import Px4Calibration
+from gloc3_groundstation.services.facts import FactsService, Firmware
+from gloc3_groundstation.services.machines import Machines, Wire
+
+LAST_WORDS_S: Final = 2.0
+"""How long a cancelled calibration may take to tell the vehicle."""
+
+OnState = Callable[[CalibrationState], None]
+
+
+class CalibrationService:
+    """See the module. One calibration of a vehicle runs at a time."""
+
+    def __init__(self, wire: Wire, machines: Machines, facts: FactsService) -> None:
+        self._wire = wire
+        self._machines = machines
+        self._facts = facts
+        self._running: Calibration | None = None
+        self._own: Machines | None = None
+
+    @property
+    def state(self) -> CalibrationState | None:
+        """The calibration that runs; None without one."""
+        return None if self._running is None else self._running.state
+
+    async def run(self, kind: CalibrationKind, on_state: OnState | None = None) -> CalibrationState:
+        """Calibrates, and comes back when that is over; cancelling the task cancels it on the vehicle.
+
+        Args:
+            kind: what.
+            on_state: is told each new state: what to do, how far it is.
+
+        Returns:
+            The last state: done, failed with the reason, or cancelled.
+
+        Raises:
+            Refused: it cannot begin: the vehicle is armed, of an unknown firmware, or is being calibrated.
+        """
+        if self._running is not None:
+            raise Refused(f"the {self._running.state.kind} is being calibrated")
+        facts = await self._facts.learn(self._machines)
+        if facts.is_armed:
+            raise Refused("the vehicle is armed; sensors are calibrated on the ground, disarmed")
+        machine = {Firmware.PX4: Px4Calibration, Firmware.ARDUPILOT: ArduPilotCalibration}.get(facts.firmware)
+        if machine is None:
+            raise Refused("how to calibrate a vehicle of this firmware is not known")
+        running = self._running = machine(self._wire.own, facts.address, kind)
+        own = self._own = Machines(self._wire, facts.address.system, [running])
+        if on_state is not None:
+            own.on_event(on_state)
+        try:
+            running.begin(own.now_s)
+            await own.until(lambda: running.state.is_over)
+        finally:
+            if not running.state.is_over:
+                running.cancel(own.now_s)
+                own.settle()
+            own.loop.call_later(LAST_WORDS_S, own.close)
+            self._running = self._own = None
+        return running.state
+
+    def confirm(self) -> None:
+        """The vehicle lies as the instruction says.
+
+        Raises:
+            Refused: nothing waits for that.
+        """
+        if self._running is None or self._own is None:
+            raise Refused("nothing is being calibrated")
+        self._running.confirm(self._own.now_s)
+        self._own.settle()
+
+    def cancel(self) -> None:
+        """Stops the calibration that runs, if any; `run` comes back with the state *cancelled*."""
+        if self._running is not None and self._own is not None:
+            self._running.cancel(self._own.now_s)
+            self._own.settle()
+
+    def close(self) -> None:
+        """Leaves a calibration that runs; the vehicle is told no more."""
+        if self._own is not None:
+            self._own.close()

@@ -1,0 +1,110 @@
+"""What a vehicle says of itself: firmware, type, armed or not, version, and how it puts integers into parameters."""
+
+from contextlib import suppress
+from enum import StrEnum
+from typing import Final, Never
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.command import CommandClient
+from gloc3.link.interval import REQUEST_MESSAGE
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.parameter import ParameterEncoding
+from gloc3.link.service import Service
+from gloc3.link.version import AUTOPILOT_VERSION, Capability, Version, read_version
+from gloc3_groundstation.services.machines import Machines
+
+LEARN_S: Final = 5.0
+"""How long a vehicle may take to tell its version; without it the heartbeat has to do."""
+_ARMED: Final = 128
+
+
+class Firmware(StrEnum):
+    """Whose manners an autopilot has."""
+
+    PX4 = "PX4"
+    ARDUPILOT = "ArduPilot"
+    OTHER = "unknown firmware"
+
+
+_FIRMWARES: Final = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
+"""By MAV_AUTOPILOT."""
+
+
+class VehicleFacts(msgspec.Struct, frozen=True, kw_only=True):
+    """A vehicle as it was last heard."""
+
+    address: Address
+    firmware: Firmware = Firmware.OTHER
+    vehicle_type: int = 0
+    """MAV_TYPE."""
+    is_armed: bool = False
+    heard_s: float | None = None
+    """When its last heartbeat came, on the station's clock; None before the first."""
+    version: Version | None = None
+    """None until it was asked for and has come."""
+
+    @property
+    def title(self) -> str:
+        """For a person, as "PX4 1.15.4, system 1"."""
+        version = f" {self.version.words}" if self.version is not None and self.version.flight_software else ""
+        return f"{self.firmware}{version}, system {self.address.system}"
+
+    @property
+    def encoding(self) -> ParameterEncoding:
+        """How it puts integers into parameters: as it says, or else as its firmware does."""
+        capabilities = Capability(0) if self.version is None else self.version.capabilities
+        if Capability.PARAM_ENCODE_BYTEWISE in capabilities:
+            return ParameterEncoding.BYTEWISE
+        if Capability.PARAM_ENCODE_C_CAST in capabilities:
+            return ParameterEncoding.CAST
+        return ParameterEncoding.BYTEWISE if self.firmware is Firmware.PX4 else ParameterEncoding.CAST
+
+
+class FactsService(Service[Never]):
+    """Keeps a vehicle's facts up to date."""
+
+    handles = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION"})
+
+    def __init__(self, own: Address, target: Address, commands: CommandClient) -> None:
+        super().__init__(own)
+        self.facts = VehicleFacts(address=target)
+        self._commands = commands
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in what the autopilot says of itself."""
+        if sender != self.facts.address:
+            return
+        if message.name == "HEARTBEAT":
+            self.facts = msgspec.structs.replace(
+                self.facts,
+                firmware=_FIRMWARES.get(message.autopilot, Firmware.OTHER),
+                vehicle_type=message.type,
+                is_armed=bool(message.base_mode & _ARMED),
+                heard_s=now_s,
+            )
+        else:
+            self.facts = msgspec.structs.replace(self.facts, version=read_version(message))
+
+    async def learn(self, machines: Machines) -> VehicleFacts:
+        """Waits for a heartbeat and the version, but not for long; what stays away stays unknown."""
+        if self.facts.version is None or self.facts.heard_s is None:
+            call = None
+            with suppress(Refused):  # somebody else is asking just now
+                call = self._commands.send_long(
+                    self.facts.address, REQUEST_MESSAGE, (AUTOPILOT_VERSION,), now_s=machines.now_s
+                )
+            ends_s = machines.now_s + LEARN_S
+            timer = machines.loop.call_at(ends_s, machines.settle)
+            try:
+                await machines.until(
+                    lambda: (
+                        (self.facts.version is not None and self.facts.heard_s is not None) or machines.now_s >= ends_s
+                    )
+                )
+            finally:
+                timer.cancel()
+                if call is not None:
+                    self._commands.abandon(call)
+        return self.facts

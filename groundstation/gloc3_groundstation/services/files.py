@@ -1,0 +1,198 @@
+"""Files of a vehicle over MAVLink FTP: list, download, upload, remove, folders.
+
+They go through our own file transfer, not MAVSDK's: a download there cannot be cancelled, and with one frame in ten
+lost a file of 200 kB took it more than 50 s where ours takes 7 (measured with 4.1).
+"""
+
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.ftp import Entry, FtpError
+from gloc3.link.ftp_client import FtpCall, FtpClient
+from gloc3.link.message import Address
+from gloc3_groundstation.services.machines import Machines
+from gloc3_groundstation.services.progress import OnProgress, Quietly
+from gloc3_groundstation.services.saving import Saving
+
+LARGEST_UPLOAD_BYTES: Final = 64_000_000
+
+
+class Folder(msgspec.Struct, frozen=True, kw_only=True):
+    """What a folder on the vehicle holds."""
+
+    path: str
+    entries: tuple[Entry, ...]
+    """Folders first, then by name."""
+
+    @property
+    def parent(self) -> str:
+        """The folder above; the top is its own."""
+        return str(PurePosixPath(self.path).parent)
+
+    def path_of(self, entry: Entry) -> str:
+        """The whole path of one of the entries."""
+        return str(PurePosixPath(self.path) / entry.name)
+
+
+class FileService:
+    """See the module. One transfer runs at a time, further ones wait for it.
+
+    Args:
+        machines: run the client.
+        client: speaks the protocol.
+        target: whose files; an autopilot, a camera, a companion.
+    """
+
+    def __init__(self, machines: Machines, client: FtpClient, target: Address) -> None:
+        self._machines = machines
+        self._client = client
+        self._target = target
+
+    async def list(self, path: str = "/") -> Folder:
+        """Lists a folder.
+
+        Raises:
+            Refused: there is none, or no answer.
+        """
+        path = _absolute(path)
+        call = self._client.list(self._target, path, now_s=self._machines.now_s)
+        await self._finish(call, f"{path} cannot be listed")
+        return Folder(path=path, entries=tuple(sorted(call.entries, key=lambda e: (not e.is_folder, e.name))))
+
+    async def read(self, path: str, on_progress: OnProgress | None = None) -> bytes:
+        """Downloads a file into memory.
+
+        Raises:
+            Refused: there is none, or no answer; with the reason.
+        """
+        path, tell = _absolute(path), Quietly(on_progress)
+        call = self._client.read(self._target, path, now_s=self._machines.now_s)
+
+        def look() -> None:
+            tell(f"downloading {path}", call.progress, _size(len(call.data)))
+
+        await self._finish(call, f"{path} cannot be downloaded", look)
+        return bytes(call.data)
+
+    async def download(self, path: str, to: Path, on_progress: OnProgress | None = None) -> Path:
+        """Downloads a file.
+
+        Args:
+            path: on the vehicle.
+            to: a folder here, or the file's new path; a file that is there is replaced when all has come.
+            on_progress: is told how far it is.
+
+        Returns:
+            Where it is now.
+
+        Raises:
+            Refused: it cannot be had, or not be written; with the reason.
+        """
+        saving = Saving(to / PurePosixPath(path).name if to.is_dir() else to)
+        data = await self.read(path, on_progress)
+        saving.finish(data)
+        return saving.path
+
+    async def upload(self, file: Path, folder: str, on_progress: OnProgress | None = None) -> str:
+        """Uploads a file into a folder of the vehicle; both ends' checksums are compared behind it.
+
+        Returns:
+            Its path on the vehicle.
+
+        Raises:
+            Refused: it cannot be read, or not be written there; with the reason.
+        """
+        try:
+            if file.stat().st_size > LARGEST_UPLOAD_BYTES:
+                raise Refused(f"{file} is larger than {_size(LARGEST_UPLOAD_BYTES)}")
+            data = file.read_bytes()
+        except OSError as error:
+            raise Refused(f"{file} cannot be read: {error.strerror or error}") from error
+        path, tell = _absolute(str(PurePosixPath(folder) / file.name)), Quietly(on_progress)
+        call = self._client.write(self._target, path, data, now_s=self._machines.now_s)
+        await self._finish(
+            call,
+            f"{path} cannot be written",
+            lambda: tell(f"uploading {file.name}", call.progress, _size(len(data))),
+        )
+        return path
+
+    async def remove(self, path: str) -> None:
+        """Removes a file.
+
+        Raises:
+            Refused: there is none, or it may not be removed.
+        """
+        path = _absolute(path)
+        call = self._client.remove(self._target, path, now_s=self._machines.now_s)
+        await self._finish(call, f"{path} cannot be removed")
+
+    async def make_folder(self, path: str) -> None:
+        """Makes a folder.
+
+        Raises:
+            Refused: it is there already, or may not be made.
+        """
+        path = _absolute(path)
+        call = self._client.make_folder(self._target, path, now_s=self._machines.now_s)
+        await self._finish(call, f"the folder {path} cannot be made")
+
+    async def remove_folder(self, path: str) -> None:
+        """Removes an empty folder.
+
+        Raises:
+            Refused: there is none, it is not empty, or may not be removed.
+        """
+        path = _absolute(path)
+        call = self._client.remove_folder(self._target, path, now_s=self._machines.now_s)
+        await self._finish(call, f"the folder {path} cannot be removed")
+
+    async def rename(self, path: str, new_path: str) -> None:
+        """Moves a file or folder.
+
+        Raises:
+            Refused: there is none, or it may not be moved.
+        """
+        path, new_path = _absolute(path), _absolute(new_path)
+        call = self._client.rename(self._target, path, new_path, now_s=self._machines.now_s)
+        await self._finish(call, f"{path} cannot become {new_path}")
+
+    async def _finish(self, call: FtpCall, lament: str, look: Callable[[], None] | None = None) -> None:
+        try:
+            await self._machines.until(lambda: call.result is not None, look)
+        finally:
+            if call.result is None:
+                self._client.cancel(call, self._machines.now_s)
+                self._machines.settle()
+        if call.result is not FtpError.NONE:
+            raise Refused(f"{lament}: {call.result.words if call.result is not None else 'cancelled'}")
+
+
+def _absolute(path: str) -> str:
+    """A path from the top, without `.` and `..`; ArduPilot's made-up files, as `@SYS/threads.txt`, have no top.
+
+    Raises:
+        Refused: it leads above the top, or holds what no path may.
+    """
+    if "\0" in path:
+        raise Refused("a path has no zero bytes")
+    parts: list[str] = []
+    for part in PurePosixPath("/", path).parts[1:]:
+        if part == "..":
+            if not parts:
+                raise Refused(f"{path} leads above the top folder")
+            parts.pop()
+        else:
+            parts.append(part)
+    top = "" if path.startswith("@") else "/"
+    return top + "/".join(parts)
+
+
+def _size(number: int) -> str:
+    return (
+        f"{number} bytes" if number < 10_000 else f"{number / 1e3:.0f} kB" if number < 1e7 else f"{number / 1e6:.1f} MB"
+    )

@@ -1,0 +1,150 @@
+"""Runs microservices without I/O on one of the station's links, and lets coroutines wait for what becomes of them."""
+
+import asyncio
+from collections.abc import Callable, Iterable
+from typing import Any, Final, Protocol
+
+from gloc3.errors import Refused
+from gloc3.exchange.base import Unsubscribe
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.node import Node
+from gloc3.link.parser import Frame
+from gloc3.link.service import Service
+
+
+class Wire(Protocol):
+    """What a service needs of a link; `gloc3_groundstation.links.Link` is one."""
+
+    @property
+    def own(self) -> Address:
+        """As whom the station speaks there."""
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends a message of the station's."""
+
+    def forward(self, frame: Frame) -> None:
+        """Sends a frame that was made in the station's name, numbered and signed anew."""
+
+    def listen(self, listener: Callable[[Frame], None]) -> Unsubscribe:
+        """Is told every frame that comes."""
+
+
+class _Waiter:
+    """A coroutine that waits for something."""
+
+    __slots__ = ("ended", "is_over", "look")
+
+    def __init__(self, is_over: Callable[[], bool], look: Callable[[], None] | None, ended: asyncio.Future[None]):
+        self.is_over, self.look, self.ended = is_over, look, ended
+
+
+class Machines:
+    """Some services of the station that speak with one vehicle.
+
+    Args:
+        wire: the link.
+        system: the vehicle's MAVLink system; what others send is not heard here.
+        services: what runs.
+        heard: is told every frame of the vehicle, after the services.
+    """
+
+    def __init__(
+        self,
+        wire: Wire,
+        system: int,
+        services: Iterable[Service[Any]],
+        *,
+        heard: Callable[[Frame, float], None] | None = None,
+    ) -> None:
+        self.loop: Final = asyncio.get_running_loop()
+        self._wire = wire
+        self._system = system
+        self._services = list(services)
+        self._node = Node(wire.own, self._services)
+        self._heard = heard
+        self._waiters: list[_Waiter] = []
+        self._happened: list[Callable[[Any], None]] = []
+        self._timer: asyncio.TimerHandle | None = None
+        self._is_open = True
+        self._unlisten = wire.listen(self._take)
+        self.settle()
+
+    @property
+    def now_s(self) -> float:
+        """The station's time."""
+        return self.loop.time()
+
+    def on_event(self, listener: Callable[[Any], None]) -> None:
+        """Is told every event of the services."""
+        self._happened.append(listener)
+
+    async def until(self, is_over: Callable[[], bool], look: Callable[[], None] | None = None) -> None:
+        """Waits until something is so; to be called right after a service was asked for something.
+
+        Args:
+            is_over: what is waited for.
+            look: called each time something may have changed, as to tell the progress.
+
+        Raises:
+            Refused: the services are closed meanwhile.
+        """
+        if not self._is_open:
+            raise Refused("the services of this vehicle are closed")
+        waiter = _Waiter(is_over, look, self.loop.create_future())
+        self._waiters.append(waiter)
+        try:
+            self.settle()
+            await waiter.ended
+        finally:
+            self._waiters.remove(waiter)
+            if self._is_open:
+                self.settle()
+
+    def settle(self) -> None:
+        """Sends what is to be sent, tells what has happened, and sets the alarm."""
+        if not self._is_open:
+            return
+        for service in self._services:
+            for event in service.events():
+                for listener in self._happened:
+                    listener(event)
+        for message in self._node.outgoing():
+            self._wire.send(message)
+        for waiter in tuple(self._waiters):
+            if waiter.look is not None:
+                waiter.look()
+            if waiter.is_over() and not waiter.ended.done():
+                waiter.ended.set_result(None)
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        next_s = self._node.next_tick_s()
+        if next_s is not None:
+            self._timer = self.loop.call_at(max(next_s, self.now_s + 1e-3), self._tick)
+
+    def close(self) -> None:
+        """Neither hears nor sends any more; who waits is refused."""
+        if not self._is_open:
+            return
+        self._is_open = False
+        self._unlisten()
+        if self._timer is not None:
+            self._timer.cancel()
+        for waiter in self._waiters:
+            if not waiter.ended.done():
+                waiter.ended.set_exception(Refused("the services of this vehicle are closed"))
+
+    def _take(self, frame: Frame) -> None:
+        if frame.system != self._system:
+            return
+        now_s = self.now_s
+        is_taken = self._node.receive(frame, now_s)
+        if self._heard is not None:
+            self._heard(frame, now_s)
+        if is_taken:
+            self.settle()
+
+    def _tick(self) -> None:
+        self._timer = None
+        self._node.tick(self.now_s)
+        self.settle()

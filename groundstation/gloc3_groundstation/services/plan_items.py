@@ -1,0 +1,229 @@
+"""Plans between files and the wire: home, jumps and fences as either firmware wants them, and two plans compared.
+
+ArduPilot keeps home as item 0 of a mission, PX4 has none; files number the items as if home were item 0. A jump names
+an item by number, so it moves with them.
+"""
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.plan import PlanItem, PlanType
+from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3_groundstation.services.facts import Firmware
+
+DO_JUMP: Final = 177
+WAYPOINT: Final = 16
+_LOCAL_FRAMES: Final = frozenset({1, 4, 7, 8, 9, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21})
+_FRAME_MISSION: Final = 2
+_SAME_FRAMES: Final = {5: 0, 6: 3, 11: 10}
+"""The frames whose names end in INT mean the same as those without."""
+_INCLUSION_POLYGON, _EXCLUSION_POLYGON, _INCLUSION_CIRCLE, _EXCLUSION_CIRCLE, _RALLY = 5001, 5002, 5003, 5004, 5100
+_INT_MAX: Final = 2**31 - 1
+_HEIGHT_STEP_M: Final = 0.011
+"""ArduPilot keeps heights in centimetres."""
+_PARAM_STEP: Final = 1e-4
+
+
+class PlanParts(msgspec.Struct, frozen=True, kw_only=True):
+    """A plan as it travels: the items of each transfer."""
+
+    mission: tuple[PlanItem, ...] = ()
+    fence: tuple[PlanItem, ...] = ()
+    rally: tuple[PlanItem, ...] = ()
+
+    def of(self, kind: PlanType) -> tuple[PlanItem, ...]:
+        """The items of one transfer."""
+        return (self.mission, self.fence, self.rally)[kind]
+
+
+class PlanDifference(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the vehicle's plan is not the wanted one."""
+
+    kind: PlanType
+    number: int
+    """The item's, from 0 as on the wire."""
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.kind.name.lower()} item {self.number}: {self.text}"
+
+
+def to_wire(plan: Plan, firmware: Firmware) -> PlanParts:
+    """A file's plan as the vehicle wants it.
+
+    Raises:
+        Refused: a number does not fit the wire; with the item.
+    """
+    items = list(plan.items)
+    home = plan.home
+    if plan.raw is None and items and items[0].command == WAYPOINT:  # a file of waypoints begins with home
+        first = items.pop(0)
+        home = (first.x or 0.0, first.y or 0.0, first.z or 0.0)
+    has_home = firmware is Firmware.ARDUPILOT
+    if has_home and items:
+        x, y, z = home or (0.0, 0.0, 0.0)
+        items.insert(0, MavItem(command=WAYPOINT, frame=0, x=x, y=y, z=z))
+    elif not has_home:
+        items = [_jump_moved(item, -1) for item in items]
+    return PlanParts(
+        mission=tuple(_to_item(item, number, f"item {number}") for number, item in enumerate(items)),
+        fence=tuple(_to_item(item, number, f"fence item {number}") for number, item in enumerate(plan.fence_items())),
+        rally=tuple(_to_item(item, number, f"rally point {number}") for number, item in enumerate(plan.rally_items())),
+    )
+
+
+def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> Plan:
+    """The vehicle's plan as a file has it.
+
+    Raises:
+        Refused: the fence or the rally points are not understood.
+    """
+    items = [_from_item(item) for item in parts.mission]
+    home: tuple[float, float, float] | None = None
+    if firmware is Firmware.ARDUPILOT and items:
+        first = items.pop(0)
+        home = (first.x or 0.0, first.y or 0.0, first.z or 0.0)
+    elif firmware is not Firmware.ARDUPILOT:
+        items = [_jump_moved(item, 1) for item in items]
+    return Plan(
+        entries=tuple(Entry(items=(item,)) for item in items),
+        fence=_areas([_from_item(item) for item in parts.fence]),
+        rally=_points([_from_item(item) for item in parts.rally]),
+        home=home,
+        firmware_type={Firmware.ARDUPILOT: 3, Firmware.PX4: 12}.get(firmware),
+        vehicle_type=vehicle_type,
+        raw={},
+    )
+
+
+def differences(
+    wanted: Sequence[PlanItem], found: Sequence[PlanItem], kind: PlanType, firmware: Firmware
+) -> tuple[PlanDifference, ...]:
+    """What matters of the difference between two plans; home is the vehicle's own business."""
+    rows: list[PlanDifference] = []
+    if len(wanted) != len(found):
+        rows.append(PlanDifference(kind=kind, number=0, text=f"{len(wanted)} items are wanted, {len(found)} are there"))
+    for number, (left, right) in enumerate(zip(wanted, found, strict=False)):
+        if number == 0 and kind is PlanType.MISSION and firmware is Firmware.ARDUPILOT:
+            continue
+        rows += [PlanDifference(kind=kind, number=number, text=text) for text in _item_differences(left, right)]
+    return tuple(rows)
+
+
+def _item_differences(wanted: PlanItem, found: PlanItem) -> list[str]:
+    if wanted.command != found.command:
+        return [f"command {wanted.command} is wanted, {found.command} is there"]
+    texts = []
+    if _frame(wanted) != _frame(found) and (wanted.x or wanted.y or wanted.z):
+        texts.append(f"frame {wanted.frame} is wanted, {found.frame} is there")
+    for name in ("param1", "param2", "param3", "param4"):
+        left, right = getattr(wanted, name), getattr(found, name)
+        if abs(_plain(left) - _plain(right)) > _PARAM_STEP * max(1.0, abs(_plain(left))):
+            texts.append(f"{name} {left:g} is wanted, {right:g} is there")
+    for name in ("x", "y"):
+        left, right = getattr(wanted, name), getattr(found, name)
+        if abs(left - right) > 1:
+            texts.append(f"{name} {left} is wanted, {right} is there")
+    if abs(_plain(wanted.z) - _plain(found.z)) > _HEIGHT_STEP_M:
+        texts.append(f"height {wanted.z:g} m is wanted, {found.z:g} m is there")
+    return texts
+
+
+def _frame(item: PlanItem) -> int:
+    return _SAME_FRAMES.get(item.frame, item.frame)
+
+
+def _plain(value: float) -> float:
+    """A parameter that is not given counts as 0: ArduPilot keeps it as that."""
+    return 0.0 if math.isnan(value) else value
+
+
+def _jump_moved(item: MavItem, by: int) -> MavItem:
+    target = item.params[0]
+    if item.command != DO_JUMP or target is None:
+        return item
+    return msgspec.structs.replace(item, params=(target + by, *item.params[1:]))
+
+
+def _to_item(item: MavItem, number: int, where: str) -> PlanItem:
+    p1, p2, p3, p4 = (_single(param, where) for param in item.params)
+    scale = 1.0 if item.frame == _FRAME_MISSION else 1e4 if item.frame in _LOCAL_FRAMES else 1e7
+    return PlanItem(
+        command=item.command,
+        frame=item.frame,
+        is_current=number == 0,
+        autocontinue=item.is_continued,
+        param1=p1,
+        param2=p2,
+        param3=p3,
+        param4=p4,
+        x=_whole(item.x, scale, where),
+        y=_whole(item.y, scale, where),
+        z=_single(item.z or 0.0, where),
+    )
+
+
+def _from_item(item: PlanItem) -> MavItem:
+    scale = 1.0 if item.frame == _FRAME_MISSION else 1e4 if item.frame in _LOCAL_FRAMES else 1e7
+    values = (item.param1, item.param2, item.param3, item.param4)
+    p1, p2, p3, p4 = (None if math.isnan(value) else value for value in values)
+    return MavItem(
+        command=item.command,
+        frame=item.frame,
+        params=(p1, p2, p3, p4),
+        x=item.x / scale,
+        y=item.y / scale,
+        z=None if math.isnan(item.z) else item.z,
+        is_continued=item.autocontinue,
+        is_current=item.is_current,
+    )
+
+
+def _areas(items: list[MavItem]) -> tuple[FenceArea, ...]:
+    areas: list[FenceArea] = []
+    index = 0
+    while index < len(items):
+        item = items[index]
+        command, size = item.command, item.params[0] or 0.0
+        if command in (_INCLUSION_CIRCLE, _EXCLUSION_CIRCLE):
+            center = (item.x or 0.0, item.y or 0.0)
+            areas.append(FenceArea(is_inclusion=command == _INCLUSION_CIRCLE, center=center, radius_m=size))
+            index += 1
+            continue
+        corners = items[index : index + int(size)]
+        if command not in (_INCLUSION_POLYGON, _EXCLUSION_POLYGON) or not 3 <= size == len(corners):
+            raise Refused(f"fence item {index} (command {command}) is not understood")
+        if any((corner.command, corner.params[0]) != (command, item.params[0]) for corner in corners):
+            raise Refused(f"fence item {index} begins a polygon that is not whole")
+        polygon = tuple((corner.x or 0.0, corner.y or 0.0) for corner in corners)
+        areas.append(FenceArea(is_inclusion=command == _INCLUSION_POLYGON, polygon=polygon))
+        index += len(corners)
+    return tuple(areas)
+
+
+def _points(items: list[MavItem]) -> tuple[tuple[float, float, float], ...]:
+    for number, item in enumerate(items):
+        if item.command != _RALLY:
+            raise Refused(f"rally point {number} (command {item.command}) is not understood")
+    return tuple((item.x or 0.0, item.y or 0.0, item.z or 0.0) for item in items)
+
+
+def _single(value: float | None, where: str) -> float:
+    if value is None:
+        return math.nan
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    except OverflowError:
+        raise Refused(f"{where}: {value:g} does not fit the wire") from None
+
+
+def _whole(value: float | None, scale: float, where: str) -> int:
+    number = round((value or 0.0) * scale)
+    if abs(number) > _INT_MAX:
+        raise Refused(f"{where}: {value:g} does not fit the wire")
+    return number

@@ -1,0 +1,195 @@
+"""Plans on the autopilot, through MAVSDK: download, upload from `.plan` and WPL files, read back and compare, clear.
+
+MAVSDK refuses an empty plan, so that a fence or rally points cannot be taken away with it; clearing is done by our own
+mission protocol.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.mission_client import MissionClient
+from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3.link.version import Capability
+from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
+from gloc3.mission.formats.items import Plan
+from gloc3_groundstation.services.facts import FactsService, VehicleFacts
+from gloc3_groundstation.services.machines import Machines
+from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
+from gloc3_groundstation.services.progress import OnProgress, Quietly
+from gloc3_groundstation.services.raw import MavsdkBehindLink
+
+KINDS: Final = (PlanType.MISSION, PlanType.FENCE, PlanType.RALLY)
+_NAMES: Final = {PlanType.MISSION: "mission", PlanType.FENCE: "fence", PlanType.RALLY: "rally points"}
+_NEEDED: Final = {PlanType.FENCE: Capability.MISSION_FENCE, PlanType.RALLY: Capability.MISSION_RALLY}
+
+
+class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
+    """What is on the vehicle."""
+
+    plan: Plan
+    """As a file has it."""
+    parts: PlanParts
+    """As it came."""
+
+    @property
+    def summary(self) -> str:
+        """For a person, as "12 items, 2 fence areas, 1 rally point"."""
+        counts = (
+            (len(self.plan.items), "item"),
+            (len(self.plan.fence), "fence area"),
+            (len(self.plan.rally), "rally point"),
+        )
+        return ", ".join(f"{count} {name}{'' if count == 1 else 's'}" for count, name in counts)
+
+
+class PlanService:
+    """See the module."""
+
+    def __init__(
+        self, machines: Machines, mavsdk: MavsdkBehindLink, client: MissionClient, facts: FactsService
+    ) -> None:
+        self._machines = machines
+        self._mavsdk = mavsdk
+        self._client = client
+        self._facts = facts
+
+    async def download(self, on_progress: OnProgress | None = None) -> VehiclePlan:
+        """Gets mission, fence and rally points.
+
+        Raises:
+            Refused: the vehicle does not answer, or tells what cannot be understood.
+        """
+        facts = await self._facts.learn(self._machines)
+        found: dict[PlanType, tuple[PlanItem, ...]] = {}
+        tell = Quietly(on_progress)
+        for number, kind in enumerate(KINDS):
+            tell(f"downloading the {_NAMES[kind]}", number / len(KINDS))
+            found[kind] = await self._get(kind) if _can(facts, kind) else ()
+        parts = PlanParts(mission=found[PlanType.MISSION], fence=found[PlanType.FENCE], rally=found[PlanType.RALLY])
+        return VehiclePlan(plan=from_wire(parts, facts.firmware, facts.vehicle_type), parts=parts)
+
+    async def upload(
+        self, plan: Plan, on_progress: OnProgress | None = None, kinds: Sequence[PlanType] = KINDS
+    ) -> tuple[PlanDifference, ...]:
+        """Gives the vehicle a plan, reads it back and compares.
+
+        What the plan has none of is cleared on the vehicle: afterwards it has this plan and nothing else.
+
+        Args:
+            plan: from `read` or `download`.
+            on_progress: is told how far it is.
+            kinds: only these of mission, fence and rally points.
+
+        Returns:
+            Where the vehicle's plan is not the wanted one; empty when all is well.
+
+        Raises:
+            Refused: the vehicle does not take it, or does not answer; the parts before stay as they were given.
+        """
+        facts = await self._facts.learn(self._machines)
+        parts, tell = to_wire(plan, facts.firmware), Quietly(on_progress)
+        for kind in kinds:
+            items = parts.of(kind)
+            if not _can(facts, kind):
+                if items:
+                    raise Refused(f"the vehicle takes no {_NAMES[kind]}")
+                continue
+            what = f"uploading the {_NAMES[kind]}"
+            tell(what, 0.0, f"{len(items)} items")
+            if items:
+                try:
+                    await self._mavsdk.upload(kind, items, lambda fraction, what=what: tell(what, fraction))  # type: ignore[misc]
+                except Refused as error:
+                    raise Refused(f"the {_NAMES[kind]} was not uploaded: {error}") from error
+            else:
+                await self.clear(kind)
+        return await self._differences(parts, facts, kinds, tell)
+
+    async def verify(self, plan: Plan, on_progress: OnProgress | None = None) -> tuple[PlanDifference, ...]:
+        """Reads the vehicle's plan and compares it with another one.
+
+        Returns:
+            Where they differ; empty when they are the same.
+
+        Raises:
+            Refused: the vehicle does not answer.
+        """
+        facts = await self._facts.learn(self._machines)
+        return await self._differences(to_wire(plan, facts.firmware), facts, KINDS, Quietly(on_progress))
+
+    async def clear(self, kind: PlanType) -> None:
+        """Takes one part of the plan off the vehicle.
+
+        Raises:
+            Refused: the vehicle does not do so, or does not answer.
+        """
+        transfer = self._client.clear(self._facts.facts.address, now_s=self._machines.now_s, kind=kind)
+        try:
+            await self._machines.until(lambda: transfer.result is not None)
+        finally:
+            self._client.cancel(transfer, self._machines.now_s)
+            self._machines.settle()
+        if transfer.result is not PlanResult.ACCEPTED:
+            reason = transfer.result.words if transfer.result is not None else "cancelled"
+            raise Refused(f"the {_NAMES[kind]} was not cleared: {reason}")
+
+    @staticmethod
+    def read(path: Path) -> Plan:
+        """Reads a `.plan` or a file of waypoints.
+
+        Raises:
+            InputError: with everything that is wrong in it.
+        """
+        return load_plan(path)
+
+    @staticmethod
+    def save(found: VehiclePlan, path: Path) -> None:
+        """Saves what was on the vehicle, as the suffix says: `.plan`, or a file of waypoints without fence and rally.
+
+        Raises:
+            Refused: the suffix is unknown, or the file cannot be written.
+        """
+        if path.suffix in PLAN_SUFFIXES:
+            text = write_plan(found.plan)
+        elif path.suffix in WPL_SUFFIXES:
+            text = write_wpl(_with_home_first(found.plan))
+        else:
+            raise Refused(f"{path.name}: the file must end in {', '.join((*PLAN_SUFFIXES, *WPL_SUFFIXES))}")
+        try:
+            path.write_text(text)
+        except OSError as error:
+            raise Refused(f"{path} cannot be written: {error.strerror or error}") from error
+
+    async def _get(self, kind: PlanType) -> tuple[PlanItem, ...]:
+        try:
+            return await self._mavsdk.download(kind)
+        except Refused as error:
+            raise Refused(f"the {_NAMES[kind]} was not downloaded: {error}") from error
+
+    async def _differences(
+        self, parts: PlanParts, facts: VehicleFacts, kinds: Sequence[PlanType], tell: Quietly
+    ) -> tuple[PlanDifference, ...]:
+        rows: list[PlanDifference] = []
+        for number, kind in enumerate(kinds):
+            tell(f"reading the {_NAMES[kind]} back", number / len(kinds))
+            found = await self._get(kind) if _can(facts, kind) else ()
+            rows += differences(parts.of(kind), found, kind, facts.firmware)
+        return tuple(rows)
+
+
+def _can(facts: VehicleFacts, kind: PlanType) -> bool:
+    """Whether the vehicle has this type of plan; one that says nothing of itself is asked."""
+    needed = _NEEDED.get(kind)
+    return needed is None or facts.version is None or needed in facts.version.capabilities
+
+
+def _with_home_first(plan: Plan) -> Plan:
+    from gloc3.mission.formats.items import Entry, MavItem
+
+    x, y, z = plan.home or (0.0, 0.0, 0.0)
+    home = Entry(items=(MavItem(command=16, frame=0, x=x, y=y, z=z, is_current=True),))
+    return msgspec.structs.replace(plan, entries=(home, *plan.entries))

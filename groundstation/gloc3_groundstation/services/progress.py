@@ -1,0 +1,44 @@
+"""How far a service is, for whoever shows it."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import msgspec
+
+
+class Progress(msgspec.Struct, frozen=True, kw_only=True):
+    """One moment of something that takes a while."""
+
+    what: str
+    """What is under way, as "listing the parameters"."""
+    fraction: float | None = None
+    """From 0 to 1; None while nobody knows."""
+    detail: str = ""
+    """Figures for a person, as "120 of 900"."""
+
+
+OnProgress: TypeAlias = Callable[[Progress], None]
+
+
+def nobody(progress: Progress) -> None:
+    """Takes progress that nobody wants to see."""
+    del progress
+
+
+class Quietly:
+    """Passes progress on when it has changed.
+
+    Args:
+        listener: who is told.
+    """
+
+    def __init__(self, listener: OnProgress | None) -> None:
+        self._listener = listener or nobody
+        self._last: Progress | None = None
+
+    def __call__(self, what: str, fraction: float | None = None, detail: str = "") -> None:
+        """Tells, if this is news."""
+        progress = Progress(what=what, fraction=fraction, detail=detail)
+        if progress != self._last:
+            self._last = progress
+            self._listener(progress)

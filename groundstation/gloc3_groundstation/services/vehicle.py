@@ -1,0 +1,99 @@
+"""Every service of one vehicle on one of the station's links, made when somebody first asks for it."""
+
+from types import TracebackType
+from typing import Final, Self
+
+from gloc3.link.command import CommandClient
+from gloc3.link.ftp_client import FtpClient
+from gloc3.link.log_client import LogClient
+from gloc3.link.message import Address
+from gloc3.link.mission_client import MissionClient
+from gloc3.link.parameter_client import ParameterClient
+from gloc3_groundstation.services.calibrations import CalibrationService
+from gloc3_groundstation.services.facts import FactsService, VehicleFacts
+from gloc3_groundstation.services.files import FileService
+from gloc3_groundstation.services.logs import LogService
+from gloc3_groundstation.services.machines import Machines, Wire
+from gloc3_groundstation.services.parameters import ParameterService
+from gloc3_groundstation.services.plans import PlanService
+from gloc3_groundstation.services.rates import RateMeter, RateService
+from gloc3_groundstation.services.raw import MavsdkBehindLink
+
+
+class VehicleServices:
+    """The services of a vehicle, with or without our companion on it; each refuses in words what it cannot do.
+
+    Args:
+        wire: the link on which the vehicle is heard.
+        target: its autopilot.
+    """
+
+    def __init__(self, wire: Wire, target: Address) -> None:
+        own = wire.own
+        commands, parameters, files = CommandClient(own), ParameterClient(own), FtpClient(own)
+        logs, mission = LogClient(own), MissionClient(own)
+        self._facts = FactsService(own, target, commands)
+        meter = RateMeter()
+        self._machines = Machines(
+            wire,
+            target.system,
+            [commands, parameters, files, logs, mission, self._facts],
+            heard=meter.take,
+        )
+        self._ftp = files
+        self._mavsdk = MavsdkBehindLink(wire, target)
+        self.target: Final = target
+        self.files: Final = FileService(self._machines, files, target)
+        """The autopilot's files."""
+        self.parameters: Final = ParameterService(self._machines, parameters, self._facts, self.files)
+        self.plans: Final = PlanService(self._machines, self._mavsdk, mission, self._facts)
+        self.logs: Final = LogService(self._machines, logs, target, self._facts)
+        self.calibration: Final = CalibrationService(wire, self._machines, self._facts)
+        self.rates: Final = RateService(self._machines, commands, meter, target)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    @property
+    def facts(self) -> VehicleFacts:
+        """What is known of the vehicle now."""
+        return self._facts.facts
+
+    async def learn(self) -> VehicleFacts:
+        """What the vehicle says of itself, asked for if need be; what it does not tell stays unknown."""
+        return await self._facts.learn(self._machines)
+
+    def files_of(self, component: int) -> FileService:
+        """The files of another component of the vehicle, as its camera or companion."""
+        return FileService(self._machines, self._ftp, Address(self.target.system, component))
+
+    async def close(self) -> None:
+        """Ends what is under way, which is refused, and MAVSDK's process."""
+        self.calibration.close()
+        self._machines.close()
+        await self._mavsdk.close()
+
+
+class Garage:
+    """The services of all vehicles of a station, each opened when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._open: dict[tuple[Wire, Address], VehicleServices] = {}
+
+    def services(self, wire: Wire, target: Address) -> VehicleServices:
+        """The services of a vehicle on a link; the same ones each time."""
+        key = (wire, target)
+        if key not in self._open:
+            self._open[key] = VehicleServices(wire, target)
+        return self._open[key]
+
+    async def close(self) -> None:
+        """Closes all; to be awaited before the links are closed."""
+        for services in list(self._open.values()):
+            await services.close()
+        self._open.clear()

@@ -1,0 +1,28 @@
+"""The services know no Textual, and MAVSDK is loaded in its own process alone."""
+
+import ast
+from pathlib import Path
+
+import gloc3_groundstation.services
+
+ROOT = Path(gloc3_groundstation.services.__path__[0])
+
+
+def imported(file: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            found.add(node.module or "")
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found
+
+
+def test_no_service_knows_textual_or_rich() -> None:
+    for file in ROOT.glob("*.py"):
+        assert not any(name.startswith(("textual", "rich", "gloc3_groundstation.tui")) for name in imported(file)), file
+
+
+def test_mavsdk_is_loaded_by_the_helper_alone() -> None:
+    users = {file.name for file in ROOT.parent.glob("**/*.py") if any(n.startswith("mavsdk") for n in imported(file))}
+    assert users == {"mavsdk_helper.py"}

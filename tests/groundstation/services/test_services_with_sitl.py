@@ -1,0 +1,171 @@
+"""Every service against the simulated vehicle in its own process, over UDP, in the manners of PX4 and of ArduPilot."""
+
+import asyncio
+import re
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.exchange import LocalExchange
+from gloc3.link.calibration import CalibrationKind, Phase
+from gloc3.link.codec import message
+from gloc3.link.plan import PlanType
+from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.topics import TopicTable
+from gloc3_groundstation.links import Link, Links
+from gloc3_groundstation.services.facts import Firmware
+from gloc3_groundstation.services.parameter_table import Change
+from gloc3_groundstation.services.progress import Progress
+from gloc3_groundstation.services.vehicle import Garage, VehicleServices
+
+pytestmark = [pytest.mark.sockets, pytest.mark.flight]
+
+PROGRAM = "import sys; from gloc3_sitl.cli import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
+FIRMWARES = {"px4": Firmware.PX4, "ardupilot": Firmware.ARDUPILOT}
+ACTION_PARAMETER = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
+PLAN = Plan(
+    entries=tuple(
+        Entry(items=(item,))
+        for item in (
+            MavItem(command=22, frame=3, params=(0.0, 0.0, 0.0, None), x=47.3977, y=8.5456, z=3.0),
+            MavItem(command=16, frame=3, params=(0.0, 0.0, 0.0, None), x=47.39775, y=8.5456, z=4.0),
+            MavItem(command=177, frame=2, params=(2.0, 1.0, 0.0, 0.0)),
+            MavItem(command=20, frame=2),
+        )
+    ),
+    fence=(FenceArea(is_inclusion=True, center=(47.3977, 8.5456), radius_m=200.0),),
+    rally=((47.39772, 8.54562, 20.0),),
+    home=(47.3977, 8.5456, 488.0),
+    raw={},
+)
+
+
+@pytest.fixture(scope="module", params=sorted(FIRMWARES))
+def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[str, int]]:
+    """A simulated vehicle for all tests of one style: its style and the port of its link."""
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", PROGRAM, "--world", "open", "--home", "47.3977,8.5456,488.0,0"),
+            *("--autopilot", request.param, "--speed", "4", "--link", "station=udpin://127.0.0.1:0"),
+        ],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stderr is not None
+        port = next(int(found[1]) for line in process.stderr if (found := re.search(r"port (\d+)", line)))
+        yield request.param, port
+    finally:
+        process.terminate()
+        process.communicate(timeout=20)
+
+
+async def until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
+    async with asyncio.timeout(within_s):
+        while not is_so():
+            await asyncio.sleep(0.02)
+
+
+@asynccontextmanager
+async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, Link]]:
+    links, garage = Links(), Garage()
+    try:
+        await links.open(
+            [f"udpout://127.0.0.1:{port}"],
+            exchange=LocalExchange(),
+            topics=TopicTable.installed(),
+            system=255,
+            boot=1,
+            told=lambda text: None,
+        )
+        await until(lambda: bool(links.autopilots()))
+        link, target = links.autopilots()[0]
+        services = garage.services(link, target)
+        assert garage.services(link, target) is services
+        yield services, link
+    finally:
+        await garage.close()
+        await links.close()
+
+
+async def test_parameters_are_listed_changed_and_refused(vehicle: tuple[str, int], tmp_path: Path) -> None:
+    style, port = vehicle
+    async with at_hand(port) as (services, _):
+        seen: list[Progress] = []
+        table = await services.parameters.fetch(seen.append)
+        assert services.facts.firmware is FIRMWARES[style]
+        assert len(table) > 60
+        assert seen[-1].fraction == 1.0
+        name = ACTION_PARAMETER[style]
+        first = table[name].value
+        await services.parameters.set(name, 2)
+        with pytest.raises(Refused, match=f"{name} was not set: the vehicle keeps another value .2."):
+            await services.parameters.set(name, 77)
+        file = tmp_path / "all.params"
+        services.parameters.save(file)
+        await services.parameters.set(name, 1)
+        diff = services.parameters.compare(file)
+        assert diff.changes() == (Change(name, 2.0),)
+        report = await services.parameters.write((*diff.changes(), Change(name, first)))
+        assert report.refused == {}
+
+
+async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple[str, int], tmp_path: Path) -> None:
+    async with at_hand(vehicle[1]) as (services, _):
+        seen: list[Progress] = []
+        assert await services.plans.upload(PLAN, seen.append) == ()
+        assert {"uploading the mission", "uploading the fence", "reading the rally points back"} <= {
+            p.what for p in seen
+        }
+        found = await services.plans.download()
+        assert found.summary == "4 items, 1 fence area, 1 rally point"
+        assert found.plan.items[2].params[:2] == (2.0, 1.0)
+        for name in ("down.plan", "down.waypoints"):
+            services.plans.save(found, tmp_path / name)
+            assert len(services.plans.read(tmp_path / name).items) == (4 if name.endswith("plan") else 5)
+        assert await services.plans.verify(services.plans.read(tmp_path / "down.plan")) == ()
+        await services.plans.clear(PlanType.FENCE)
+        (difference,) = await services.plans.verify(PLAN)
+        assert str(difference) == "fence item 0: 1 items are wanted, 0 are there"
+        assert await services.plans.upload(Plan(entries=(), raw={})) == ()
+        assert (await services.plans.download()).summary == "0 items, 0 fence areas, 0 rally points"
+
+
+async def test_a_plan_that_the_vehicle_does_not_take_is_refused_in_words(vehicle: tuple[str, int]) -> None:
+    bad = Plan(entries=(*PLAN.entries, Entry(items=(MavItem(command=31_999, frame=2),))), raw={})
+    async with at_hand(vehicle[1]) as (services, _):
+        with pytest.raises(Refused, match="the mission was not uploaded: an item's command"):
+            await services.plans.upload(bad)
+
+
+async def test_a_gyro_is_calibrated_and_rates_are_measured(vehicle: tuple[str, int]) -> None:
+    async with at_hand(vehicle[1]) as (services, _):
+        assert (await services.calibration.run(CalibrationKind.GYRO)).phase is Phase.DONE
+        await services.rates.request("ATTITUDE", 10.0)
+        await until(lambda: any(row.rate_hz > 5.0 for row in services.rates.table.find("ATTITUDE")))
+        with pytest.raises(Refused, match="RAW_RPM"):
+            await services.rates.request("RAW_RPM", 5.0)
+
+
+async def test_the_log_of_an_armed_vehicle_is_listed_and_downloaded_both_ways(
+    vehicle: tuple[str, int], tmp_path: Path
+) -> None:
+    async with at_hand(vehicle[1]) as (services, link):
+        async with asyncio.timeout(90.0):
+            while not services.facts.is_armed:
+                link.send(message("COMMAND_LONG", target_system=1, target_component=1, command=400, param1=1.0))
+                await asyncio.sleep(0.2)
+        await until(lambda: not services.facts.is_armed)
+        (line, *_) = await services.logs.list()
+        path = await services.logs.download(line, tmp_path)
+        assert path.stat().st_size == line.entry.size > 0
+        folder = await services.files.list("/fs/microsd/log" if vehicle[0] == "px4" else "/APM/LOGS")
+        copy = await services.files.download(folder.path_of(folder.entries[-1]), tmp_path / "copy")
+        assert copy.read_bytes() == path.read_bytes()
+        with pytest.raises(Refused, match="cannot be removed"):
+            await services.files.remove("/fs/none")

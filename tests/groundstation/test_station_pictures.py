@@ -11,7 +11,7 @@ import pytest
 
 from gloc3_groundstation.configuration import Configuration, LastSession, ThemeName
 
-from .station_scene import scene
+from .station_scene import Scene, scene
 
 GOLDEN = Path(__file__).parent / "golden"
 PICTURES: dict[str, tuple[tuple[int, int], ThemeName, str, list[str]]] = {
@@ -32,10 +32,20 @@ async def picture(size: tuple[int, int], theme: ThemeName, screen: str, keys: li
         await here.wait(lambda: any("read back" in event.text for event in here.station.fleet.events))
         await here.trouble_in_flight()
         await here.press(*keys)
-        await here.pilot.pause(0.2)
+        return await settled(here)
+
+
+async def settled(here: Scene) -> str:
+    """The picture, once it no longer changes."""
+    seen = ""
+    for _ in range(100):
         here.app.look()
-        await here.pilot.pause(0.05)
-        return without_fonts(here.app.export_screenshot())
+        await here.pilot.pause(0.15)
+        now = without_fonts(here.app.export_screenshot())
+        if now == seen:
+            break
+        seen = now
+    return seen
 
 
 def without_fonts(svg: str) -> str:

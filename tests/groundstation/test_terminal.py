@@ -77,10 +77,13 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
         await here.press("space", "l")
         await here.until("events", "emergency land")
         await here.press("space", "d")
-        await here.wait(lambda: bool(here.app.screen.query(Input)))
-        for name in ("herron", "heron"):
-            here.app.screen.query_one(Input).value = name
-            await here.press("enter")
+        await here.wait(lambda: isinstance(here.app.focused, Input))
+        typed = here.app.screen.query_one(Input)
+        typed.value = "herron"
+        await here.press("enter")
+        await here.wait(lambda: typed.value == "")
+        typed.value = "heron"
+        await here.press("enter")
         await here.until("events", "emergency disarm")
         verbs = [getattr(body, "verb", None) for body in here.asked(Emergency)]
         assert verbs == [EmergencyVerb.HOLD, EmergencyVerb.LAND, EmergencyVerb.DISARM]

@@ -131,14 +131,14 @@ class StationScreen(Screen[None]):
         width, height = event.size
         is_small = width < SMALLEST[0] or height < SMALLEST[1]
         self.set_class(is_small, "-too-small")
-        if is_small:
+        if is_small and self._is_there:
             self.panel("too_small").show(too_small_lines(width, height, SMALLEST))
         self.call_after_refresh(self.look_again)
 
     def show(self, view: View) -> None:
         """Shows a view."""
         self.view = view
-        if self.has_class("-too-small") or not self.is_mounted or not self.size.width or not self.is_attached:
+        if self.has_class("-too-small") or not self._is_there or not self.size.width:
             return
         width = self.size.width
         self.panel("title").show([title_line(view, width)])
@@ -160,8 +160,13 @@ class StationScreen(Screen[None]):
                 found[binding.action] = Key(key, binding.description, active.enabled, name in ALWAYS_SHOWN)
         return list(found.values())
 
+    @property
+    def _is_there(self) -> bool:
+        """Whether its widgets are: they come after it, and go before it when the app closes."""
+        return self.is_mounted and self.is_attached and self.app.is_running
+
     def _show_keys(self) -> None:
-        if self.is_mounted and self.is_current:
+        if self._is_there and self.is_current:
             self.panel("keys").show([keys_line(self.keys(), self.size.width)])
 
 

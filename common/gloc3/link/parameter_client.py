@@ -257,6 +257,8 @@ class ParameterClient(Service[ParameterEvent]):
         fetch.parameters[told.name] = told
         if len(fetch._by_index) == count:
             self._end_fetch(fetch, ParameterResult.DONE)
+        elif fetch._waiting is not None:
+            self._ask_singly(fetch, now_s)
 
     def _tick_fetch(self, fetch: ParameterFetch, now_s: float) -> None:
         if now_s >= fetch._heard_s + SILENT_S:

@@ -7,7 +7,7 @@ from typing import Final, Never
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.command import CommandClient
+from gloc3.link.command import CommandCall, CommandClient, CommandResult
 from gloc3.link.interval import REQUEST_MESSAGE
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.parameter import ParameterEncoding
@@ -17,6 +17,8 @@ from gloc3_groundstation.services.machines import Machines
 
 LEARN_S: Final = 5.0
 """How long a vehicle may take to tell its version; without it the heartbeat has to do."""
+ASK_AGAIN_S: Final = 60.0
+"""A vehicle that has not told its version is left in peace for so long."""
 _ARMED: Final = 128
 
 
@@ -71,6 +73,7 @@ class FactsService(Service[Never]):
         super().__init__(own)
         self.facts = VehicleFacts(address=target)
         self._commands = commands
+        self._ask_again_s = 0.0
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Takes in what the autopilot says of itself."""
@@ -88,23 +91,26 @@ class FactsService(Service[Never]):
             self.facts = msgspec.structs.replace(self.facts, version=read_version(message))
 
     async def learn(self, machines: Machines) -> VehicleFacts:
-        """Waits for a heartbeat and the version, but not for long; what stays away stays unknown."""
-        if self.facts.version is None or self.facts.heard_s is None:
-            call = None
-            with suppress(Refused):  # somebody else is asking just now
-                call = self._commands.send_long(
-                    self.facts.address, REQUEST_MESSAGE, (AUTOPILOT_VERSION,), now_s=machines.now_s
-                )
-            ends_s = machines.now_s + LEARN_S
-            timer = machines.loop.call_at(ends_s, machines.settle)
-            try:
-                await machines.until(
-                    lambda: (
-                        (self.facts.version is not None and self.facts.heard_s is not None) or machines.now_s >= ends_s
-                    )
-                )
-            finally:
-                timer.cancel()
-                if call is not None:
-                    self._commands.abandon(call)
+        """Waits for a heartbeat and the version, but not for long, nor often; what stays away stays unknown."""
+        if self.facts.heard_s is not None and (self.facts.version is not None or machines.now_s < self._ask_again_s):
+            return self.facts
+        call: CommandCall | None = None
+        with suppress(Refused):  # somebody else is asking just now
+            target = self.facts.address
+            call = self._commands.send_long(target, REQUEST_MESSAGE, (AUTOPILOT_VERSION,), now_s=machines.now_s)
+        ends_s = machines.now_s + LEARN_S
+        timer = machines.loop.call_at(ends_s, machines.settle)
+
+        def is_over() -> bool:
+            is_refused = call is not None and call.result not in (None, CommandResult.ACCEPTED)
+            knows = self.facts.heard_s is not None and (self.facts.version is not None or is_refused)
+            return knows or machines.now_s >= ends_s
+
+        try:
+            await machines.until(is_over)
+        finally:
+            timer.cancel()
+            if call is not None:
+                self._commands.abandon(call)
+        self._ask_again_s = machines.now_s + ASK_AGAIN_S
         return self.facts

@@ -73,16 +73,17 @@ class PlanService:
         return VehiclePlan(plan=from_wire(parts, facts.firmware, facts.vehicle_type), parts=parts)
 
     async def upload(
-        self, plan: Plan, on_progress: OnProgress | None = None, kinds: Sequence[PlanType] = KINDS
+        self, plan: Plan, on_progress: OnProgress | None = None, kinds: Sequence[PlanType] | None = None
     ) -> tuple[PlanDifference, ...]:
         """Gives the vehicle a plan, reads it back and compares.
 
-        What the plan has none of is cleared on the vehicle: afterwards it has this plan and nothing else.
+        What the plan has none of is cleared on the vehicle: afterwards it has this plan and nothing else. A file of
+        waypoints has no place for fence and rally points, so those stay.
 
         Args:
             plan: from `read` or `download`.
             on_progress: is told how far it is.
-            kinds: only these of mission, fence and rally points.
+            kinds: only these of mission, fence and rally points; None for all that the plan's file has a place for.
 
         Returns:
             Where the vehicle's plan is not the wanted one; empty when all is well.
@@ -92,6 +93,7 @@ class PlanService:
         """
         facts = await self._facts.learn(self._machines)
         parts, tell = to_wire(plan, facts.firmware), Quietly(on_progress)
+        kinds = kinds_of(plan) if kinds is None else kinds
         for kind in kinds:
             items = parts.of(kind)
             if not _can(facts, kind):
@@ -119,7 +121,8 @@ class PlanService:
             Refused: the vehicle does not answer.
         """
         facts = await self._facts.learn(self._machines)
-        return await self._differences(to_wire(plan, facts.firmware), facts, KINDS, Quietly(on_progress))
+        parts = to_wire(plan, facts.firmware)
+        return await self._differences(parts, facts, kinds_of(plan), Quietly(on_progress))
 
     async def clear(self, kind: PlanType) -> None:
         """Takes one part of the plan off the vehicle.
@@ -179,6 +182,11 @@ class PlanService:
             found = await self._get(kind) if _can(facts, kind) else ()
             rows += differences(parts.of(kind), found, kind, facts.firmware)
         return tuple(rows)
+
+
+def kinds_of(plan: Plan) -> tuple[PlanType, ...]:
+    """What a plan's file has a place for: a file of waypoints has neither a fence nor rally points."""
+    return (PlanType.MISSION,) if plan.raw is None else KINDS
 
 
 def _can(facts: VehicleFacts, kind: PlanType) -> bool:

@@ -202,6 +202,7 @@ class MavsdkBehindLink:
         """Takes what the process says until it ends."""
         assert process.stdout is not None
         assert process.stderr is not None
+        complaints = asyncio.ensure_future(_last_line(process.stderr))
         problem = ""
         try:
             while True:
@@ -213,10 +214,10 @@ class MavsdkBehindLink:
             problem = str(error)
             with suppress(ProcessLookupError):
                 process.kill()
-        words = (await process.stderr.read()).decode("utf-8", "replace").strip().splitlines()
+        words = await complaints
         code = await process.wait()
         if process is self._process:
-            reason = problem or (words[-1] if words else f"code {code}")
+            reason = problem or words or f"code {code}"
             if "No module named 'mavsdk'" in reason:
                 reason = "it is not installed; install gloc3[groundstation]"
             lament = f"MAVSDK has ended: {reason}"
@@ -274,6 +275,15 @@ class MavsdkBehindLink:
         process = self._process
         if process is not None and process.stdin is not None:
             process.stdin.close()  # it ends when its input does
+
+
+async def _last_line(stream: asyncio.StreamReader) -> str:
+    """Reads to the end, so that nothing that is printed stops the process, and gives the last line."""
+    tail = b""
+    while piece := await stream.read(4096):
+        tail = (tail + piece)[-4096:]
+    lines = tail.decode("utf-8", "replace").strip().splitlines()
+    return lines[-1] if lines else ""
 
 
 class _Call:

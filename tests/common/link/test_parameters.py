@@ -172,3 +172,15 @@ def test_a_fetch_and_a_call_may_be_cancelled_and_begun_again() -> None:
         client.cancel(work)
     assert client.next_tick_s() is None
     assert finish(pair, client.fetch(VEHICLE, now_s=pair.now_s)) is ParameterResult.DONE
+
+
+def test_what_a_slow_radio_has_left_out_is_fetched_without_waiting_in_between() -> None:
+    radio = Conditions(latency_s=0.15, bandwidth_bit_s=57_600, bits_per_byte=10)
+    pair = Pair(1, radio)
+    many = [parameter(f"P{number}", number, ParameterType.INT32) for number in range(1000)]
+    client = ParameterClient(STATION)
+    pair.add([ParameterServer(VEHICLE, many)], [client])
+    fetch = client.fetch(VEHICLE, now_s=0.0)
+    assert finish(pair, fetch) is ParameterResult.DONE
+    assert pair.link.a.dropped > 50
+    assert pair.now_s < 15.0

@@ -113,8 +113,12 @@ class ScriptedVehicle:
             self.send({30: "ATTITUDE", 74: "VFR_HUD"}[number])
         for request in self._commands.events():
             self.asked.append(request)
-            answers = (self.answer(request), self._version.command(request), self.streams.command(request, now_s))
-            result = next((one for one in answers if one is not None), CommandResult.UNSUPPORTED)
+            result = self.answer(request)
+            if result is None:
+                result = self._version.command(request)
+            if result is None:
+                result = self.streams.command(request, now_s)
+            result = CommandResult.UNSUPPORTED if result is None else result
             self._commands.answer(request, result, now_s=now_s)
 
 

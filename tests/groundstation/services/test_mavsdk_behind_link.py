@@ -6,6 +6,7 @@ import random
 import signal
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,7 @@ from gloc3.link.runner import NodeRunner
 from gloc3.link.signing import Signing, Verdict, timestamp
 from gloc3.topics import TopicTable
 from gloc3_groundstation.links import Link
+from gloc3_groundstation.services import raw
 from gloc3_groundstation.services.raw import MavsdkBehindLink
 
 pytestmark = pytest.mark.sockets
@@ -169,3 +171,42 @@ async def test_a_vehicle_that_falls_silent_is_a_refusal_in_bounded_time() -> Non
         async with asyncio.timeout(20.0):
             with pytest.raises(Refused, match="no answer"):
                 await scene.mavsdk.download(PlanType.MISSION)
+
+
+async def test_a_process_that_nobody_asks_for_anything_ends_and_another_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(raw, "IDLE_S", 0.05)
+    async with bench() as scene:
+        await scene.mavsdk.download(PlanType.MISSION)
+        await until(lambda: not scene.mavsdk.is_running)
+        assert await scene.mavsdk.download(PlanType.MISSION) == ()
+        assert scene.mavsdk.starts == 2
+
+
+async def test_a_request_that_is_cancelled_while_the_process_begins_leaves_nothing_behind() -> None:
+    async with bench() as scene:
+        task = asyncio.ensure_future(scene.mavsdk.download(PlanType.MISSION))
+        await until(lambda: scene.mavsdk.is_running)
+        process = scene.mavsdk._process
+        assert process is not None
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert process.returncode is not None
+        assert await scene.mavsdk.download(PlanType.MISSION) == ()
+
+
+async def test_a_station_without_mavsdk_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mavsdk.py").write_text("raise ModuleNotFoundError(\"No module named 'mavsdk'\")")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    async with bench() as scene:
+        with pytest.raises(Refused, match=r"it is not installed; install gloc3\[groundstation\]"):
+            await scene.mavsdk.download(PlanType.MISSION)
+
+
+async def test_what_the_library_prints_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    noise = "import os\nfor _ in range(3000): os.write(1, b'x' * 79 + b'\\n')\nraise SystemExit('it is broken')"
+    (tmp_path / "mavsdk.py").write_text(noise)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    async with bench() as scene:
+        with pytest.raises(Refused, match="MAVSDK has ended: it is broken"):
+            await scene.mavsdk.download(PlanType.MISSION)

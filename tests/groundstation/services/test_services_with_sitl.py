@@ -129,6 +129,8 @@ async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple
             services.plans.save(found, tmp_path / name)
             assert len(services.plans.read(tmp_path / name).items) == (4 if name.endswith("plan") else 5)
         assert await services.plans.verify(services.plans.read(tmp_path / "down.plan")) == ()
+        assert await services.plans.upload(services.plans.read(tmp_path / "down.waypoints")) == ()
+        assert (await services.plans.download()).summary == "4 items, 1 fence area, 1 rally point"
         await services.plans.clear(PlanType.FENCE)
         (difference,) = await services.plans.verify(PLAN)
         assert str(difference) == "fence item 0: 1 items are wanted, 0 are there"

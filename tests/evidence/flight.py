@@ -19,7 +19,7 @@ from tests.flight.card import Card
 from gloc3_sitl.path_error import PathResult
 
 GLOC3 = str(ROOT / ".venv/bin/gloc3")
-SPEED_RUNS = 3
+SPEED_RUNS = 5
 CALM_RMS_M, CALM_MAX_M = CALM_LIMITS
 LEAST_SHARE = 0.9
 CONTROL_SPEED_M_S = 0.5

@@ -271,6 +271,10 @@ class VehicleSummary(Message, frozen=True):
     """Latitude, longitude in degrees, altitude above mean sea level in metres."""
     is_armable: bool = True
     """Whether the autopilot would arm now."""
+    pose_sources: list[str] = []
+    """What the position rests on."""
+    pose_quality_percent: int = -1
+    """How good the position is, 0 to 100; -1 where that is not known."""
 
 
 class MissionSummary(Message, frozen=True):

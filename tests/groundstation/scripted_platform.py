@@ -61,6 +61,8 @@ VEHICLE = VehicleSummary(
     has_pilot_control=False,
     is_autopilot_connected=True,
     frame="hold",
+    pose_sources=["autopilot"],
+    pose_quality_percent=100,
 )
 
 TASKS = {

@@ -134,9 +134,9 @@ def test_an_old_vehicle_state_is_shown_as_old() -> None:
 def test_what_endangers_the_vehicle_stands_out() -> None:
     ill = flying(battery_percent=9, has_pilot_control=True, is_autopilot_connected=False)
     assert [span.text for line in detail_lines(view(ill)) for span in line if span.tone is Tone.BAD] == [
-        "━╌╌╌╌╌╌╌╌╌╌╌ 9 %",
-        "NOT CONNECTED",
         "HAS CONTROL",
+        "NOT CONNECTED",
+        "━╌╌╌╌╌╌╌╌╌╌╌ 9 %",
     ]
 
 
@@ -144,6 +144,22 @@ def test_an_unknown_position_and_battery_are_said_to_be_unknown() -> None:
     lines = "\n".join(texts(detail_lines(view(flying(battery_percent=-1, is_pose_valid=False)))))
     assert "battery   not known" in lines
     assert "position unknown" in lines
+
+
+def test_what_the_position_rests_on_is_told_with_its_quality() -> None:
+    said = []
+    for changes in (
+        {},
+        {"pose_sources": ["stereo", "laser"], "pose_quality_percent": 40},
+        {"pose_quality_percent": -1},
+    ):
+        (line,) = [line for line in detail_lines(view(flying(**changes))) if text_of(line).startswith(" from")]
+        said.append((text_of(line)[11:], line[-1].tone))
+    assert said == [
+        ("autopilot, quality 100 %", Tone.TEXT),
+        ("stereo + laser, quality 40 %", Tone.WARN),
+        ("not told", Tone.DIM),
+    ]
 
 
 def test_alerts_are_listed_until_nothing_is_wrong() -> None:

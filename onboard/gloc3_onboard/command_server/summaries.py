@@ -79,6 +79,8 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         is_autopilot_connected=facts.is_connected,
         frame=frame,
         geo=geo,
+        pose_sources=list(pose.sources) if pose is not None else [],
+        pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
         is_armable=autopilot is not None and (autopilot.is_armed or autopilot.is_armable),
     )
 

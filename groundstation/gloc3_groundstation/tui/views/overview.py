@@ -27,6 +27,8 @@ COLUMNS: Final = (
     Column("alerts", 6, is_right=True, rank=1),
 )
 BAR_WIDTH: Final = 9
+GOOD_PERCENT: Final = 50
+"""A position of less quality is worth a look."""
 SLOW_TRIP_S: Final = 1.0
 """A round trip from which the operator should know that keys act late."""
 
@@ -65,9 +67,12 @@ def detail_lines(view: View) -> list[Line]:
     if platform is None:
         return []
     now_s = view.now_s
-    facts: list[tuple[str, Span]] = [("control", _control(view, platform)), ("link", link_detail(view, platform))]
+    facts: list[tuple[str, Span]] = [
+        ("control", _control(view, platform)),
+        ("link", link_detail(view, platform)),
+        ("health", worst_span(platform, now_s)),
+    ]
     timed = platform.vehicle
-    is_silent = platform.is_quiet_link(now_s)
     if timed is None:
         facts.append(("vehicle", Span("nothing is known of it yet", Tone.STALE)))
     else:
@@ -79,18 +84,16 @@ def detail_lines(view: View) -> list[Line]:
                 "position",
                 Span(wording.position(vehicle), stale or (Tone.TEXT if vehicle.is_pose_valid else Tone.BAD)),
             ),
+            ("from", _source(vehicle, stale)),
             ("motion", Span(motion, stale or Tone.TEXT)),
             ("battery", _battery_bar(vehicle.battery_percent, stale)),
         ]
         if not vehicle.is_autopilot_connected:
-            facts.append(("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
+            facts.insert(0, ("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
         if vehicle.has_pilot_control:
-            facts.append(("pilot", Span("HAS CONTROL", stale or Tone.BAD)))
+            facts.insert(0, ("pilot", Span("HAS CONTROL", stale or Tone.BAD)))
         if vehicle.frame:
             facts.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
-    if is_silent:
-        facts[0] = "control", Span(facts[0][1].text, Tone.STALE)
-    facts.insert(2, ("health", worst_span(platform, now_s)))
     return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in facts]
 
 
@@ -228,7 +231,18 @@ def _alerts(view: View, platform: PlatformSnapshot) -> Span:
 def _control(view: View, platform: PlatformSnapshot) -> Span:
     asks = platform.control.value.requested_by if platform.control is not None else ""
     text = wording.holder(platform, view.station) + (f", station {asks} asks for it" if asks else "")
+    if platform.is_quiet_link(view.now_s):
+        return Span(text, Tone.STALE)
     return Span(text, Tone.TEXT if view.is_in_control and not asks else Tone.WARN)
+
+
+def _source(vehicle: VehicleSummary, stale: Tone | None) -> Span:
+    """What the position rests on, and how good it is."""
+    quality = vehicle.pose_quality_percent
+    tone = Tone.TEXT if vehicle.is_pose_valid and quality >= GOOD_PERCENT else Tone.WARN if quality > 0 else Tone.BAD
+    if quality < 0:
+        return Span("not told", stale or Tone.DIM)
+    return Span(f"{' + '.join(vehicle.pose_sources) or 'nothing'}, quality {quality} %", stale or tone)
 
 
 def _battery(percent: int) -> tuple[str, Tone]:

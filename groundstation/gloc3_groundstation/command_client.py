@@ -6,6 +6,7 @@ from typing import Any, Final
 from gloc3.ci import (
     AnyBody,
     CiReply,
+    CiRequest,
     Control,
     ControlVerb,
     Emergency,
@@ -19,6 +20,7 @@ from gloc3.ci import (
 )
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange, Publisher
+from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.messages import Envelope
 from gloc3_groundstation.requests import SLOWEST_BYTES_S, Requests
 
@@ -108,6 +110,14 @@ class CommandClient:
         if reply.outcome is Outcome.REFUSED:
             raise Declined(reply)
         raise Unanswered(reply.reason or f"{platform} does not know what became of the request ({reply.outcome})")
+
+    def undelivered(self, told: Undelivered) -> None:
+        """Whoever holds the links tells that a message was given up; see `Requests.undelivered`."""
+        request = told.envelope.payload
+        if isinstance(request, CiRequest):
+            platform, now_s = told.envelope.topic.partition("/")[0], self._loop.time()
+            self._requests.undelivered(platform, request, told.reason, now_s, is_certain=told.is_certain)
+            self._run()
 
     # --- what operators ask for most; all raise as `carry_out` does ---
 

@@ -2,12 +2,13 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, Trouble
+from gloc3.exchange.tunnel.happenings import Happening, Trouble, Undelivered
 from gloc3.exchange.tunnel.pacing import LinkBudget
 from gloc3.link.codec import Encoder, Frame, Parser, enums, shape
 from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, open_endpoint, parse_url
@@ -21,8 +22,14 @@ STATION_COMPONENT: Final = 190
 NETWORK_BIT_S: Final = 2_000_000.0
 """Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""
 
+MAX_REMEMBERED: Final = 256
+"""Messages of which some links have said that they gave them up."""
+
 Told = Callable[[str], None]
 """Is told in words what a person should know of a link."""
+
+GivenUp = Callable[[Undelivered], None]
+"""Is told which message of the station's was given up."""
 
 
 class Link:
@@ -38,6 +45,7 @@ class Link:
         system: int,
         boot: int,
         told: Told,
+        undelivered: GivenUp = lambda _: None,
         is_datagram: bool = True,
         budget: LinkBudget | None = None,
         signing: Signing | None = None,
@@ -52,6 +60,7 @@ class Link:
             system: the station's MAVLink system, 255 and down.
             boot: a random number for this start of the station.
             told: is told what a person should know.
+            undelivered: is told what the command link has given up here.
             is_datagram: whether the bytes come in whole frames.
             budget: what the link carries.
             signing: signs all that is sent, and judges all that is heard; None on a link without a key.
@@ -63,6 +72,7 @@ class Link:
         self._listeners: list[Callable[[Frame], None]] = []
         self._send = send
         self._told = told
+        self._undelivered = undelivered
         self._tunnel_id = shape("TUNNEL").id
         self._parser = Parser(is_datagram=is_datagram)
         self._encoder = Encoder(*own, signing)
@@ -150,6 +160,8 @@ class Link:
     def _happened(self, happening: Happening) -> None:
         if isinstance(happening, Trouble):
             self._told(happening.text)
+        elif isinstance(happening, Undelivered):
+            self._undelivered(happening)
 
     def _is_doubled(self) -> None:
         if not self._has_told_of_double:
@@ -163,6 +175,7 @@ class Links:
 
     def __init__(self) -> None:
         self._open: list[tuple[Endpoint, Link]] = []
+        self._given_up = UndeliveredEverywhere()
 
     async def open(
         self,
@@ -173,8 +186,9 @@ class Links:
         system: int,
         boot: int,
         told: Told,
+        undelivered: GivenUp = lambda _: None,
     ) -> None:
-        """Opens links; see `Link` for the arguments.
+        """Opens links; see `Link` for the arguments, and `UndeliveredEverywhere` for what is told as undelivered.
 
         Raises:
             Refused: a URL is wrong, or its address cannot be had.
@@ -191,11 +205,16 @@ class Links:
                 system=system,
                 boot=boot,
                 told=lambda text, url=url: told(f"{url}: {text}"),  # type: ignore[misc]
+                undelivered=partial(self._give_up, len(self._open), undelivered),
                 is_datagram=endpoint.is_datagram,
                 budget=budget_of(url),
             )
             made.append(link)
             self._open.append((endpoint, link))
+
+    def _give_up(self, way: int, undelivered: GivenUp, lost: Undelivered) -> None:
+        if self._given_up.is_told(way, len(self._open), lost):
+            undelivered(lost)
 
     def describe(self) -> str:
         """The links, with what is wrong with each or who is heard on it."""
@@ -227,6 +246,38 @@ class Links:
             link.close()
             await endpoint.close()
         self._open.clear()
+
+
+class UndeliveredEverywhere:
+    """What several links together say of a message that each of them carries.
+
+    It is certainly not delivered only when every link has said so; that it may have arrived by one of them is told at
+    once.
+    """
+
+    def __init__(self) -> None:
+        self._certain: dict[tuple[str, int, int], set[int]] = {}
+
+    def is_told(self, way: int, ways: int, lost: Undelivered) -> bool:
+        """Whether a link's word is that of all of them.
+
+        Args:
+            way: which link.
+            ways: how many there are.
+            lost: what it says.
+        """
+        if not lost.is_certain:
+            return True
+        envelope = lost.envelope
+        key = envelope.topic, envelope.source.boot, envelope.sequence
+        said = self._certain.setdefault(key, set())
+        said.add(way)
+        if len(said) < ways:
+            while len(self._certain) > MAX_REMEMBERED:
+                del self._certain[next(iter(self._certain))]
+            return False
+        del self._certain[key]
+        return True
 
 
 def budget_of(url: str) -> LinkBudget:

@@ -2,7 +2,8 @@
 
 A request is known by `(sender, boot, sequence)`, counted for each platform. When its reply is late, the platform is
 asked what became of it (`Query`); only if it never arrived it is sent again, under the same id. What is not known
-when the time is up ends as *unknown*.
+when the time is up ends as *unknown*. When the link tells that it gave a request up, that ends as *refused* if it was
+surely never delivered, and else is asked about at once.
 """
 
 from dataclasses import dataclass
@@ -26,6 +27,9 @@ class _Pending:
     next_s: float
     deadline_s: float
     timeout_s: float
+    times_sent: int = 1
+    given_up: str = ""
+    """Why the link gave it up, where it may have arrived all the same."""
 
 
 class Requests:
@@ -71,14 +75,38 @@ class Requests:
             self._end(asked, replace(reply, sequence=pending.request.sequence))
             return
         pending.next_s = now_s + pending.patience_s
+        pending.times_sent += 1
         self._outgoing.append((platform, pending.request))
+
+    def undelivered(self, platform: str, request: CiRequest, reason: str, now_s: float, *, is_certain: bool) -> None:
+        """The link has given a request up.
+
+        Args:
+            platform: to whom it went.
+            request: what was given up; what is not waited for is ignored.
+            reason: why.
+            now_s: the time.
+            is_certain: it was not handed over and will not be, on any link. Of a request that was sent more than once
+                this says nothing of the other times.
+        """
+        pending = self._pending.get((platform, request.sequence))
+        if pending is None or pending.request != request:
+            return
+        if is_certain and pending.times_sent == 1 and not pending.given_up:
+            reply = self._ended_as(Outcome.REFUSED, request, f"not delivered: {reason}")
+            self._end((platform, request.sequence), reply)
+            return
+        pending.given_up = reason
+        pending.next_s = now_s
 
     def tick(self, now_s: float) -> None:
         """Asks for what is late, gives up what is too late."""
         for key, pending in list(self._pending.items()):
             if now_s >= pending.deadline_s:
                 reason = f"{pending.platform} has not answered for {pending.timeout_s:g} s"
-                self._end(key, self._unknown(pending.request, reason))
+                if pending.given_up:
+                    reason = f"it may have been delivered ({pending.given_up}), and {reason}"
+                self._end(key, self._ended_as(Outcome.UNKNOWN, pending.request, reason))
             elif now_s >= pending.next_s:
                 pending.next_s = now_s + PATIENCE_S
                 query = self._new(pending.platform, Query(boot=self.boot, sequence=pending.request.sequence))
@@ -104,10 +132,8 @@ class Requests:
         self._sequences[platform] = sequence + 1
         return CiRequest(sender=self.sender, boot=self.boot, sequence=sequence, body=body)
 
-    def _unknown(self, request: CiRequest, reason: str) -> CiReply:
-        return CiReply(
-            sender=self.sender, boot=self.boot, sequence=request.sequence, outcome=Outcome.UNKNOWN, reason=reason
-        )
+    def _ended_as(self, outcome: Outcome, request: CiRequest, reason: str) -> CiReply:
+        return CiReply(sender=self.sender, boot=self.boot, sequence=request.sequence, outcome=outcome, reason=reason)
 
     def _end(self, key: tuple[str, int], reply: CiReply | None) -> None:
         self._pending.pop(key, None)

@@ -144,6 +144,7 @@ class Session:
                 system=self._system,
                 boot=boot,
                 told=lambda text: station.note("", Severity.WARNING, text),
+                undelivered=station.client.undelivered,
             )
             yield station
         finally:

@@ -22,6 +22,7 @@ from gloc3.errors import Gloc3Error
 from gloc3.exchange import Publisher
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
+from gloc3.exchange.tunnel.happenings import Happening, Undelivered
 from gloc3.exchange.tunnel.layout import Role
 from gloc3.frames import TangentPlane
 from gloc3.link.codec import Address, Encoder, MavlinkMessage, Parser
@@ -97,6 +98,7 @@ class GroundSide:
         self.heartbeat = Heartbeat(own, vehicle_type=6)
         self.exchange = MavlinkExchange(TunnelEndpoint(Role.STATION, str(system), own, boot, topics), loop, self._send)
         self.station = Station(self.exchange, loop, str(system), boot)
+        self.exchange.listen(self._happened)
         self._timer: asyncio.TimerHandle | None = None
 
     def open(self, endpoint: Any) -> None:
@@ -111,6 +113,10 @@ class GroundSide:
         self.exchange.close()
         if self._timer is not None:
             self._timer.cancel()
+
+    def _happened(self, happening: Happening) -> None:
+        if isinstance(happening, Undelivered):
+            self.station.client.undelivered(happening)
 
     def _beat(self) -> None:
         self.heartbeat.tick(self._loop.time())

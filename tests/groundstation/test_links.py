@@ -6,16 +6,20 @@ from random import Random
 from typing import NamedTuple, TypeVar
 
 import pytest
+from msgspec.structs import replace
 
+from gloc3.ci import CiRequest, Hello, Outcome, Steer, Verb
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.link.codec import Encoder, Frame, Parser, message
 from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.link.message import Address
+from gloc3.messages import Envelope, Source
 from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
-from gloc3_groundstation.links import Link, Links, budget_of
+from gloc3_groundstation.links import Link, Links, UndeliveredEverywhere, budget_of
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 
@@ -35,6 +39,7 @@ class Scene(NamedTuple):
     inject: Callable[[bytes], None]
     """Puts bytes on the link from the platform's side."""
     told: list[str]
+    memory: MemoryLink
 
 
 def over(conditions: Conditions, play: Callable[[Scene], Awaitable[T]]) -> T:
@@ -59,11 +64,20 @@ def over(conditions: Conditions, play: Callable[[Scene], Awaitable[T]]) -> T:
 
         memory.b.on_data = take
         station = Station(here, loop, "255", 11)
-        link = Link(memory.a.send, loop=loop, exchange=here, topics=TOPICS, system=255, boot=11, told=told.append)
+        link = Link(
+            memory.a.send,
+            loop=loop,
+            exchange=here,
+            topics=TOPICS,
+            system=255,
+            boot=11,
+            told=told.append,
+            undelivered=station.client.undelivered,
+        )
         memory.a.on_data = link.receive
         platform.loop.call_later(0.3, platform.speak_every, 0.5)
         try:
-            return await play(Scene(station, platform, link, heard, memory.b.send, told))
+            return await play(Scene(station, platform, link, heard, memory.b.send, told, memory))
         finally:
             station.close()
             link.close()
@@ -141,3 +155,36 @@ def test_the_round_trip_to_a_platform_is_known_from_greetings() -> None:
         assert scene.link.round_trip_s("heron") == pytest.approx(0.6, abs=0.15)
 
     over(Conditions(latency_s=0.3), play)
+
+
+def test_a_request_that_the_link_could_not_deliver_is_refused_with_the_reason_and_not_called_unknown() -> None:
+    async def play(scene: Scene) -> None:
+        await flights.await_platform(scene.station, None)
+        reply = await scene.station.client.ask("nobody_here", Steer(verb=Verb.PAUSE))
+        assert reply.outcome is Outcome.REFUSED
+        assert reply.reason == "not delivered: nobody to take nobody_here/ci/request was heard"
+
+    over(Conditions(), play)
+
+
+def test_a_request_that_may_have_been_delivered_when_the_link_broke_stays_unknown() -> None:
+    async def play(scene: Scene) -> None:
+        name = await flights.await_platform(scene.station, None)
+        scene.memory.set_conditions(Conditions(loss=1.0))
+        reply = await scene.station.client.ask(name, Steer(verb=Verb.PAUSE))
+        assert reply.outcome is Outcome.UNKNOWN
+        assert reply.reason.startswith("it may have been delivered (no answer from heron)")
+
+    over(Conditions(), play)
+
+
+def test_only_when_every_link_has_given_up_a_message_it_is_certain() -> None:
+    request = CiRequest(sender="255", boot=1, sequence=0, body=Hello())
+    envelope = Envelope("a/ci/request", Source("station_255", "command_client", 1), 4, 0.0, "", "", request)
+    lost = Undelivered(envelope, None, True, "nobody to take it was heard")
+    given_up = UndeliveredEverywhere()
+    assert not given_up.is_told(0, 2, lost)
+    assert not given_up.is_told(0, 2, lost)
+    assert not given_up.is_told(1, 2, replace(lost, envelope=replace(envelope, sequence=5)))
+    assert given_up.is_told(1, 2, lost)
+    assert given_up.is_told(0, 2, replace(lost, is_certain=False))

@@ -94,3 +94,47 @@ def test_every_request_ends_exactly_once_in_time_whatever_is_answered(script: li
         ended += requests.ended()
     assert [ended_key for ended_key, _ in ended] == [key]
     assert requests.next_tick_s() is None
+
+
+def test_what_the_link_surely_never_delivered_is_refused_at_once() -> None:
+    requests = Requests("255", 5)
+    key = requests.request("a", ReadMission(), 10.0, 0.0)
+    ((_, original),) = requests.outgoing()
+    requests.undelivered("b", original, "that is another platform", 0.1, is_certain=True)
+    assert requests.ended() == []
+    requests.undelivered("a", original, "versions differ", 0.1, is_certain=True)
+    ((ended_key, ended),) = requests.ended()
+    assert (ended_key, ended.outcome, ended.reason) == (key, Outcome.REFUSED, "not delivered: versions differ")
+    assert requests.next_tick_s() is None
+
+
+def test_what_may_have_been_delivered_is_asked_about_at_once_and_else_unknown() -> None:
+    requests = Requests("255", 5)
+    requests.request("a", ReadMission(), 10.0, 0.0)
+    ((_, original),) = requests.outgoing()
+    requests.undelivered("a", original, "no answer from a", 0.5, is_certain=False)
+    assert requests.next_tick_s() == 0.5
+    requests.tick(0.5)
+    ((_, query),) = requests.outgoing()
+    assert query.body == Query(boot=5, sequence=0)
+    requests.undelivered("a", query, "nobody heard", 0.6, is_certain=True)  # the question, not what it is about
+    requests.undelivered("a", original, "nobody heard", 0.6, is_certain=True)  # too late to be sure again
+    assert requests.ended() == []
+    requests.tick(10.0)
+    ((_, ended),) = requests.ended()
+    assert ended.outcome is Outcome.UNKNOWN
+    assert ended.reason == "it may have been delivered (nobody heard), and a has not answered for 10 s"
+
+
+def test_of_a_request_that_was_sent_twice_one_loss_proves_nothing() -> None:
+    requests = Requests("255", 5)
+    requests.request("a", ReadMission(), 10.0, 0.0)
+    ((_, original),) = requests.outgoing()
+    requests.tick(2.0)
+    ((_, query),) = requests.outgoing()
+    requests.receive("a", reply(query, Outcome.UNKNOWN), 2.5)
+    assert requests.outgoing() == [("a", original)]
+    requests.undelivered("a", original, "nobody heard", 3.0, is_certain=True)
+    assert requests.ended() == []
+    requests.tick(3.0)
+    assert [type(request.body) for _, request in requests.outgoing()] == [Query]

@@ -86,7 +86,8 @@ class TunnelEndpoint:
         self._peers = Peers(role, name, own, self.counters, self._happenings.append)
         self._outbox = Outbox(role, name, self.boot, self._pacer, self._peers, self._table, self._status, self.counters)
         self._published: dict[str, int] = {}
-        self._homeless: list[tuple[Envelope[Any], float]] = []
+        self._homeless: list[tuple[Envelope[Any], float, float]] = []
+        """What waits for somebody to be heard: since when, and until when."""
         self._senders: dict[str, Address] = {}
 
     # --- from above ---
@@ -149,15 +150,16 @@ class TunnelEndpoint:
             for outgoing, may_have_arrived in peer.sender.expire(now_s):
                 self._give_up(outgoing.envelope, peer.address, not may_have_arrived, f"no answer from {peer.name}")
             peer.sender.probe(now_s)
-        for envelope, until_s in [entry for entry in self._homeless if now_s >= entry[1]]:
-            self._homeless.remove((envelope, until_s))
+        for entry in [entry for entry in self._homeless if now_s >= entry[2]]:
+            self._homeless.remove(entry)
+            envelope = entry[0]
             self._give_up(envelope, None, True, f"nobody to take {envelope.topic} was heard")
 
     def next_tick_s(self) -> float:
         """When `tick` and `outgoing` are to be called, unless something comes before."""
         times_s = [self._outbox.next_s()]
         times_s += [t_s for peer in self._peers if (t_s := peer.sender.next_s()) is not None]
-        times_s += [until_s for _, until_s in self._homeless]
+        times_s += [until_s for *_, until_s in self._homeless]
         silent_s = self._peers.next_s()
         if silent_s is not None:
             times_s.append(silent_s)
@@ -241,7 +243,9 @@ class TunnelEndpoint:
 
     # --- reliable ---
 
-    def _submit(self, envelope: Envelope[Any], now_s: float) -> None:
+    def _submit(self, envelope: Envelope[Any], now_s: float, since_s: float | None = None) -> None:
+        """Sends a reliable message, whose patience began at `since_s` where it has waited already."""
+        since_s = now_s if since_s is None else since_s
         try:
             channel = self._number(envelope)
         except Refused as refusal:
@@ -252,19 +256,20 @@ class TunnelEndpoint:
             self._give_up(envelope, None, True, f"{MAX_HOMELESS} messages wait already for somebody to be heard")
             return
         if receivers is None:
-            self._homeless.append((envelope, now_s + REQUEST_PATIENCE_S))
+            patience_s = urgency(envelope.payload, has_upload=False, is_fenced=False).patience_s
+            self._homeless.append((envelope, since_s, since_s + min(patience_s, REQUEST_PATIENCE_S)))
             return
         for peer in receivers:
-            self._send(peer, envelope, channel, now_s)
+            self._send(peer, envelope, channel, now_s, since_s)
 
-    def _send(self, peer: Peer, envelope: Envelope[Any], channel: int, now_s: float) -> None:
+    def _send(self, peer: Peer, envelope: Envelope[Any], channel: int, now_s: float, since_s: float) -> None:
         sender, payload = peer.sender, envelope.payload
         if isinstance(payload, CiRequest) and any(out.envelope.payload == payload for out, _ in sender.waiting()):
             self.counters.repeated_requests += 1
             return
         how = urgency(payload, has_upload=sender.is_open(Lane.BULK), is_fenced=sender.is_fenced)
         body = pack_reliable(envelope, channel, b"" if channel in peer.known else self._table.rows(channel))
-        outgoing = Outgoing(envelope, channel, body, how.lane, now_s, how.patience_s, how.is_fence)
+        outgoing = Outgoing(envelope, channel, body, how.lane, since_s, how.patience_s, how.is_fence)
         reason = sender.submit(outgoing, now_s)
         if reason:
             self._give_up(envelope, peer.address, True, reason)
@@ -284,11 +289,11 @@ class TunnelEndpoint:
     def _house(self, now_s: float) -> None:
         """Somebody new is here: perhaps a message waits for him."""
         waiting, self._homeless = self._homeless, []
-        for envelope, until_s in waiting:
-            if self._receivers(envelope) is None:
-                self._homeless.append((envelope, until_s))
+        for entry in waiting:
+            if self._receivers(entry[0]) is None:
+                self._homeless.append(entry)
             else:
-                self._submit(envelope, now_s)
+                self._submit(entry[0], now_s, entry[1])
 
     def _acknowledge(self, peer: Peer, ack: Ack, now_s: float) -> None:
         done, round_trip_s = peer.sender.acknowledge(ack, now_s)

@@ -185,3 +185,19 @@ async def a_minute_of_restarts(seed: int) -> None:
 def test_a_whole_minute_with_restarts_of_both_ends_hands_nothing_over_twice() -> None:
     for seed in range(3):
         run_virtual(a_minute_of_restarts(seed))
+
+
+def test_patience_is_counted_from_when_a_request_was_made_also_while_nobody_is_heard() -> None:
+    async def fly() -> tuple[Station, Platform]:
+        station, platform, link = pair_on(2)
+        link.set_conditions(CUT)
+        station.ask(PAUSE)
+        station.ask(Emergency(verb=EmergencyVerb.HOLD))
+        await asyncio.sleep(EMERGENCY_PATIENCE_S + 1.0)
+        assert [given_up.is_certain for given_up in station.undelivered()] == [True]
+        link.set_conditions(CLEAN)
+        await asyncio.sleep(9.0)
+        return station, platform
+
+    _, platform = run_virtual(fly())
+    assert [type(request.body) for _, request in platform.given] == [Steer]

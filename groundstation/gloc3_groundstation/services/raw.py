@@ -20,6 +20,7 @@ from gloc3.link.codec import Frame, Parser, shape
 from gloc3.link.codec import message as make
 from gloc3.link.message import Address
 from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3_groundstation.services.helper_call import STALLED_S, HelperCall, last_line
 from gloc3_groundstation.services.helper_messages import (
     LENGTH_BYTES,
     Advanced,
@@ -41,8 +42,6 @@ from gloc3_groundstation.services.machines import Wire
 
 START_S: Final = 20.0
 """How long the process may take to begin."""
-STALLED_S: Final = 30.0
-"""A request of which nothing is heard for so long is given up, and the process with it."""
 IDLE_S: Final = 120.0
 """A process that nobody has asked for anything for so long is ended; the next request begins another."""
 HEARD: Final = (
@@ -84,7 +83,7 @@ class MavsdkBehindLink:
         self._process: asyncio.subprocess.Process | None = None
         self._reading: asyncio.Task[None] | None = None
         self._ready: asyncio.Future[None] | None = None
-        self._calls: dict[int, _Call] = {}
+        self._calls: dict[int, HelperCall] = {}
         self._number = 0
         self._lock = asyncio.Lock()
         self._unlisten: Callable[[], object] | None = None
@@ -130,7 +129,7 @@ class MavsdkBehindLink:
             self._stop_idling()
             await self._start()
             self._number += 1
-            call = self._calls[self._number] = _Call(on_fraction)
+            call = self._calls[self._number] = HelperCall(on_fraction)
             self._tell(request(self._number))
             try:
                 return await call.wait()
@@ -202,7 +201,7 @@ class MavsdkBehindLink:
         """Takes what the process says until it ends."""
         assert process.stdout is not None
         assert process.stderr is not None
-        complaints = asyncio.ensure_future(_last_line(process.stderr))
+        complaints = asyncio.ensure_future(last_line(process.stderr))
         problem = ""
         try:
             while True:
@@ -275,50 +274,3 @@ class MavsdkBehindLink:
         process = self._process
         if process is not None and process.stdin is not None:
             process.stdin.close()  # it ends when its input does
-
-
-async def _last_line(stream: asyncio.StreamReader) -> str:
-    """Reads to the end, so that nothing that is printed stops the process, and gives the last line."""
-    tail = b""
-    while piece := await stream.read(4096):
-        tail = (tail + piece)[-4096:]
-    lines = tail.decode("utf-8", "replace").strip().splitlines()
-    return lines[-1] if lines else ""
-
-
-class _Call:
-    """One request, with the time after which it counts as stalled."""
-
-    def __init__(self, on_fraction: Callable[[float], None] | None) -> None:
-        self._on_fraction = on_fraction
-        self._loop = asyncio.get_running_loop()
-        self._ended: asyncio.Future[tuple[PlanItem, ...]] = self._loop.create_future()
-        self._timer = self._loop.call_later(STALLED_S, self._stall)
-
-    async def wait(self) -> tuple[PlanItem, ...]:
-        try:
-            return await self._ended
-        finally:
-            self._timer.cancel()
-
-    def heard(self, *, is_transfer: bool) -> None:
-        """Something came from the vehicle."""
-        if is_transfer and not self._ended.done():
-            self._timer.cancel()
-            self._timer = self._loop.call_later(STALLED_S, self._stall)
-
-    def advance(self, fraction: float) -> None:
-        if self._on_fraction is not None:
-            self._on_fraction(fraction)
-
-    def finish(self, items: tuple[PlanItem, ...]) -> None:
-        if not self._ended.done():
-            self._ended.set_result(items)
-
-    def fail(self, reason: str) -> None:
-        if not self._ended.done():
-            self._ended.set_exception(Refused(reason))
-
-    def _stall(self) -> None:
-        if not self._ended.done():
-            self._ended.set_exception(TimeoutError())

@@ -202,3 +202,39 @@ async def test_a_terminal_that_is_too_small_says_so_and_the_emergency_key_works_
         await here.pilot.resize_terminal(80, 24)
         await here.until("title", "heron")
         await here.wait(lambda: here.app.screen.query_one("#body").display)
+
+
+@pytest.mark.sockets
+async def test_the_emergency_key_works_over_a_dialogue_and_while_typing_with_control() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        await here.press("ctrl+p")
+        await here.wait(lambda: isinstance(here.app.focused, Input))
+        await here.pilot.press("space")
+        await here.wait(lambda: here.app.screen.query_one(Input).value == " ")
+        assert here.asked(Emergency) == [], "what is typed is typed"
+        await here.press("ctrl+@")
+        await here.wait(lambda: len(here.asked(Emergency)) == 1)
+        await here.press("escape")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        here.app.desk._held_s.clear()
+        await here.press("question_mark")
+        await here.wait(lambda: isinstance(here.app.screen, HelpScreen))
+        await here.press("space")
+        await here.wait(lambda: len(here.asked(Emergency)) == 2)
+
+
+@pytest.mark.sockets
+async def test_no_color_shows_no_colours_and_leaves_the_chosen_theme(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    async with scene(None, configuration=Configuration(theme="daylight")) as here:
+        assert here.app.theme == "mono"
+        assert here.app.configuration().theme == "daylight"
+        here.platform.speak()
+        here.platform.fly(battery_percent=9)
+        await here.until("title", "bat 9 %")
+        title = here.app.screen.query_one("#title", Panel).render_line(0)
+        styles = [segment.style for segment in title if segment.style is not None]
+        assert {style.color.name for style in styles if style.color} <= {"default"}
+        assert any(style.reverse and style.bold for style in styles), "an alarm is told by reverse"

@@ -7,13 +7,16 @@ SOURCES := common onboard groundstation sitl tests
 MISSION ?= inspection
 NAME ?=
 
-.PHONY: demo test check bench evidence lock clean
+.PHONY: demo test unit check bench evidence lock clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
 
 test: $(READY)  ## all tests, every bar in a reduced form
 	$(BIN)/pytest -q -n 2 --dist worksteal
+
+unit: $(READY)  ## the quick ones: no flights, sockets, processes, searches or pictures
+	$(BIN)/pytest -q -n 2 -m "not flight and not sockets and not thorough"
 
 check: $(READY)  ## format, lint, types, import contracts
 	$(BIN)/ruff format --check $(SOURCES)

@@ -18,6 +18,8 @@ from gloc3.platform import Platform, load_platform
 from gloc3.testing import Bench
 from gloc3.topics import TopicTable
 
+pytestmark = pytest.mark.thorough
+
 PAGE = Path(__file__).parents[2] / "docs" / "add-a-component.md"
 FILES = dict(
     re.findall(r"^`([\w./-]+)`:\n\n```\w+\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)

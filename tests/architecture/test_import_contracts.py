@@ -13,6 +13,8 @@ from importlinter.cli import lint_imports
 
 from gloc3.component import Component
 
+pytestmark = pytest.mark.thorough
+
 ROOT = Path(__file__).parents[2]
 
 HEAVY = ("textual", "jsbsim", "matplotlib", "cv2", "mavsdk", "scipy", "pytest")

@@ -10,6 +10,8 @@ from gloc3.cli import run
 from gloc3_sitl.fault_effects import EFFECTS
 from gloc3_sitl.faults import SHORT
 
+pytestmark = pytest.mark.thorough
+
 COMMANDS = ("sitl", "onboard", "station", "fly", "demo", "mission", "log", "component")
 
 WRONG_USE: list[tuple[Sequence[str], str]] = [

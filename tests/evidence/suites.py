@@ -44,7 +44,8 @@ def suite(name: str, arguments: Sequence[str]) -> Callable[[Progress], list[Figu
 
 def durations(progress: Progress) -> list[Figure]:
     """How long the suites take."""
-    unit = progress.part("unit", lambda: run_tests("unit", ["-n", "2", "-m", "not flight and not sockets", "tests"]))
+    quick = "not flight and not sockets and not thorough"
+    unit = progress.part("unit", lambda: run_tests("unit", ["-n", "2", "-m", quick, "tests"]))
     everything = progress.part("all", lambda: run_tests("all", ["-n", "2", "--dist", "worksteal", "tests"]))
     failed = [test for test, outcome in everything["outcomes"].items() if outcome not in ("passed", "skipped")]
     return [

@@ -6,7 +6,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 import gloc3_groundstation
+
+pytestmark = pytest.mark.thorough
 
 ROOT = Path(gloc3_groundstation.__file__).parent
 

@@ -17,6 +17,8 @@ from gloc3_groundstation.tui.screens.table import SCREENS
 from .scripted_platform import ScriptedPlatform, refused
 from .station_scene import scene
 
+pytestmark = pytest.mark.thorough
+
 
 async def test_what_comes_is_shown_and_keys_that_make_no_sense_do_nothing() -> None:
     async with scene(None) as here:

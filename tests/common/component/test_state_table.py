@@ -6,6 +6,8 @@ from gloc3.lci import TABLE, Command, State, to_mermaid
 
 from . import table_mutants, table_scenarios
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.mark.parametrize(("state", "command"), table_scenarios.CELLS)
 def test_a_cell_does_under_the_host_what_a_person_expects(state: str, command: str) -> None:

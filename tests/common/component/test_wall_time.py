@@ -19,6 +19,8 @@ from gloc3.topics import TopicTable
 
 from .specimen import Diary, Driver, Specimen, row
 
+pytestmark = pytest.mark.thorough
+
 
 class Site:
     """Hosts in the running loop, which is a real one."""

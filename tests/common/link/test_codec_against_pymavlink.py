@@ -11,6 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as theirs
 from gloc3.link import codec
 from gloc3.link.message import Field, MavlinkMessage
 
+pytestmark = pytest.mark.thorough
+
 MESSAGES = sorted(kind.msgname for kind in theirs.mavlink_map.values())
 _BITS = {
     "uint8_t": 8,

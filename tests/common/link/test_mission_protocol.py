@@ -14,6 +14,8 @@ from gloc3.link.plan import Plan, PlanItem, PlanResult, PlanType
 from .mission_transfer import plan, transfer
 from .pair import STATION, VEHICLE, Pair
 
+pytestmark = pytest.mark.thorough
+
 OTHER_STATION = Address(254, 190)
 
 

@@ -11,6 +11,8 @@ from gloc3.log.cli import app
 
 from .samples import flight_log
 
+pytestmark = pytest.mark.thorough
+
 LOG = flight_log()
 
 

@@ -18,6 +18,8 @@ from gloc3.topics import TopicTable
 
 from .samples import small_log, tiny_log
 
+pytestmark = pytest.mark.thorough
+
 FINISHED, SENT = small_log()
 TINY = tiny_log()
 KILLED, _ = small_log(is_closed=False)

@@ -17,6 +17,8 @@ from gloc3.vehicle import Pose
 
 from .samples import FENCE, POSE, REQUESTED, LogInMemory, flight_log
 
+pytestmark = pytest.mark.thorough
+
 LOG = flight_log()
 
 

@@ -5,7 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from gloc3.log.reader import LogReader
+
+pytestmark = pytest.mark.thorough
 
 IMPORTS = """
 import asyncio, sys

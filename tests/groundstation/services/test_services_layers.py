@@ -3,7 +3,11 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 import gloc3_groundstation.services
+
+pytestmark = pytest.mark.thorough
 
 ROOT = Path(gloc3_groundstation.services.__path__[0])
 

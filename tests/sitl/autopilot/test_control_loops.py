@@ -15,6 +15,8 @@ from gloc3_sitl.autopilot.control.rates import RateController
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
 from gloc3_sitl.autopilot.control.trajectory import Trajectory, TrajectoryLimits
 
+pytestmark = pytest.mark.thorough
+
 SHARE = st.floats(-1.0, 1.0)
 STILL = (0.0, 0.0, 0.0)
 

@@ -15,6 +15,8 @@ from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.vehicles import PELICAN
 from gloc3_sitl.wind import CALM, Wind, gusty
 
+pytestmark = pytest.mark.thorough
+
 SCRIPT = """
 import hashlib, struct, sys
 from gloc3.frames import GeoPoint

@@ -12,6 +12,8 @@ from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import GROUND_CAMERA, Camera, CameraModel
 from gloc3_sitl.world.texture import Image
 
+pytestmark = pytest.mark.thorough
+
 TruthAt = Callable[..., Truth]
 
 

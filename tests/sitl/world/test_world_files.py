@@ -11,6 +11,8 @@ from gloc3.frames import GeoPoint
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.world import World
 
+pytestmark = pytest.mark.thorough
+
 SMALL = """
 world: yard
 frames: {yard: {origin: {geo: [47.0, 8.0, 400.0]}, x_axis_bearing_deg: 90}}

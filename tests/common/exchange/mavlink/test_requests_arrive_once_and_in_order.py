@@ -4,6 +4,7 @@ import asyncio
 from itertools import pairwise
 from random import Random
 
+import pytest
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Station, pair_on, text_of
 
@@ -12,6 +13,8 @@ from gloc3.clock import run_virtual
 from gloc3.link.memory import MemoryLink
 from gloc3.link.message import Address
 from gloc3.messages import Severity
+
+pytestmark = pytest.mark.thorough
 
 ROUGH = replace(RADIO_CONDITIONS, duplicate=0.1, reorder=0.1, jitter_s=0.05)
 PAUSE = Steer(verb=Verb.PAUSE)

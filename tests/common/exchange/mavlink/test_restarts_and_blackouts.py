@@ -3,6 +3,7 @@
 import asyncio
 from random import Random
 
+import pytest
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Station, pair_on, text_of
 
@@ -11,6 +12,8 @@ from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.happenings import PeerChanged
 from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_PATIENCE_S
 from gloc3.link.message import Address
+
+pytestmark = pytest.mark.thorough
 
 CUT = replace(RADIO_CONDITIONS, loss=1.0)
 CLEAN = replace(RADIO_CONDITIONS, loss=0.0)

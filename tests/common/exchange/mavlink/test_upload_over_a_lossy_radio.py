@@ -2,11 +2,14 @@
 
 from statistics import median
 
+import pytest
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS
 from tests.common.exchange.mavlink.upload_scenario import Figures, scenario
 
 from gloc3.exchange.tunnel.pacing import LinkBudget
+
+pytestmark = pytest.mark.thorough
 
 
 def assert_nothing_is_lost_or_done_twice(figures: Figures) -> None:

@@ -15,14 +15,14 @@ from gloc3_groundstation.configuration import Configuration, ThemeName
 from gloc3_groundstation.desk import Desk, Move
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.help import HelpScreen, help_keys
+from gloc3_groundstation.tui.help import help_for
 from gloc3_groundstation.tui.in_view import InView
 from gloc3_groundstation.tui.keys import GENERAL_KEYS
 from gloc3_groundstation.tui.palette import StationCommands
-from gloc3_groundstation.tui.questions import EmergencyQuestion, Question
+from gloc3_groundstation.tui.questions import ABORT_QUESTION, LEAVE_QUESTION, EmergencyQuestion, Question
 from gloc3_groundstation.tui.screen import LookAt, StationScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
-from gloc3_groundstation.tui.themes import THEMES
+from gloc3_groundstation.tui.themes import THEMES, offer_themes
 from gloc3_groundstation.tui.view import View
 
 REFRESH_HZ: Final = 5.0
@@ -79,15 +79,12 @@ class StationApp(App[End | None]):
 
     def on_mount(self) -> None:
         """Begins to look at the fleet."""
-        for theme in THEMES:
-            self.register_theme(theme)
-        for name in [name for name in self.available_themes if name not in {theme.name for theme in THEMES}]:
-            self.unregister_theme(name)
+        offer_themes(self)
         self.theme = MONOCHROME if self._is_monochrome else self._configuration.theme
         for row in SCREENS:
             self.add_mode(row.name, partial(row.screen, self.desk, SCREENS, row, self.view))
-        last = self._configuration.session.screen
-        self.switch_mode(last if last in {row.name for row in SCREENS} else SCREENS[0].name)
+        last = [row.name for row in SCREENS if row.name == self._configuration.session.screen]
+        self.switch_mode(last[0] if last else SCREENS[0].name)
         self.set_interval(1.0 / REFRESH_HZ, self.look)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
@@ -100,8 +97,7 @@ class StationApp(App[End | None]):
 
     def configuration(self) -> Configuration:
         """What is to be found again next time."""
-        is_screen = self.current_mode in {row.name for row in SCREENS}
-        screen = self.current_mode if is_screen else self._configuration.session.screen
+        screen = self.base.row.name if self.base is not None else self._configuration.session.screen
         theme = self._configuration.theme if self._is_monochrome else cast("ThemeName", self.theme)
         session = replace(self._configuration.session, platform=self._in_view.name, screen=screen)
         return replace(self._configuration, theme=theme, session=session)
@@ -173,10 +169,8 @@ class StationApp(App[End | None]):
 
     def action_help(self) -> None:
         """Explains the screen in view and its keys."""
-        base = self.base
-        if base is not None:
-            screens = [(row.key, row.title, row.help) for row in SCREENS]
-            self.push_screen(HelpScreen(base.row.title, base.HELP, help_keys(base, self), screens))
+        if self.base is not None:
+            self.push_screen(help_for(self.base, SCREENS))
 
     def action_acknowledge(self, is_all: bool = False) -> None:
         """Takes note of the alert that is shown, or of all."""
@@ -207,8 +201,7 @@ class StationApp(App[End | None]):
         if move is not Move.ABORT:
             self.do(self.desk.make(platform.name, move))
             return
-        what = "Its actions are cancelled, then its on_failure policy is flown."
-        question = f"Abort the mission of {platform.name}?\n{what}"
+        question = ABORT_QUESTION.format(platform.name)
         self.confirm(question, "abort", lambda: self.do(self.desk.make(platform.name, move)))
 
     def action_emergency(self, is_typing: bool = False) -> None:
@@ -231,9 +224,8 @@ class StationApp(App[End | None]):
         armed = self.desk.armed_in_our_control()
         if not armed:
             self.exit(None)
-            return
-        who = f"{', '.join(armed)} is armed and in this station's control."
-        self.confirm(f"{who}\nWithout it, the mission's on_link_loss policy decides.", "quit", lambda: self.exit(None))
+        else:
+            self.confirm(LEAVE_QUESTION.format(", ".join(armed)), "quit", lambda: self.exit(None))
 
     def action_interrupt(self) -> None:
         """Closes at once, asking nothing: Ctrl-C, or a signal to the process."""

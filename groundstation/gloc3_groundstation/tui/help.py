@@ -1,5 +1,6 @@
 """The help of the screen in view, made of its text and its keys, so that it is never out of date."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from textual.app import App, ComposeResult
@@ -8,6 +9,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen, Screen
 
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.screen import ScreenRow, StationScreen
 from gloc3_groundstation.tui.views.help import HelpKey, help_lines
 
 
@@ -41,7 +43,13 @@ class HelpScreen(ModalScreen[None]):
         panel.show(help_lines(self._text, self._keys, self._screens, max(20, panel.width - 1)))
 
 
-def help_keys(screen: Screen[Any], app: App[Any]) -> list[HelpKey]:
+def help_for(screen: StationScreen, rows: Sequence[ScreenRow]) -> HelpScreen:
+    """The help of a screen, which must be the one in view."""
+    screens = [(row.key, row.title, row.help) for row in rows]
+    return HelpScreen(screen.row.title, screen.HELP, _keys(screen, screen.app), screens)
+
+
+def _keys(screen: Screen[Any], app: App[Any]) -> list[HelpKey]:
     """The keys that work on a screen: those shown, and those with a tooltip; several keys for one action are told once."""
     found: dict[str, HelpKey] = {}
     for active in screen.active_bindings.values():

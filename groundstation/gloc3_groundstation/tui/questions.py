@@ -1,5 +1,7 @@
 """What the operator is asked before something that can hurt."""
 
+from typing import Final
+
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical
@@ -7,6 +9,11 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from gloc3.ci import EmergencyVerb
+
+ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled, then its on_failure policy is flown."
+LEAVE_QUESTION: Final = (
+    "{} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."
+)
 
 
 class Question(ModalScreen[bool]):

@@ -1,7 +1,8 @@
 """The colours: few, and apart for those who see red and green alike (Okabe and Ito's palette). Words tell it all too."""
 
-from typing import Final
+from typing import Any, Final
 
+from textual.app import App
 from textual.theme import BUILTIN_THEMES, Theme
 
 THEMES: Final = (
@@ -62,3 +63,11 @@ DESCRIPTIONS: Final = {
     "daylight": "black on white, for sunlight",
     "mono": "no colours: bold, reverse and underlined",
 }
+
+
+def offer_themes(app: App[Any]) -> None:
+    """Makes these the only themes of an app."""
+    for theme in THEMES:
+        app.register_theme(theme)
+    for name in set(app.available_themes) - {theme.name for theme in THEMES}:
+        app.unregister_theme(name)

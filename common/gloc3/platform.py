@@ -1,6 +1,6 @@
 """The platform file: what a vehicle is, can do, is limited to, and which components make it up."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Literal
@@ -177,14 +177,16 @@ class Platform(_Row, frozen=True, kw_only=True):
         return found
 
 
-def load_platform(name: str, *, is_loading_classes: bool = False) -> Platform:
-    """Reads a platform by path, or by the name of one that an installed package brings.
+def load_platform(
+    name: str, *, is_loading_classes: bool = False, warn: Callable[[Finding], None] | None = None
+) -> Platform:
+    """Reads a platform by path, or by the name of one that an installed package brings; see `read_platform`.
 
     Raises:
         InputError: with everything that is wrong in it.
     """
     path = find_platform(name)
-    return read_platform(load_bytes(path), str(path), is_loading_classes=is_loading_classes)
+    return read_platform(load_bytes(path), str(path), is_loading_classes=is_loading_classes, warn=warn)
 
 
 def find_platform(name: str) -> Path:
@@ -205,13 +207,17 @@ def find_platform(name: str) -> Path:
     return known[name]
 
 
-def read_platform(data: bytes | str, file: str, *, is_loading_classes: bool = False) -> Platform:
+def read_platform(
+    data: bytes | str, file: str, *, is_loading_classes: bool = False, warn: Callable[[Finding], None] | None = None
+) -> Platform:
     """Reads and checks a platform file.
 
     Args:
         data: its content.
         file: what the findings call it.
-        is_loading_classes: whether the components' classes are imported, and ports and settings checked against them.
+        is_loading_classes: whether the components' classes are imported, and ports, topics and settings checked against
+            them.
+        warn: takes what is doubtful in a file that can be used.
 
     Raises:
         InputError: with everything that is wrong in it.
@@ -225,6 +231,9 @@ def read_platform(data: bytes | str, file: str, *, is_loading_classes: bool = Fa
         findings += findings_of(platform, document, is_loading_classes=is_loading_classes)
     if platform is None or any(not finding.is_warning for finding in findings):
         raise InputError(sorted(findings))
+    if warn is not None:
+        for finding in sorted(findings):
+            warn(finding)
     return platform
 
 

@@ -1,6 +1,7 @@
 """What must hold in a platform file beyond its types: names that refer to each other, classes, ports and settings."""
 
 from collections.abc import Iterator
+from typing import Final
 
 from gloc3 import schema
 from gloc3.deployment import ComponentRow
@@ -9,6 +10,10 @@ from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
 from gloc3.mission.arguments import argument_kinds
 from gloc3.platform import Platform
+from gloc3.topics import TopicTable
+
+FROM_LINKS: Final = ("ci/request", "ci/heard")
+"""Topics that the links to the stations bring."""
 
 _POLICY_CAPABILITIES = ("hold", "land", "return_home")
 
@@ -22,7 +27,8 @@ def findings_of(platform: Platform, document: Document, *, is_loading_classes: b
 
 
 def _components(platform: Platform, document: Document, is_loading_classes: bool) -> Iterator[Finding]:
-    for problem in problems_of(platform.components, None, is_loading_classes=is_loading_classes):
+    topics = TopicTable.installed() if is_loading_classes else None
+    for problem in problems_of(platform.components, topics, external=FROM_LINKS, is_loading_classes=is_loading_classes):
         where = ("components", problem.row, *problem.path)
         if problem.path == ("settings",):
             yield from _settings(platform.components[problem.row], document, where)

@@ -14,7 +14,7 @@ from gloc3.errors import Refused, nearest
 from gloc3.exchange import LocalExchange
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.messages import Envelope, Event, Severity
-from gloc3.narrate import Narrator
+from gloc3.narrate import Narrator, narrate
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.topics import TopicTable
@@ -52,7 +52,9 @@ async def run(options: ProcessOptions) -> int:
         InputError: the platform file is wrong.
         Refused: a link or a camera cannot be had.
     """
-    platform = load_platform(options.platform, is_loading_classes=True)
+    platform = load_platform(
+        options.platform, is_loading_classes=True, warn=None if options.is_quiet else lambda found: narrate(str(found))
+    )
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

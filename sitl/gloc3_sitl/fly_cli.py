@@ -83,7 +83,9 @@ def fly(
     from gloc3_sitl.mission_file import find_file
     from gloc3_sitl.outputs import make_anew
 
-    path, known = find_file(mission), load_platform(platform, is_loading_classes=True)
+    path = find_file(mission)
+    warn = None if quiet else lambda found: narrate(str(found))
+    known = load_platform(platform, is_loading_classes=True, warn=warn)
     for text in fault or ():
         read_fault(text)
     if out is not None:

@@ -1,5 +1,6 @@
 """The command line in one process: what is wrong is said in a line, with the exit code that scripts look at."""
 
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.cli import run
+from gloc3.platform import find_platform
 from gloc3_sitl.fault_effects import EFFECTS
 from gloc3_sitl.faults import SHORT
 
@@ -142,3 +144,36 @@ def test_a_library_that_is_not_installed_is_named_with_the_way_to_install_it(
         'fly needs jsbsim, which is not installed; install it with: pip install "gloc3[sitl]"'
         in capsys.readouterr().err
     )
+
+
+BAD_DEPLOYMENTS = {
+    "emergency: motion/emergency, primary": (
+        "emergency: motion/emergancy, primary",
+        r"mine.yaml:45:\d+: unknown topic 'motion/emergancy' \(did you mean 'motion/emergency'\?\)",
+    ),
+    "fence_state: autopilot_fence}, devices": (
+        "fence_state: pose}, devices",
+        r"mine.yaml:46:\d+: 'pose' is an output of pose already",
+    ),
+    "ports: {home: motion/home,": (
+        "ports: {home: motion/grant,",
+        r"mine.yaml:40:\d+: 'motion/grant' carries MotionGrant, and the port Home",
+    ),
+}
+
+
+@pytest.mark.parametrize("right", BAD_DEPLOYMENTS, ids=["topic", "owner", "type"])
+def test_a_deployment_that_cannot_work_is_not_brought_up_and_names_the_place(
+    right: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong, expected = BAD_DEPLOYMENTS[right]
+    monkeypatch.chdir(tmp_path)
+    text = find_platform("pelican").read_text(encoding="utf-8")
+    assert text.count(right) == 1
+    Path("mine.yaml").write_text(text.replace(right, wrong), encoding="utf-8")
+    for arguments in (["onboard", "mine.yaml"], ["fly", "hop", "--platform", "mine.yaml"]):
+        assert run(arguments) == 2
+        told = capsys.readouterr().err
+        assert re.search(expected, told), told
+        assert "Traceback" not in told
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.yaml"], "nothing is left behind"

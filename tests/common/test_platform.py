@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.errors import InputError
+from gloc3.errors import Finding, InputError
 from gloc3.platform import find_platform, load_platform, read_platform
 
 PELICAN = """\
@@ -102,13 +102,15 @@ def test_ports_settings_and_needs_are_checked_against_the_classes() -> None:
         .replace("needs: [pose]", "needs: [poze]")
     )
     found = findings(text, is_loading_classes=True)
-    assert [line.partition(": ")[2] for line in found] == [
+    assert [line.partition(": ")[2].partition(" (known: action_")[0] for line in found] == [
         "nothing here is called 'poze' (did you mean 'pose'?)",
+        "unknown topic 'out'",
         "Steady has no port 'outt' (did you mean 'out'?)",
         "unknown key 'gian' (did you mean 'gain'?)",
         "Steady cannot log 'lvel' (did you mean 'level'?)",
         "Steady has no input 'inn' (none is known)",
         "'out' is an output of pose already (bind 'out' to another topic, or say standby_for: pose)",
+        "unknown topic 'out'",
     ]
 
 
@@ -149,3 +151,12 @@ def test_a_platform_is_found_by_its_path_or_not_at_all(tmp_path: Path) -> None:
     assert load_platform(str(path)).platform == "pelican"
     with pytest.raises(InputError, match="no such platform"):
         find_platform("no_platform_of_that_name")
+
+
+def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    text = find_platform("pelican").read_text(encoding="utf-8")
+    path.write_text(text.replace("ports: {image: camera/ground}, dev", "ports: {image: camera/grond}, dev"))
+    told: list[Finding] = []
+    load_platform(str(path), is_loading_classes=True, warn=told.append)
+    assert [(finding.line, finding.message) for finding in told] == [(47, "nobody here brings 'camera/ground'")]

@@ -10,12 +10,13 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.parameter import LONGEST_NAME, Parameter, ParameterEncoding, parameter, read_parameter
+from gloc3.link.parameter import LONGEST_NAME, Parameter, ParameterEncoding, ParameterType, parameter, read_parameter
 from gloc3.link.service import Service
 
 PER_SECOND: Final = 200.0
 """Parameters of a whole list; a radio has to do other things too."""
 BURST_S: Final = 0.02
+CAST_ROUNDING: Final = 0.01
 
 _DOES_NOT_EXIST: Final = 1
 _VALUE_OUT_OF_RANGE: Final = 2
@@ -128,12 +129,12 @@ class ParameterServer(Service[ParameterChanged]):
         if before is None:
             self._refuse(sender, name, -1, _DOES_NOT_EXIST)
             return
-        wanted = read_parameter(name, message.param_value, message.param_type, self._encoding)
-        if wanted is None or wanted.type is not before.type or not math.isfinite(wanted.value):
+        value = self._value(message, before.type)
+        if value is None or not math.isfinite(value):
             self._refuse(sender, name, -1, _VALUE_OUT_OF_RANGE)
         else:
             try:
-                wanted = parameter(name, wanted.value, before.type)
+                wanted = parameter(name, value, before.type)
                 self._check(wanted)
             except Refused:
                 self._refuse(sender, name, -1, _VALUE_OUT_OF_RANGE)
@@ -142,6 +143,21 @@ class ParameterServer(Service[ParameterChanged]):
                 if not wanted.is_same(before):
                     self._events.append(ParameterChanged(wanted, before, sender))
         self._tell(name)
+
+    def _value(self, message: MavlinkMessage, kind: ParameterType) -> float | None:
+        """The value that is to be set; None where it comes as another type than the parameter's.
+
+        With the cast encoding every type travels as the same float, which is cast to the parameter's own type whatever
+        the message calls it: ground stations send REAL32 to all. As ArduPilot does it, the fraction is cut off, after a
+        little was added so that 2.9999 is 3.
+        """
+        if self._encoding is ParameterEncoding.CAST:
+            sent = read_parameter(message.param_id, message.param_value, ParameterType.REAL32, self._encoding)
+            if sent is None or kind is ParameterType.REAL32 or not math.isfinite(sent.value):
+                return None if sent is None else sent.value
+            return math.trunc(sent.value + math.copysign(CAST_ROUNDING, sent.value))
+        sent = read_parameter(message.param_id, message.param_value, message.param_type, self._encoding)
+        return sent.value if sent is not None and sent.type is kind else None
 
     def _tell(self, name: str) -> None:
         told = self._values[name]

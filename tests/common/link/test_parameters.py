@@ -184,3 +184,47 @@ def test_what_a_slow_radio_has_left_out_is_fetched_without_waiting_in_between() 
     assert finish(pair, fetch) is ParameterResult.DONE
     assert pair.link.a.dropped > 50
     assert pair.now_s < 15.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kept"),
+    [
+        ("MODE", 7.0, 7),
+        ("MODE", -7.0, -7),
+        ("MODE", 6.9999, 7),
+        ("MODE", 2.7, 2),
+        ("SMALL", 255.0, 255),
+        ("SMALL", 256.0, None),
+        ("SMALL", -1.0, None),
+        ("MODE", 2.0**31, None),
+        ("MODE", math.inf, None),
+        ("MODE", math.nan, None),
+    ],
+)
+@pytest.mark.parametrize("kind", [ParameterType.REAL32, ParameterType.INT16, ParameterType.UINT8])
+def test_where_values_are_cast_any_type_is_taken_for_the_parameters_own_if_the_value_fits(
+    name: str, value: float, kept: int | None, kind: ParameterType
+) -> None:
+    server = ParameterServer(VEHICLE, PARAMETERS, encoding=ParameterEncoding.CAST)
+    before = server[name]
+    bits = Parameter(name, value).to_bits(ParameterEncoding.CAST)
+    asked = message("PARAM_SET", param_id=name, param_value=bits, param_type=kind, target_system=1)
+    server.receive(asked, STATION, 0.0)
+    answers = server.outgoing()
+    assert (
+        [answer.name for answer in answers] == ["PARAM_VALUE"] if kept is not None else ["PARAM_ERROR", "PARAM_VALUE"]
+    )
+    assert server[name] == (before if kept is None else kept)
+    assert [change.parameter.value for change in server.events()] == ([] if kept is None else [kept])
+    told = answers[-1]
+    assert (
+        read_parameter(name, told.param_value, told.param_type, ParameterEncoding.CAST)
+        == server.parameters[[each.name for each in server.parameters].index(name)]
+    )
+
+
+def test_a_station_that_sends_floats_sets_an_integer_where_values_are_cast() -> None:
+    pair, server, client = wired(encoding=ParameterEncoding.CAST)
+    call = client.set(VEHICLE, "MODE", 5.0, ParameterType.REAL32, now_s=0.0)
+    assert finish(pair, call) is ParameterResult.DONE
+    assert server["MODE"] == 5

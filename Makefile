@@ -7,6 +7,9 @@ SOURCES := common onboard groundstation sitl tests
 MISSION ?= inspection
 NAME ?=
 
+# Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test unit check bench evidence lock clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
@@ -41,4 +44,5 @@ $(READY): requirements.txt pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(BIN)/python -m compileall -q common onboard groundstation sitl
 	touch $@

@@ -66,14 +66,35 @@ class ActionPerformer:
         return self._action is not None and self._action.state is ActionState.RUNNING
 
     def advance(
-        self, now_s: float, progress: float, state: ActionState = ActionState.RUNNING, reason: str = ""
+        self,
+        now_s: float,
+        progress: float,
+        state: ActionState = ActionState.RUNNING,
+        reason: str = "",
+        *,
+        achieved: int | None = None,
     ) -> None:
-        """Says how far the action is; with `done` or `failed` it ends."""
-        assert self._action is not None
-        if state is not self._action.state or reason != self._action.reason:
+        """Says how far the action is; with `done` or `failed` it ends.
+
+        Args:
+            now_s: the time.
+            progress: 0 to 1.
+            state: of the action.
+            reason: why it is in that state, or gets no further.
+            achieved: waypoints passed, pictures taken: what is reported at once, so that no restart has it done again;
+                None for as many as before.
+        """
+        before = self._action
+        assert before is not None
+        achieved = before.achieved if achieved is None else achieved
+        if state is not before.state or reason != before.reason or achieved != before.achieved:
             self._is_changed = True
         self._action = ActionStatus(
-            action_id=self._action.action_id, state=state, progress=min(max(progress, 0.0), 1.0), reason=reason
+            action_id=before.action_id,
+            state=state,
+            progress=min(max(progress, 0.0), 1.0),
+            reason=reason,
+            achieved=achieved,
         )
         if state not in _UNDER_WAY:
             self.end_action(now_s)

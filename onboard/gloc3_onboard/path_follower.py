@@ -218,6 +218,33 @@ class PathFollower:
         return math.atan2(east, north) if math.hypot(north, east) > 0.05 else None
 
 
+def next_ahead(position: Vector3, waypoints: Sequence[Vector3], first: int, within_m: float) -> int:
+    """The waypoint that a vehicle on its way has next, if it may have flown on unobserved.
+
+    Args:
+        position: where the vehicle is.
+        waypoints: all of them.
+        first: index of the one that was next when it was last known; at least 1.
+        within_m: how near to a later leg the vehicle must be to be on it.
+    """
+    while first + 1 < len(waypoints):
+        before, here, after = waypoints[first - 1 : first + 2]
+        onward_m = _along_m(here, after, position)
+        away_m = math.sqrt(max(0.0, math.dist(here, position) ** 2 - onward_m**2))
+        if _along_m(before, here, position) < math.dist(before, here) or onward_m <= 0.0 or away_m > within_m:
+            break
+        first += 1
+    return first
+
+
+def _along_m(start: Vector3, end: Vector3, position: Vector3) -> float:
+    """How far a position is from the start, in the direction of the end."""
+    length_m = math.dist(start, end)
+    if length_m <= SAME_M:
+        return 0.0
+    return sum((p - s) * (e - s) for p, s, e in zip(position, start, end, strict=True)) / length_m
+
+
 def _legs_of(
     start: Vector3,
     way: Sequence[tuple[int, Vector3]],

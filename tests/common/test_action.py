@@ -30,6 +30,8 @@ class Counter(ActionPerformer, Controller[NoSettings]):
 
     def __init__(self) -> None:
         self.diary: list[str] = []
+        self.dozen = 0
+        """So many counted are an achievement."""
         self._at, self._to = 0, 1
 
     def begin_action(self, capability: str, arguments: Count, now_s: float) -> None:
@@ -53,7 +55,8 @@ class Counter(ActionPerformer, Controller[NoSettings]):
         if self.is_running:
             self._at += 1
             state = ActionState.DONE if self._at >= self._to else ActionState.RUNNING
-            self.advance(now_s, self._at / self._to, state)
+            achieved = self._at // self.dozen if self.dozen else None
+            self.advance(now_s, self._at / self._to, state, achieved=achieved)
         return self.action_reports(now_s)
 
 
@@ -87,6 +90,16 @@ def test_an_action_runs_to_its_end_and_is_reported_on_change_and_once_a_second()
         assert [report.state for report in rig.reports] == ["running", "running", "running", "done"]
         assert rig.reports[-1].progress == 1.0
         assert rig.counter.diary == ["end"]
+
+
+def test_what_is_achieved_is_reported_at_once() -> None:
+    with Bench() as bench:
+        rig = Rig(bench)
+        rig.counter.dozen = 3
+        rig.start(8)
+        bench.run(1.5)
+        assert [report.achieved for report in rig.reports] == [0, 1, 2, 2]
+        assert [report.progress for report in rig.reports][1:3] == [3 / 8, 6 / 8]
 
 
 def test_one_action_at_a_time() -> None:

@@ -194,3 +194,66 @@ def test_a_request_under_way_when_the_process_dies_is_unknown_and_is_not_run_aga
     assert [reply.outcome for reply in replies] == [Outcome.UNKNOWN]
     assert "the process ended" in replies[0].reason
     assert not flight.since(begin_s, "components/height/command")
+
+
+# --- what an action had achieved is not done again ---
+
+ROUND = (
+    "{round: {follow_waypoints: {waypoints_m: [[5, 0, 1.5], [5, 4, 1.5], [0, 4, 1.5], [0, 1, 1.5]], speed_m_s: 1.0}}}"
+)
+
+
+@pytest.mark.parametrize("on_restart", ["continue", "hold"])
+def test_after_a_restart_the_way_goes_on_where_it_was_and_not_from_its_first_waypoint(
+    flight: Card, on_restart: str
+) -> None:
+    flight.begin(mission(ROUND, on_restart=on_restart))
+    flight.until(lambda: flight.position_m[1] > 3.7 and flight.position_m[0] < 4.0, 40.0, "on the third leg")
+    flight.fault("restart")
+    flight.wait(0.1)
+    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+    if on_restart == "hold":
+        flight.await_policy("hold", 10.0)
+        flight.command("resume")
+    came_back: list[tuple[float, float, float]] = []
+    flight.await_state("sweep.round", "running", 10.0)
+
+    def is_done() -> bool:
+        came_back.append(flight.position_m)
+        return flight.state("sweep.round") == "done"
+
+    flight.until(is_done, 20.0, "the way is done")
+    assert max(x for x, _, _ in came_back) < 4.5, "it does not fly back"
+    assert flight.position_m[:2] == pytest.approx((0.0, 1.0), abs=HOME_M)
+
+
+@ONE_STYLE
+def test_on_a_way_of_many_near_waypoints_a_restart_leads_no_waypoint_back(flight: Card) -> None:
+    places = ", ".join(f"[{0.25 * n:.2f}, 0, 1.5]" for n in range(1, 61))
+    flight.begin(
+        mission("{out: {follow_waypoints: {waypoints_m: [" + places + "], speed_m_s: 1.5}}}", on_restart="continue")
+    )
+    flight.until(lambda: flight.position_m[0] > 6.0, 30.0, "under way")
+    flight.fault("restart")
+    flight.wait(0.1)
+    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+    farthest_m = 0.0
+
+    def is_done() -> bool:
+        nonlocal farthest_m
+        assert flight.position_m[0] > min(farthest_m, 14.5) - 0.1, flight.story("it flies back")
+        farthest_m = max(farthest_m, flight.position_m[0])
+        return flight.state("sweep.out") == "done"
+
+    flight.until(is_done, 40.0, "the way is done")
+
+
+@ONE_STYLE
+def test_after_a_restart_only_the_pictures_that_are_left_are_taken(flight: Card) -> None:
+    photos = "{photos: {record_images: {camera: ground, every_s: 0.5, count: 8}}}"
+    flight.begin(mission(photos, on_restart="continue"))
+    flight.until(lambda: len(flight.heard.get("image_recorded", [])) == 5, 40.0, "five pictures")
+    flight.wait(0.2)
+    flight.fault("restart")
+    flight.await_state("sweep.photos", "done", 20.0)
+    assert len(flight.heard["image_recorded"]) == 8

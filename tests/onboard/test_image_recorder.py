@@ -11,6 +11,7 @@ from gloc3.deployment import ComponentRow
 from gloc3.errors import Refused
 from gloc3.frames import from_yaw, yaw_of
 from gloc3.lci import State
+from gloc3.mission.messages import ActionStatus
 from gloc3.testing import Bench
 from gloc3.vehicle import Image, ImageRecorded
 from gloc3_onboard.drivers.image_recorder import ImageRecorder, Picture
@@ -92,6 +93,16 @@ def test_so_many_and_then_it_is_done() -> None:
     rig.run(2.0)
     assert len(rig.shelf.pictures) == 3
     assert (rig.stage.status.state, rig.stage.status.progress) == ("done", 1.0)
+
+
+def test_pictures_of_an_earlier_attempt_count_and_each_is_reported_at_once() -> None:
+    rig = Rig()
+    rig.run(0.2)
+    rig.stage.begin("record_images", camera="ground", every_s=0.2, count=7, progress=4 / 7)
+    rig.run(2.0)
+    assert len(rig.shelf.pictures) == 3
+    reports = [(status.state, status.achieved) for status in rig.stage.all(ActionStatus)]
+    assert reports[-3:] == [("running", 5), ("running", 6), ("done", 7)]
 
 
 def test_another_camera_is_refused() -> None:

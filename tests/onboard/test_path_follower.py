@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.frames import Vector3
-from gloc3_onboard.path_follower import PathFollower
+from gloc3_onboard.path_follower import PathFollower, next_ahead
 
 STEP_S = 0.05
 WALL = [(2.0, 1.0, -2.0), (18.0, 1.0, -2.0), (18.0, 1.0, -4.0), (2.0, 1.0, -4.0)]
@@ -223,3 +223,28 @@ def test_the_point_never_jumps_and_comes_to_the_end(
             break
     assert flight.targets[-1] == pytest.approx(waypoints[-1])
     assert flight.follower.is_at_end
+
+
+@pytest.mark.parametrize(
+    ("position", "first", "expected"),
+    [
+        ((1.5, 0.0, -2.0), 1, 1),  # before it
+        ((2.5, 0.1, -2.0), 1, 2),  # drifted past it along the way
+        ((4.4, -0.1, -2.0), 1, 3),  # past two
+        ((2.5, 0.5, -2.0), 1, 1),  # beside the way
+        ((8.5, 0.0, -2.0), 1, 4),  # past the corner without having turned: back to it
+        ((8.0, 1.0, -2.0), 4, 5),  # round the corner
+        ((8.0, 9.0, -2.0), 4, 5),  # far beyond the last
+    ],
+)
+def test_a_vehicle_that_drifted_on_is_led_to_the_waypoint_that_is_next_ahead(
+    position: Vector3, first: int, expected: int
+) -> None:
+    way = [(0.0, 0.0, -2.0), (2.0, 0.0, -2.0), (4.0, 0.0, -2.0), (6.0, 0.0, -2.0), (8.0, 0.0, -2.0), (8.0, 4.0, -2.0)]
+    assert next_ahead(position, way, first, 0.25) == expected
+
+
+def test_a_way_out_and_back_is_not_cut_short() -> None:
+    way = [(0.0, 0.0, -2.0), (8.0, 0.0, -2.0), (0.0, 0.0, -2.0)]
+    assert next_ahead((5.0, 0.0, -2.0), way, 1, 0.25) == 1
+    assert next_ahead((8.3, 0.0, -2.0), way, 1, 0.25) == 1

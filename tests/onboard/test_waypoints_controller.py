@@ -285,3 +285,24 @@ def test_a_stop_forgets_the_way() -> None:
     count = len(rig.stage.all(Setpoint))
     rig.run(1.0)
     assert len(rig.stage.all(Setpoint)) == count
+
+
+def test_after_a_restart_no_waypoint_is_flown_back_to_that_the_vehicle_has_drifted_past() -> None:
+    way = ((1.0, 0.0, -2.0), (2.0, 0.0, -2.0), (3.0, 0.0, -2.0), (4.0, 0.0, -2.0))
+    for hold_s, back_m in ((0.0, 0.0), (1.0, 0.4)):  # a rest that was not had is made up for
+        rig = Rig()
+        rig.at = (2.4, 0.0, -2.0)
+        rig.run(STEP_S)
+        rig.begin(way, progress=0.25, hold_s=hold_s)
+        rig.run(10.0)
+        norths = [setpoint.position_ned_m[0] for setpoint in rig.stage.all(Setpoint)]
+        assert min(norths) == pytest.approx(2.4 - back_m, abs=0.01)
+        assert rig.stage.status.state == "done"
+
+
+def test_each_waypoint_that_is_passed_is_reported_at_once() -> None:
+    rig = Rig()
+    rig.begin(tuple((0.5 * n, 0.0, -2.0) for n in range(1, 9)), speed_m_s=2.0)
+    rig.run(8.0)
+    achieved = [report.achieved for report in rig.stage.all(ActionStatus)]
+    assert sorted(set(achieved)) == [*range(9)]

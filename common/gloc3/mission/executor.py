@@ -25,7 +25,7 @@ from gloc3.mission.states import ActionState, Trigger
 from gloc3.platform import Platform
 
 PROGRESS_STEP: Final = 0.05
-"""Progress is put on disk each time that an action has come so much further."""
+"""Progress is put on disk each time that an action has come so much further, or has achieved something."""
 
 Verb = Literal["start", "pause", "resume", "cancel"]
 
@@ -36,7 +36,7 @@ class MissionExecutor:
     def __init__(self, platform: Platform) -> None:
         self.board: Final = Board(platform)
         self._due_s = inf
-        self._kept_progress: dict[str, float] = {}
+        self._kept_progress: dict[str, tuple[float, int]] = {}
         self._silent_s = 0.0
 
     # what operators ask for
@@ -150,7 +150,7 @@ class MissionExecutor:
                 assignment.accept()
             if assignment.run is None or status.progress == assignment.run.progress:
                 return
-            self._note_progress(assignment.run, status.progress)
+            self._note_progress(assignment.run, status)
         elif status.state is ActionState.DONE and assignment.run is not None:
             flow.finish_action(self.board, assignment.run, now_s)
         elif status.state in (ActionState.DONE, ActionState.FAILED, ActionState.ABORTED):
@@ -355,10 +355,11 @@ class MissionExecutor:
         flow.advance(self.board, now_s)
         self._due_s = flow.due_s(self.board)
 
-    def _note_progress(self, run: ActionRun, progress: float) -> None:
-        run.progress = progress
-        if abs(progress - self._kept_progress.get(run.target, 0.0)) >= PROGRESS_STEP:
-            self._kept_progress[run.target] = progress
+    def _note_progress(self, run: ActionRun, status: ActionStatus) -> None:
+        run.progress = status.progress
+        progress, achieved = self._kept_progress.get(run.target, (0.0, 0))
+        if abs(status.progress - progress) >= PROGRESS_STEP or status.achieved != achieved:
+            self._kept_progress[run.target] = (status.progress, status.achieved)
             self.board.is_changed = True
 
     def _ended(self, assignment: Assignment, status: ActionStatus, now_s: float) -> None:

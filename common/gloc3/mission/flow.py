@@ -13,6 +13,9 @@ from gloc3.mission.states import ActionState, Trigger
 
 GRACE_S: Final = 0.5
 """A running action outlives the loss of what it needs for this long: a standby may take over."""
+WAIT_STEP: Final = 0.05
+WAIT_STEP_S: Final = 1.0
+"""How far a wait has come is put on disk after so much of it, but not more often than this."""
 PATIENCE_S: Final = 2.0
 """An action that is to start waits this long for what it needs."""
 
@@ -77,9 +80,24 @@ def _watch(board: Board, program: Program, now_s: float) -> None:
             elif now_s >= lost_at_s(board, run):
                 missing = ", ".join(board.missing[run.action.capability])
                 fail_action(board, run, f"{run.action.capability} is no longer available ({missing})", now_s)
-            elif isinstance(run.action.order, Wait) and now_s >= run.reaches_s(run.action.order.duration_s):
-                run.progress = 1.0
-                board.move(run, Trigger.FINISH, now_s)
+            elif isinstance(run.action.order, Wait):
+                _wait(board, run, run.action.order.duration_s, now_s)
+
+
+def _wait(board: Board, run: ActionRun, duration_s: float, now_s: float) -> None:
+    """A wait is over, or has come so far that it is worth keeping."""
+    if now_s >= run.reaches_s(duration_s):
+        run.progress = 1.0
+        board.move(run, Trigger.FINISH, now_s)
+    elif now_s >= _wait_due_s(run, duration_s):
+        run.progress = run.ran_s(now_s) / duration_s
+        board.is_changed = True
+
+
+def _wait_due_s(run: ActionRun, duration_s: float) -> float:
+    """When something is to be done about a wait."""
+    next_s = run.progress * duration_s + max(WAIT_STEP * duration_s, WAIT_STEP_S)
+    return run.reaches_s(min(next_s, duration_s))
 
 
 def lost_at_s(board: Board, run: ActionRun) -> float:
@@ -202,7 +220,7 @@ def due_s(board: Board) -> float:
             if run.state is ActionState.RUNNING:
                 times.append(lost_at_s(board, run))
                 if isinstance(run.action.order, Wait):
-                    times.append(run.reaches_s(run.action.order.duration_s))
+                    times.append(_wait_due_s(run, run.action.order.duration_s))
             elif run.unavailable_since_s is not None:
                 times.append(run.unavailable_since_s + PATIENCE_S)
     times.append(manoeuvres.lost_at_s(board))

@@ -49,3 +49,6 @@ class ActionStatus(Message, frozen=True):
     progress: float = 0.0
     """0 to 1."""
     reason: str = ""
+    achieved: int = 0
+    """What is not to be done again after a restart: waypoints passed, pictures taken. With each of them progress is put on
+    disk."""

@@ -15,7 +15,7 @@ from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import DriverState, Home, Pose, Setpoint
 from gloc3_onboard.leader import Leader
-from gloc3_onboard.path_follower import PathFollower
+from gloc3_onboard.path_follower import PathFollower, next_ahead
 
 LOOK_AT_M = 0.2
 """Nearer than this to the point that it looks at, the vehicle keeps its heading."""
@@ -93,6 +93,8 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             raise Refused("there is no waypoint")
         self._order = order
         self._passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
+        if self._passed and not order.hold_s:
+            self._passed = next_ahead(pose.position_ned_m, order.waypoints_ned_m, self._passed, order.acceptance_m)
         self._yaw_rad = yaw_of(pose.ned_from_frd)
         self._last_s = now_s
         follower = PathFollower(
@@ -155,9 +157,8 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         if problem:
             self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away)")
         else:
-            self.advance(
-                now_s, progress, ActionState.DONE if leader.is_there(order.acceptance_m) else ActionState.RUNNING
-            )
+            state = ActionState.DONE if leader.is_there(order.acceptance_m) else ActionState.RUNNING
+            self.advance(now_s, progress, state, achieved=int(progress * count + 1e-6))
         return Setpoint(
             action_id=action_id,
             position_ned_m=target.position_ned_m,

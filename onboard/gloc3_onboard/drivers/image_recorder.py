@@ -70,11 +70,12 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         self.drop_action()
 
     def begin_action(self, capability: str, arguments: RecordImages, now_s: float) -> None:
-        """The first picture is taken at once."""
+        """The first picture is taken at once; those of an earlier attempt count."""
         if self._camera and arguments.camera != self._camera:
             raise Refused(f"this recorder has camera {self._camera!r}, not {arguments.camera!r}")
         self._order = arguments
-        self._in_action = 0
+        count = arguments.count or 0
+        self._in_action = min(int(self.earlier_progress * count + 1e-6), max(count - 1, 0))
         self._last_s, self._last_ned_m = -math.inf, None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
@@ -110,7 +111,8 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         file = f"{envelope.payload.camera}-{self.recorded:05d}.png"
         is_done = order.count is not None and self._in_action >= order.count
         progress = self._in_action / order.count if order.count else 0.0
-        self.advance(now_s, progress, ActionState.DONE if is_done else ActionState.RUNNING)
+        state = ActionState.DONE if is_done else ActionState.RUNNING
+        self.advance(now_s, progress, state, achieved=self._in_action if order.count else None)
         picture = Picture(file, envelope.t_s, envelope.payload, position, ned_from_frd)
         recorded = ImageRecorded(
             action_id=action_id,

@@ -69,8 +69,10 @@ class Rig:
         """The action id under which a target is under way."""
         return next(action_id for action_id in self.under_way if action_id.startswith(target + "#"))
 
-    def report(self, action_id: str, state: ActionState, reason: str = "", progress: float = 0.0) -> None:
-        status = ActionStatus(action_id=action_id, state=state, reason=reason, progress=progress)
+    def report(
+        self, action_id: str, state: ActionState, reason: str = "", progress: float = 0.0, achieved: int = 0
+    ) -> None:
+        status = ActionStatus(action_id=action_id, state=state, reason=reason, progress=progress, achieved=achieved)
         if state not in (ActionState.RUNNING, ActionState.PAUSED):
             self.under_way.pop(action_id, None)
         self.executor.reported(status, self.now_s)

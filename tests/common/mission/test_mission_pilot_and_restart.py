@@ -111,6 +111,34 @@ def test_a_restart_in_flight_goes_by_the_mission_s_policy(
         assert again.running() == ["sweep.photos", "sweep.wall"]
 
 
+def test_progress_is_kept_in_steps_and_with_each_achievement(rig: Rig) -> None:
+    wall = rig.id_of("sweep.wall")
+
+    def kept() -> float:
+        assert rig.kept is not None
+        return rig.kept.programs[0].items["sweep.wall"].progress
+
+    rig.report(wall, ActionState.RUNNING, progress=0.06)
+    assert kept() == 0.06
+    rig.report(wall, ActionState.RUNNING, progress=0.09)
+    assert kept() == 0.06
+    rig.report(wall, ActionState.RUNNING, progress=0.091, achieved=1)
+    assert kept() == 0.091
+
+
+@pytest.mark.parametrize("duration_s", [4, 100])
+def test_a_wait_goes_on_where_it_was_after_a_restart(pelican: Platform, duration_s: int) -> None:
+    text = MISSION.replace(
+        "wall:   {follow_waypoints: {waypoints_m: [[2, 1, 2], [16, 1, 2]]}}", "wall: {wait: {duration_s: %d}}"
+    )
+    rig = flying(pelican, text.replace("hold_s: 30", "on_restart: continue") % duration_s)
+    rig.pass_s(0.75 * duration_s)
+    assert rig.executor.progress()["sweep.wall"] == pytest.approx(0.75, abs=0.051)
+    again = rig.restart(is_airborne=True)
+    again.pass_s(0.31 * duration_s)
+    assert again.state("sweep.wall") == "done"
+
+
 def test_a_restart_on_the_ground_moves_nothing(pelican: Platform) -> None:
     rig = Rig(pelican, MISSION.replace("hold_s: 30", "hold_s: 30\non_restart: continue"))
     rig.start()

@@ -73,3 +73,6 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1),
     "ci/event": TopicRow(CiEvent),
 }
+
+AUTOPILOT_SILENT_S: Final = TOPICS["autopilot"].silent_s
+"""An autopilot's state that is older says nothing of now."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 from importlib.metadata import entry_points
+from math import inf
 from typing import Final
 
 import msgspec
@@ -35,7 +36,12 @@ class TopicRow(msgspec.Struct, frozen=True):
 
     def is_alive(self, age_s: float) -> bool:
         """Whether a topic whose last message is so old still counts as alive."""
-        return self.rate_hz == 0.0 or age_s < self.silent_after / self.rate_hz
+        return age_s < self.silent_s
+
+    @property
+    def silent_s(self) -> float:
+        """How old the last message is when the topic begins to count as silent; infinite for one that never does."""
+        return self.silent_after / self.rate_hz if self.rate_hz else inf
 
 
 GENERIC: Final[Mapping[str, TopicRow]] = {

@@ -5,10 +5,10 @@ from itertools import pairwise
 import pytest
 from msgspec.structs import replace
 
-from gloc3.vehicle import FlightMode, LandedState, ManoeuvreKind
+from gloc3.vehicle import FlightMode, LandedState, Manoeuvre, ManoeuvreKind
 
 from .driver_rig import DriverRig
-from .messages import setpoint
+from .messages import autopilot_pose, pose, setpoint
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 TAKE_OFF, LAND, HOLD = ManoeuvreKind.TAKE_OFF, ManoeuvreKind.LAND, ManoeuvreKind.HOLD
@@ -239,3 +239,61 @@ def test_until_the_autopilot_has_taken_over_it_is_told_to_stand_still(style: str
     assert max(b[0] - a[0] for a, b in pairwise(braking)) < 0.1
     assert rig.autopilot.state.mode is FlightMode.LAND
     assert not rig.state.has_pilot_control
+
+
+# --- the autopilot's state falls silent: its sampler has died ---
+
+
+def silence(rig: DriverRig, seconds: float) -> None:
+    """Lets time pass in which the driver hears nothing of the autopilot's state."""
+    for _ in range(round(seconds / 0.05)):
+        rig.autopilot.tick(rig.now_s)
+        message = rig.wants()
+        rig.stage.step(0.05, pose=pose(), autopilot_pose=autopilot_pose(), **({"setpoint": message} if message else {}))
+
+
+def test_without_the_autopilots_state_a_landing_is_asked_for_once_and_its_answer_believed() -> None:
+    rig = DriverRig().in_flight()
+    rig.wants = lambda: None
+    silence(rig, 3.0)
+    rig.autopilot.commands.clear()
+    rig.stage.put(manoeuvre=Manoeuvre(action_id="go", kind=LAND))
+    silence(rig, 20.0)
+    assert asked(rig) == ["mode land"]
+    assert rig.state.manoeuvre_state == "running"
+    rig.autopilot.enter(FlightMode.MANUAL)  # a pilot, unseen
+    silence(rig, 20.0)
+    assert asked(rig) == ["mode land"]
+
+
+def test_without_the_autopilots_state_a_landing_that_is_not_answered_or_refused_fails_and_nothing_takes_off() -> None:
+    rig = DriverRig().in_flight()
+    rig.wants = lambda: None
+    silence(rig, 3.0)
+    rig.autopilot.is_deaf = True
+    rig.stage.put(manoeuvre=Manoeuvre(action_id="go", kind=LAND))
+    silence(rig, 9.0)
+    assert rig.state.manoeuvre_reason == "the autopilot did not enter mode land in time"
+    rig.autopilot.is_deaf, rig.autopilot.refuses = False, {"mode": "no"}
+    rig.stage.put(manoeuvre=Manoeuvre(action_id="go", kind=LAND))
+    silence(rig, 1.0)
+    assert (rig.state.manoeuvre_state, rig.state.manoeuvre_reason) == ("failed", "no")
+    rig.autopilot.commands.clear()
+    rig.stage.put(manoeuvre=Manoeuvre(action_id="go", kind=TAKE_OFF, height_m=2.0, may_arm=True))
+    silence(rig, 3.0)
+    assert asked(rig) == []
+
+
+def test_without_the_autopilots_state_the_hold_at_the_end_of_a_stream_is_asked_for_until_it_is_obeyed() -> None:
+    rig = DriverRig().in_flight()
+    silence(rig, 3.0)
+    rig.wants = lambda: None
+    rig.autopilot.commands.clear()
+    rig.autopilot.is_deaf = True
+    silence(rig, 3.2)
+    assert asked(rig)[:2] == ["mode hold", "mode hold"]
+    rig.autopilot.is_deaf = False
+    silence(rig, 1.5)
+    rig.autopilot.commands.clear()
+    silence(rig, 10.0)
+    assert asked(rig) == []

@@ -195,3 +195,14 @@ def test_a_cancelled_landing_asks_no_more() -> None:
     rig.stage.call("action.cancel", action_id="go")
     rig.run(5.0)
     assert len(rig.asked) == 1
+
+
+def test_a_vehicle_that_was_disarmed_when_the_autopilots_state_fell_silent_has_not_landed() -> None:
+    rig = Rig()
+    rig.autopilot = standing()
+    rig.run(0.05)
+    for _ in range(60):
+        rig.stage.step(0.05, pose=pose(0.0, 0.0, 3.0), driver=rig.driver)
+    rig.stage.begin("land")
+    rig.stage.step(0.05, pose=pose(0.0, 0.0, 3.0), driver=rig.driver)
+    assert rig.stage.status.state == "running"

@@ -59,7 +59,10 @@ class Desk:
 
     def begin(self) -> RequestHandler:
         facts = VehicleFacts(self.platform, None)
-        facts.see_autopilot(AutopilotState(is_connected=True, landed=LandedState.ON_GROUND, is_armable=True))
+        state = AutopilotState(is_connected=True, landed=LandedState.ON_GROUND, is_armable=True)
+        facts.see_autopilot(Envelope("p/autopilot", Source("p", "autopilot", 1), 0, 0.0, "", "AutopilotState", state))
+        facts.look(0.0)
+        self.facts = facts
         pose = Pose(
             position_ned_m=(0.0, 0.0, 0.0),
             velocity_ned_m_s=(0.0, 0.0, 0.0),
@@ -193,3 +196,11 @@ def test_an_emergency_disarm_takes_the_platforms_typed_name(desk: Desk) -> None:
     assert reply.outcome is Outcome.ACCEPTED
     assert [disarm.author for disarm in desk.handler.disarms] == ["ana"]
     assert any("ana" in text for text in desk.said)
+
+
+def test_no_mission_starts_while_nothing_is_heard_of_the_autopilots_state(desk: Desk) -> None:
+    desk.told(LoadMission(name="hop", text=HOP))
+    desk.facts.look(60.0)
+    reply = desk.told(Steer(verb=Verb.START))
+    assert reply.outcome is Outcome.REFUSED
+    assert reply.reason == "nothing is heard of the autopilot's state"

@@ -244,3 +244,11 @@ def test_a_cancelled_take_off_asks_for_nothing_more() -> None:
     rig.climb_m_s = 0.0
     rig.run(1.0)
     assert (len(rig.asked), rig.setpoints) == (1, [])
+
+
+def test_a_take_off_is_refused_while_nothing_is_heard_of_the_autopilots_state() -> None:
+    rig = Rig()
+    for _ in range(30):
+        rig.stage.step(0.1, pose=pose(0.0, 0.0, 0.0), driver=rig.driver)
+    with pytest.raises(Refused, match="nothing is heard of the autopilot's state"):
+        rig.begin()

@@ -10,6 +10,7 @@ from gloc3.messages import Envelope
 from gloc3.mission.board import Condition
 from gloc3.mission.fence import Fence
 from gloc3.platform import Platform
+from gloc3.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.vehicle import AutopilotState, DriverState, FenceState, LandedState, Pose
 
 POSE_SILENT_S: Final = 0.2
@@ -25,10 +26,17 @@ class KeptHome(msgspec.Struct, frozen=True, array_like=True):
 
 
 class VehicleFacts:
-    """The latest of the vehicle, and what follows from it."""
+    """The latest of the vehicle, and what follows from it.
+
+    What is not known is never taken for harmless: a vehicle that was armed when the autopilot's state fell silent
+    counts as in the air, and nothing is armed or started before the state is known again.
+    """
 
     def __init__(self, platform: Platform, home: KeptHome | None) -> None:
         self.autopilot: AutopilotState | None = None
+        """The last that was heard, however old; see `is_autopilot_known`."""
+        self.is_autopilot_known = False
+        """Whether the autopilot's state is young enough to decide by."""
         self.driver: DriverState | None = None
         self.fence: FenceState | None = None
         self.pose: Pose | None = None
@@ -36,23 +44,39 @@ class VehicleFacts:
         self.is_home_new = False
         """Home was just set, and is to be put on disk."""
         self._reserve: Final = platform.power.reserve if platform.power is not None else 0.0
-        self._pose_s = float("-inf")
+        self._pose_s = self._autopilot_s = float("-inf")
         self._was_armed: bool | None = None
 
     @property
     def is_connected(self) -> bool:
-        """Whether the autopilot answers."""
-        return self.autopilot is not None and self.autopilot.is_connected
+        """Whether the autopilot answers, as far as is known."""
+        return self.known_autopilot is not None and self.known_autopilot.is_connected
+
+    @property
+    def known_autopilot(self) -> AutopilotState | None:
+        """The autopilot's state; None while it is not known."""
+        return self.autopilot if self.is_autopilot_known else None
+
+    @property
+    def autopilot_problem(self) -> str:
+        """Why nothing may be started; empty where the autopilot answers."""
+        if self.is_connected:
+            return ""
+        is_silent = self.autopilot is not None and not self.is_autopilot_known
+        return "nothing is heard of the autopilot's state" if is_silent else "the autopilot does not answer"
 
     @property
     def is_airborne(self) -> bool:
-        """Whether the vehicle is in the air, or on its way up or down."""
-        return self.autopilot is not None and self.autopilot.is_armed and self.autopilot.landed in AIRBORNE
+        """Whether the vehicle is in the air, or on its way up or down; or may be, since it was armed when last heard."""
+        autopilot = self.autopilot
+        if autopilot is None or not autopilot.is_armed:
+            return False
+        return autopilot.landed in AIRBORNE or not self.is_autopilot_known
 
     @property
     def is_flight_known(self) -> bool:
         """Whether it is known if the vehicle is in the air."""
-        autopilot = self.autopilot
+        autopilot = self.known_autopilot
         return autopilot is not None and (not autopilot.is_armed or autopilot.landed is not LandedState.UNKNOWN)
 
     @property
@@ -79,12 +103,17 @@ class VehicleFacts:
     def see_pose(self, envelope: Envelope[Pose]) -> None:
         """Takes a pose in; until the vehicle is armed, home is where it stands."""
         self.pose, self._pose_s = envelope.payload, envelope.t_s
-        if self.pose.is_valid and self._was_armed is False:
+        if self.pose.is_valid and self._was_armed is False and self.is_autopilot_known:
             self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)
 
-    def see_autopilot(self, state: AutopilotState) -> None:
+    def look(self, now_s: float) -> None:
+        """Lets the time pass: what is old is no longer known."""
+        self.is_autopilot_known = now_s - self._autopilot_s < AUTOPILOT_SILENT_S
+
+    def see_autopilot(self, envelope: Envelope[AutopilotState]) -> None:
         """Takes the autopilot's state in; arming fixes home."""
-        self.autopilot = state
+        state = self.autopilot = envelope.payload
+        self._autopilot_s = envelope.t_s
         if not state.is_connected:
             return
         if state.is_armed and self._was_armed is False:
@@ -92,13 +121,14 @@ class VehicleFacts:
         self._was_armed = state.is_armed
 
     def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[Condition, bool, str]]:
-        """Every condition, whether it holds, and why."""
+        """Every condition of which it is known whether it holds, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
         reason = "no pose comes" if self.pose is None or self.pose.is_valid else self.pose.reason
         yield Condition.POSE_LOST, is_airborne and not is_fresh, reason
-        left = self.autopilot.battery_remaining if self.autopilot is not None else -1.0
-        is_low = 0.0 <= left < self._reserve
-        yield Condition.LOW_BATTERY, is_low, f"{left:.0%} is left" if is_low else ""
+        if self.known_autopilot is not None:  # else it stays as it was
+            left = self.known_autopilot.battery_remaining
+            is_low = 0.0 <= left < self._reserve
+            yield Condition.LOW_BATTERY, is_low, f"{left:.0%} is left" if is_low else ""
         by_m = 0.0
         if fence is not None and self.pose is not None and is_airborne and is_fresh:
             by_m = -fence.clearance_m(self.pose.position_ned_m)

@@ -205,8 +205,8 @@ class RequestHandler:
         if body.verb is Verb.CLEAR:
             executor.clear(now_s)
             return
-        if body.verb is Verb.START and not self._facts.is_connected:
-            raise Refused("the autopilot does not answer")
+        if body.verb is Verb.START and (problem := self._facts.autopilot_problem):
+            raise Refused(problem)
         if body.verb is Verb.START and not body.target:
             self._refuse_without_fence(executor)
         executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)

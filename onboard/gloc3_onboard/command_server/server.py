@@ -193,10 +193,11 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._book.hear(status.payload, status.t_s)
         for heard in inbox.new(self.heard):
             self._authority.hear(heard.payload.station, now_s)
+        for state in inbox.new(self.autopilot):
+            self._facts.see_autopilot(state)
+        self._facts.look(now_s)
         for pose in inbox.new(self.pose):
             self._facts.see_pose(pose)
-        for state in inbox.new(self.autopilot):
-            self._facts.see_autopilot(state.payload)
         for action in inbox.new(self.action_status):
             component, status_of = action.source.component, action.payload
             if status_of.state in (ActionState.RUNNING, ActionState.PAUSED):
@@ -204,7 +205,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             elif self._performing.get(component) == status_of.action_id:
                 del self._performing[component]
         for driver in inbox.new(self.driver):
-            self._handover.see(driver, self._facts.autopilot, now_s)
+            self._handover.see(driver, self._facts.known_autopilot, now_s)
             self._facts.driver = driver.payload
         for fence in inbox.new(self.fence_state):
             self._facts.fence = fence.payload
@@ -268,7 +269,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     def _is_handing_over(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> bool:
         """Whether the driver has come up anew and only takes for a pilot's what is ours."""
         is_new = driver.has_pilot_control and not executor.board.has_pilot
-        return is_new and self._handover.is_ours(self._facts.autopilot, now_s)
+        return is_new and self._handover.is_ours(self._facts.known_autopilot, now_s)
 
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""

@@ -67,7 +67,7 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         t_s=round(now_s, 3),
         mode=autopilot.mode_name if autopilot is not None else "",
         is_armed=autopilot.is_armed if autopilot is not None else False,
-        landed=str(autopilot.landed) if autopilot is not None else "unknown",
+        landed=str(autopilot.landed) if autopilot is not None and facts.is_autopilot_known else "unknown",
         battery_percent=round(100.0 * autopilot.battery_remaining)
         if autopilot is not None and autopilot.battery_remaining >= 0.0
         else -1,
@@ -81,7 +81,7 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         geo=geo,
         pose_sources=list(pose.sources) if pose is not None else [],
         pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
-        is_armable=autopilot is not None and (autopilot.is_armed or autopilot.is_armable),
+        is_armable=facts.is_autopilot_known and autopilot is not None and (autopilot.is_armed or autopilot.is_armable),
     )
 
 

@@ -13,6 +13,7 @@ from gloc3.mission.arguments import LandOrder
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
+from gloc3.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.vehicle import AutopilotState, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose, Setpoint
 from gloc3_onboard.leader import Leader
 from gloc3_onboard.path_follower import PathFollower
@@ -95,7 +96,8 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         self._pose = pose.payload if pose is not None and is_fresh and pose.payload.is_valid else None
         results: list[Result] = []
         if self.is_running:
-            state = autopilot.payload if autopilot is not None else None
+            is_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
+            state = autopilot.payload if autopilot is not None and is_known else None
             if state is not None and state.is_connected and not state.is_armed:
                 self.advance(now_s, 1.0, ActionState.DONE)
             elif now_s - self._since_s > self._settings.timeout_s:

@@ -13,6 +13,7 @@ from gloc3.mission.arguments import TakeOff
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
+from gloc3.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.vehicle import (
     AutopilotState,
     DriverState,
@@ -86,7 +87,9 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         autopilot, pose = self._autopilot, self._pose
         if pose is None or not pose.is_valid:
             raise Refused("there is no valid pose")
-        if autopilot is None or not autopilot.is_connected:
+        if autopilot is None:
+            raise Refused("nothing is heard of the autopilot's state")
+        if not autopilot.is_connected:
             raise Refused("the autopilot does not answer")
         if autopilot.landed in (*IN_AIR, LandedState.LANDING):
             raise Refused("the vehicle is in the air already")
@@ -110,8 +113,9 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Asks once, watches, and takes over at the top."""
-        if (autopilot := inbox.latest(self.autopilot)) is not None:
-            self._autopilot = autopilot.payload
+        autopilot = inbox.latest(self.autopilot)
+        is_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
+        self._autopilot = autopilot.payload if autopilot is not None and is_known else None
         pose = inbox.latest(self.pose)
         is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
         self._pose = pose.payload if pose is not None and is_fresh and pose.payload.is_valid else None

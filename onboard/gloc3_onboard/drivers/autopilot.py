@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 from gloc3.component import ActuatorDriver
 from gloc3.errors import Misuse, Refused
 from gloc3.ports import Actuation, Inbox, Input, Keep, Output, Result
+from gloc3.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.vehicle import (
     AutopilotPose,
     AutopilotState,
@@ -86,6 +87,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     def _reset(self) -> None:
         self._autopilot: AutopilotState | None = None
+        self._is_autopilot_known = False
+        """Whether that state is young enough to tell whether the autopilot obeys."""
         self._machine = ManoeuvreMachine(self._settings)
         self._stream.stop()
         self._is_quiet = False
@@ -205,6 +208,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             may_settle = self._machine.may_settle(self._climbed_m)
             self._watch.see(state.payload, now_s, is_shadow=self._is_quiet, may_settle=may_settle)
             self._autopilot = state.payload
+        self._is_autopilot_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
         for take_over in inbox.new(self.take_over):
             if take_over.payload.is_resumed:
                 self._watch.yield_back()
@@ -259,7 +263,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if self._machine.action_id != self._owner:
             self._machine.abandon("motion was given to somebody else")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None
-        return [Step(command) for command in self._machine.advance(now_s, self._autopilot, answer)]
+        state = self._autopilot if self._is_autopilot_known else None
+        return [Step(command) for command in self._machine.advance(now_s, state, answer)]
 
     # --- setpoints ---
 
@@ -283,8 +288,9 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._refusal = "" if answer is None or answer.is_accepted else answer.reason
         if self._asked is not None:
             mode, asked_s = self._asked
-            if mode is wanted and now_s - asked_s < self._settings.repeat_s:
-                return []
+            is_obeyed = not self._is_autopilot_known and answer is not None and answer.is_accepted
+            if mode is wanted and (is_obeyed or now_s - asked_s < self._settings.repeat_s):
+                return []  # unseen, a pilot may have chosen another mode since: what was obeyed is not repeated
         self._asked = (wanted, now_s)
         return [SetMode(wanted)]
 

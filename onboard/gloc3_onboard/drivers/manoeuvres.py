@@ -132,9 +132,15 @@ class ManoeuvreMachine:
     def advance(
         self, now_s: float, autopilot: AutopilotState | None, answer: Answer | None
     ) -> Sequence[AutopilotCommand]:
-        """Looks at what has become of the step under way; returns what to command next."""
-        if not self.is_under_way or autopilot is None:
+        """Looks at what has become of the step under way; returns what to command next.
+
+        While the autopilot's state is not known (None) only a landing or a hold is asked for, once, and its answer
+        believed: a pilot who takes over unseen is not overruled.
+        """
+        if not self.is_under_way:
             return ()
+        if autopilot is None:
+            return self._advance_unseen(now_s, answer)
         while self._steps and self._is_reached(self._steps[0], autopilot, answer):
             self._has_armed |= isinstance(self._steps[0], Arm) and self._is_asked
             self._steps.pop(0)
@@ -151,6 +157,20 @@ class ManoeuvreMachine:
             return ()
         self._is_asked = True
         return (self._steps[0],)
+
+    def _advance_unseen(self, now_s: float, answer: Answer | None) -> Sequence[AutopilotCommand]:
+        if not self._steps or self.kind is ManoeuvreKind.TAKE_OFF:
+            return ()
+        if answer is not None and answer.is_accepted:
+            self._steps.pop(0)
+        elif answer is not None:
+            self._end(ManoeuvreState.FAILED, answer.reason)
+        elif now_s - self._since_s > self._settings.step_timeout_s:
+            self._end(ManoeuvreState.FAILED, f"the autopilot did not {self._steps[0].words} in time")
+        elif not self._is_asked:
+            self._is_asked = True
+            return (self._steps[0],)
+        return ()
 
     def _is_reached(self, step: AutopilotCommand, autopilot: AutopilotState, answer: Answer | None) -> bool:
         match step:

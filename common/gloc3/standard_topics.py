@@ -15,6 +15,7 @@ from gloc3.ci import (
     Summary,
     VehicleSummary,
 )
+from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.mission.messages import ActionStatus
 from gloc3.topics import TopicRow
 from gloc3.vehicle import (
@@ -69,6 +70,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/table": TopicRow(ComponentTable),
     "ci/trouble": TopicRow(ComponentTrouble),
     "ci/vehicle": TopicRow(VehicleSummary, 2.0, downlink_every=1),
+    "ci/motion": TopicRow(MotionSummary, 4.0, downlink_every=1),
+    "ci/site": TopicRow(SiteSummary, 0.5, downlink_every=1),
     "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1),
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1),
     "ci/event": TopicRow(CiEvent),

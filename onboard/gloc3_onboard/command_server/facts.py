@@ -11,7 +11,7 @@ from gloc3.mission.board import Condition
 from gloc3.mission.fence import Fence
 from gloc3.platform import Platform
 from gloc3.standard_topics import AUTOPILOT_SILENT_S
-from gloc3.vehicle import AutopilotState, DriverState, FenceState, LandedState, Pose
+from gloc3.vehicle import AutopilotState, DriverState, FenceState, LandedState, Pose, Setpoint
 
 POSE_SILENT_S: Final = 0.2
 """A pose that is older counts as lost: three periods, and the wait for the next cycle."""
@@ -40,6 +40,9 @@ class VehicleFacts:
         self.driver: DriverState | None = None
         self.fence: FenceState | None = None
         self.pose: Pose | None = None
+        self.setpoint: Setpoint | None = None
+        self.setpoint_s = float("-inf")
+        """When the setpoint was valid."""
         self.home = home
         self.is_home_new = False
         """Home was just set, and is to be put on disk."""
@@ -105,6 +108,10 @@ class VehicleFacts:
         self.pose, self._pose_s = envelope.payload, envelope.t_s
         if self.pose.is_valid and self._was_armed is False and self.is_autopilot_known:
             self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)
+
+    def see_setpoint(self, envelope: Envelope[Setpoint]) -> None:
+        """Takes in what the driver is told to fly."""
+        self.setpoint, self.setpoint_s = envelope.payload, envelope.t_s
 
     def look(self, now_s: float) -> None:
         """Lets the time pass: what is old is no longer known."""

@@ -15,6 +15,7 @@ from gloc3.ci import (
     Summary,
     VehicleSummary,
 )
+from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.component import CommandInterface
 from gloc3.messages import (
     CommandReply,
@@ -46,6 +47,7 @@ from gloc3.vehicle import (
     MotionGrant,
     MotionLimits,
     Pose,
+    Setpoint,
     TakeOver,
 )
 from gloc3_onboard.command_server.availability import Availability
@@ -53,6 +55,7 @@ from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
+from gloc3_onboard.command_server.motion import motion_summary, site_summary
 from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, vehicle_summary
@@ -66,6 +69,10 @@ class ServerSettings(Settings, frozen=True):
 
     summary_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
     """How often the components and the vehicle are summarised."""
+    motion_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.25
+    """How often it is told how the vehicle moves."""
+    site_period_s: Annotated[float, Bounds(0.5, 60.0)] = 2.0
+    """How often it is told where the vehicle's frame lies, and home."""
     grant_period_s: Annotated[float, Bounds(0.02, 1.0)] = 0.2
     """How often the owner of motion is repeated."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 1.0
@@ -89,6 +96,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     action_status = Input(ActionStatus, Keep.ALL, depth=256)
     autopilot = Input(AutopilotState)
     pose = Input(Pose)
+    setpoint = Input(Setpoint)
     driver = Input(DriverState)
     fence_state = Input(FenceState)
 
@@ -97,6 +105,8 @@ class CommandServer(CommandInterface[ServerSettings]):
     table = Output(ComponentTable)
     trouble = Output(ComponentTrouble)
     vehicle = Output(VehicleSummary)
+    motion = Output(MotionSummary)
+    whereabouts = Output(SiteSummary)
     mission = Output(MissionSummary)
     control = Output(ControlState)
     ci_event = Output(CiEvent)
@@ -144,7 +154,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._connected_s: float | None = None
         self._count = 0
         self._compared_s = float("-inf")
-        self._due = dict.fromkeys(("summary", "grant", "slow"), float("-inf"))
+        self._due = dict.fromkeys(("summary", "motion", "site", "grant", "slow"), float("-inf"))
         self._now_s = 0.0
         if self._site.problem:
             self._say(Severity.ERROR, self._site.problem)
@@ -198,6 +208,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._facts.look(now_s)
         for pose in inbox.new(self.pose):
             self._facts.see_pose(pose)
+        for setpoint in inbox.new(self.setpoint):
+            self._facts.see_setpoint(setpoint)
         for action in inbox.new(self.action_status):
             component, status_of = action.source.component, action.payload
             if status_of.state in (ActionState.RUNNING, ActionState.PAUSED):
@@ -367,6 +379,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         if self._requests.wants_everything:
             self._requests.wants_everything = False
             self._told_mission = self._told_control = self._told_table = None
+            self._due["site"] = float("-inf")
         self._authority.tick(now_s)
         is_slow = self._is_due("slow", 1.0, now_s)
         if is_slow or is_eventful or now_s - self._compared_s >= COMPARE_S - 1e-6:
@@ -378,6 +391,12 @@ class CommandServer(CommandInterface[ServerSettings]):
             assert self._supervision is not None
             health = self._supervision.health()
             results += [self._book.summary(health, now_s), vehicle_summary(self._site.platform, self._facts, now_s)]
+        if self._is_due("motion", self._settings.motion_period_s, now_s):
+            motion = motion_summary(self._site.platform, self._facts, now_s)
+            results += [] if motion is None else [motion]
+        if self._is_due("site", self._settings.site_period_s, now_s):
+            whereabouts = site_summary(self._site.platform, self._facts)
+            results += [] if whereabouts is None else [whereabouts]
         return results
 
     def _changes(self, is_slow: bool) -> list[Result]:

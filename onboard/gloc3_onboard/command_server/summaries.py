@@ -12,6 +12,7 @@ from gloc3.mission.model import GEO
 from gloc3.platform import Platform
 from gloc3.vehicle import GeoArea, GeoFence
 from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.motion import local_frame
 
 
 def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
@@ -57,7 +58,9 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
     autopilot, pose, driver = facts.autopilot, facts.pose, facts.driver
     position, geo, frame, speed_m_s, heading_deg = (0.0, 0.0, 0.0), None, "", 0.0, 0
     if pose is not None:
-        frame, position = _local(platform, pose.position_ned_m, pose.origin_geo)
+        frame, local = local_frame(platform, pose)
+        x, y, height = local.from_ned(pose.position_ned_m)
+        position = round(x, 2), round(y, 2), round(height, 2)
         if facts.origin is not None:
             place = TangentPlane(facts.origin).geo_from_ned(pose.position_ned_m)
             geo = (round(place.latitude_deg, 7), round(place.longitude_deg, 7), round(place.altitude_m, 2))
@@ -83,15 +86,3 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
         is_armable=facts.is_autopilot_known and autopilot is not None and (autopilot.is_armed or autopilot.is_armable),
     )
-
-
-def _local(
-    platform: Platform, position_ned_m: tuple[float, float, float], origin: tuple[float, float, float] | None
-) -> tuple[str, tuple[float, float, float]]:
-    """The position in the platform's local frame whose origin is that of NED; else as north, west, height."""
-    for name, row in platform.frames.items():
-        if row.origin.geo == origin:
-            x, y, height = row.frame().from_ned(position_ned_m)
-            return name, (round(x, 2), round(y, 2), round(height, 2))
-    north, east, down = position_ned_m
-    return "", (round(north, 2), round(-east, 2), round(-down, 2))

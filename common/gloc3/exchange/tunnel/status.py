@@ -10,6 +10,7 @@ from collections import deque
 from typing import Any, Final
 
 from gloc3.ci import Summary
+from gloc3.ci_motion import MotionSummary
 from gloc3.exchange.tunnel.body import pack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
@@ -40,12 +41,17 @@ class _Slot:
 
 
 class StatusSender:
-    """What is to be sent, one frame at a time: every second one is the summary's, the others take turns."""
+    """What is to be sent, one frame at a time: every second one is the summary's, the others take turns.
+
+    The motion, which comes most often and is missed least, has what these leave.
+    """
 
     def __init__(self, counters: Counters) -> None:
         self._counters = counters
         self._slots: dict[int, _Slot] = {}
         self._turns: deque[int] = deque()
+        self._last: deque[int] = deque()
+        """Channels whose turn comes when nobody else waits."""
         self._summaries: dict[int, SummaryPacker] = {}
         self._was_summary = False
 
@@ -58,13 +64,13 @@ class StatusSender:
         if slot.latest is not None:
             self._counters.replaced += 1
         elif not slot.parts:
-            self._turns.append(channel)
+            (self._last if isinstance(envelope.payload, MotionSummary) else self._turns).append(channel)
         slot.latest = envelope
 
     @property
     def is_waiting(self) -> bool:
         """Whether a frame is to be sent."""
-        return bool(self._turns) or any(packer.is_waiting for packer in self._summaries.values())
+        return bool(self._turns or self._last) or any(packer.is_waiting for packer in self._summaries.values())
 
     def next_frame(self) -> StatusFrame | None:
         """The next frame; None where nothing waits."""
@@ -75,8 +81,8 @@ class StatusSender:
                     sequence, body = packer.next_body(room(channel, 1 << 28))
                     return SummaryRows(channel, sequence, body)
         self._was_summary = False
-        while self._turns:
-            channel = self._turns.popleft()
+        while turns := self._turns or self._last:
+            channel = turns.popleft()
             slot = self._slots[channel]
             if not slot.parts and slot.latest is not None:
                 slot.parts.extend(self._cut(channel, slot.latest))
@@ -84,7 +90,7 @@ class StatusSender:
             if slot.parts:
                 frame = slot.parts.popleft()
                 if slot.parts or slot.latest is not None:
-                    self._turns.append(channel)
+                    turns.append(channel)
                 return frame
         return None
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.ci import ComponentLine, Health, MissionSummary, Summary
+from gloc3.ci import ComponentLine, ControlState, Health, MissionSummary, Summary
+from gloc3.ci_motion import MotionSummary
 from gloc3.exchange.tunnel import summary as packing
 from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
@@ -186,3 +187,18 @@ def test_parts_that_contradict_each_other_are_damage() -> None:
     receiver.receive_part(StatusPart(1, 1, 0, 2, 10, b"x"))
     with pytest.raises(FrameError):
         receiver.receive_part(StatusPart(1, 1, 1, 2, 10, b"x"))
+
+
+def test_the_motion_waits_until_nothing_else_does_and_then_the_latest_goes() -> None:
+    sender = StatusSender(Counters())
+    for sequence in (1, 2):
+        motion = MotionSummary(
+            t_s=0.0, attitude_cdeg=(0, 0, 0), position_cm=(0, 0, 0), velocity_cm_s=(0, 0, 0), is_pose_valid=True
+        )
+        sender.offer(1, envelope(motion, sequence))
+    sender.offer(2, envelope(mission(600), sequence=3))
+    sender.offer(3, envelope(ControlState(holder="255"), sequence=4))
+    frames = drain(sender)
+    assert [frame.channel for frame in frames[-1:]] == [1]
+    assert [frame.sequence for frame in frames if frame.channel == 1] == [2]
+    assert not sender.is_waiting

@@ -14,7 +14,13 @@ from gloc3.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.vehicle import AutopilotState, DriverState, FenceState, LandedState, Pose, Setpoint
 
 POSE_SILENT_S: Final = 0.2
-"""A pose that is older counts as lost: three periods, and the wait for the next cycle."""
+"""A pose that is older cannot be flown by: three periods, and the wait for the next cycle."""
+POSE_LOST_S: Final = 0.4
+"""A pose that stays away for so much longer is lost, and its policy acts.
+
+Without a young pose the vehicle brakes at once, since setpoints are dropped; some frames that a bad cable has lost are
+no reason to land. Shorter than the grace of a running action (`flow.GRACE_S`), so that the policy comes before that.
+"""
 AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
 
 
@@ -48,6 +54,8 @@ class VehicleFacts:
         """Home was just set, and is to be put on disk."""
         self._reserve: Final = platform.power.reserve if platform.power is not None else 0.0
         self._pose_s = self._autopilot_s = float("-inf")
+        self._posed_s: float | None = None
+        """When there was last a pose to fly by; None before the first look."""
         self._was_armed: bool | None = None
 
     @property
@@ -106,7 +114,8 @@ class VehicleFacts:
     def see_pose(self, envelope: Envelope[Pose]) -> None:
         """Takes a pose in; until the vehicle is armed, home is where it stands."""
         self.pose, self._pose_s = envelope.payload, envelope.t_s
-        if self.pose.is_valid and self._was_armed is False and self.is_autopilot_known:
+        is_known = envelope.t_s - self._autopilot_s < AUTOPILOT_SILENT_S
+        if self.pose.is_valid and self._was_armed is False and is_known:
             self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)
 
     def see_setpoint(self, envelope: Envelope[Setpoint]) -> None:
@@ -116,6 +125,8 @@ class VehicleFacts:
     def look(self, now_s: float) -> None:
         """Lets the time pass: what is old is no longer known."""
         self.is_autopilot_known = now_s - self._autopilot_s < AUTOPILOT_SILENT_S
+        if self._posed_s is None or self.is_pose_fresh(now_s):
+            self._posed_s = now_s
 
     def see_autopilot(self, envelope: Envelope[AutopilotState]) -> None:
         """Takes the autopilot's state in; arming fixes home."""
@@ -131,7 +142,10 @@ class VehicleFacts:
         """Every condition of which it is known whether it holds, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
         reason = "no pose comes" if self.pose is None or self.pose.is_valid else self.pose.reason
-        yield Condition.POSE_LOST, is_airborne and not is_fresh, reason
+        if is_fresh or not is_airborne:
+            yield Condition.POSE_LOST, False, ""
+        elif self._posed_s is not None and now_s - self._posed_s >= POSE_LOST_S:  # until then it stays as it was
+            yield Condition.POSE_LOST, True, reason
         if self.known_autopilot is not None:  # else it stays as it was
             left = self.known_autopilot.battery_remaining
             is_low = 0.0 <= left < self._reserve

@@ -205,11 +205,11 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._authority.hear(heard.payload.station, now_s)
         for state in inbox.new(self.autopilot):
             self._facts.see_autopilot(state)
-        self._facts.look(now_s)
         for pose in inbox.new(self.pose):
             self._facts.see_pose(pose)
         for setpoint in inbox.new(self.setpoint):
             self._facts.see_setpoint(setpoint)
+        self._facts.look(now_s)
         for action in inbox.new(self.action_status):
             component, status_of = action.source.component, action.payload
             if status_of.state in (ActionState.RUNNING, ActionState.PAUSED):

@@ -205,7 +205,7 @@ class ComponentLine(msgspec.Struct, frozen=True, array_like=True):
     state: int
     """Index into `Health`."""
     rate_percent: int
-    """Measured rate, in percent of the nominal one; 0 to 255."""
+    """Measured rate, in percent of the nominal one; 0 to 255, and 0 where there is none."""
     load_percent: int
     """Mean cycle cost, in percent of the period; 0 to 255."""
     overruns: int
@@ -230,8 +230,11 @@ class TableRow(msgspec.Struct, frozen=True, array_like=True):
     name: str
     kind: str
     nominal_rate_hz: float
+    """0 where it only works when something happens."""
     is_required: bool
     standby_for: str
+    is_triggered: bool = False
+    """It reaches its rate only while its input comes: to be slower is no sign of trouble."""
 
 
 class ComponentTable(Message, frozen=True):

@@ -71,6 +71,7 @@ class Cycler:
         self._ended = ended
         self._hung = hung
         self._unfit = unfit
+        self._trigger_hz = self._trigger_rate_hz()
         self._limit_s = self._hung_limit_s()
         self._is_modelled = context.clock.is_virtual and (row.latency_s > 0.0 or context.cycle_cost_s is not None)
         self._timer: asyncio.TimerHandle | None = None
@@ -163,11 +164,26 @@ class Cycler:
         if self._job is not None:
             self._restart_timer(max(self._loop.time(), self._began_s + 1.0 / rate_hz))
 
+    @property
+    def nominal_rate_hz(self) -> float:
+        """How often it works while its inputs come as they should; 0 where that cannot be told.
+
+        The periodic cycles of a triggered component only fill the silence: the trigger's topic tells its rate.
+        """
+        return max(self.rate_hz or 0.0, self._trigger_hz)
+
+    def _trigger_rate_hz(self) -> float:
+        """The nominal rate of what begins cycles: the quickest of its topics; 0 without one."""
+        if self._row.trigger is None:
+            return 0.0
+        rows = [
+            self._context.topics.row(f"{self._context.platform}/{topic}")
+            for topic in self._row.topics(self._row.trigger)
+        ]
+        return max((row.rate_hz for row in rows if row is not None), default=0.0)
+
     def _hung_limit_s(self) -> float:
-        rate_hz = self.rate_hz
-        if rate_hz is None and self._row.trigger is not None:
-            row = self._context.topics.row(f"{self._context.platform}/{self._row.topics(self._row.trigger)[0]}")
-            rate_hz = row.rate_hz if row else None
+        rate_hz = self.rate_hz or self._trigger_hz
         return max(HUNG_PERIODS / rate_hz if rate_hz else 0.0, HUNG_FLOOR_S)
 
     # --- the cycle ---

@@ -297,6 +297,6 @@ class HostedComponent:
             self.state,
             self.errors,
             self._cycler.statistics,
-            nominal_rate_hz=self._cycler.rate_hz or 0.0,
+            nominal_rate_hz=self._cycler.nominal_rate_hz,
             dropped=self._mailbox.dropped,
         )

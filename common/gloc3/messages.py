@@ -120,6 +120,7 @@ class ComponentStatus(Message, frozen=True):
     rate_hz: float = 0.0
     """Cycles per second since the last periodic report."""
     nominal_rate_hz: float = 0.0
+    """The same while its inputs come as they should; 0 for one that only works when something happens."""
     cycle_mean_s: float = 0.0
     """Mean cost of a cycle since the last periodic report."""
     cycle_max_s: float = 0.0

@@ -69,6 +69,8 @@ class ComponentSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     nominal_rate_hz: float
     is_required: bool
     standby_for: str
+    is_triggered: bool = False
+    """It reaches its rate only while its input comes."""
     health: Health | None
     """None until its first line came."""
     rate_percent: int = 0
@@ -134,6 +136,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
                     nominal_rate_hz=row.nominal_rate_hz,
                     is_required=row.is_required,
                     standby_for=row.standby_for,
+                    is_triggered=row.is_triggered,
                     health=None if line is None or line.state >= len(HEALTHS) else HEALTHS[line.state],
                     rate_percent=line.rate_percent if line else 0,
                     load_percent=line.load_percent if line else 0,

@@ -152,3 +152,17 @@ def test_while_the_driver_keeps_failing_the_autopilot_holds_and_when_it_is_back_
     flight.always(lambda: flight.speed_m_s < 0.1, 1.0, "it stands")
     assert flight.height_m == pytest.approx(1.5, abs=0.4)
     flight.await_landed(40.0)
+
+
+@pytest.mark.parametrize("style", ["px4"], indirect=True)
+def test_no_component_shows_another_rate_than_its_own_on_the_ground_and_in_flight(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    flight.wait(3.0)
+    table, summary = flight.last("ci/table"), flight.last("ci/summary")
+    shown = {
+        row.name: (row.nominal_rate_hz, line.rate_percent) for row, line in zip(table.rows, summary.lines, strict=True)
+    }
+    assert shown["pose"] == shown["limiter"] == (20.0, 100)
+    assert {name: percent for name, (_, percent) in shown.items() if not 85 <= percent <= 110} == {}
+    assert [row.name for row in table.rows if row.is_triggered] == ["pose", "limiter", "limiter_standby"]

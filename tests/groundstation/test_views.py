@@ -2,7 +2,16 @@
 
 from msgspec.structs import replace
 
-from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, ControlState, Health, MissionSummary, Summary
+from gloc3.ci import (
+    ComponentLine,
+    ComponentTable,
+    ComponentTrouble,
+    ControlState,
+    Health,
+    MissionSummary,
+    Summary,
+    TableRow,
+)
 from gloc3.messages import Severity
 from gloc3_groundstation import alerts
 from gloc3_groundstation import fleet as reducers
@@ -254,3 +263,21 @@ def test_a_vehicle_in_flight_is_left_to_its_policies() -> None:
 
 def test_a_position_next_to_zero_has_no_sign() -> None:
     assert [tenths(value) for value in (-0.04, 0.04, -0.06, 12.34)] == ["0.0", "0.0", "-0.1", "12.3"]
+
+
+def test_a_triggered_component_is_not_called_slow_while_its_input_rests() -> None:
+    assert PLATFORM.table is not None
+    rows = list(PLATFORM.table.rows)
+    rows[9] = TableRow("limiter", "CC", 20.0, True, "", is_triggered=True)
+    rows[11] = TableRow("recorder", "AD", 0.0, False, "", is_triggered=True)
+    lines_of = {9: (ComponentLine(9, 0, 50, 3, 0, 0), 100.0), 11: (ComponentLine(11, 0, 0, 0, 0, 0), 100.0)}
+    told = replace(PLATFORM, table=ComponentTable(table=1, rows=rows), lines={**PLATFORM.lines, **lines_of})
+    shown = dict(component_rows(told, 100.0, 100))
+    assert [span.tone for span in shown["limiter"] if "10.0/20 Hz" in span.text] == [Tone.DIM]
+    assert "triggered" in text_of(shown["recorder"])
+    assert "%" not in text_of(shown["recorder"])
+    assert texts(component_lines(told, "limiter", 100.0, 80))[0] == " controller, required, 20 Hz when triggered"
+    assert texts(component_lines(told, "recorder", 100.0, 80))[0].endswith("not required, triggered")
+    slow = replace(told, lines={**told.lines, 8: (ComponentLine(8, 0, 50, 3, 0, 0), 100.0)})
+    (name, line) = component_rows(slow, 100.0, 100)[8]
+    assert [span.tone for span in line if "Hz" in span.text] == [Tone.WARN], name

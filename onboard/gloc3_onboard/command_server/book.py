@@ -105,6 +105,7 @@ class ComponentBook:
                 status.nominal_rate_hz if status else 0.0,
                 row.required,
                 row.standby_for or "",
+                _is_triggered(row, status),
             )
             for row in self.rows.values()
         ]
@@ -136,3 +137,10 @@ class ComponentBook:
             self._told_errors[name] = status.errors
         self._troubled.clear()
         return troubles
+
+
+def _is_triggered(row: ComponentRow, status: ComponentStatus | None) -> bool:
+    """Whether its own periodic cycles alone do not bring a component to its rate."""
+    if row.trigger is None:
+        return False
+    return row.rate_hz is None or (status is not None and row.rate_hz < status.nominal_rate_hz)

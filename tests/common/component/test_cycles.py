@@ -5,6 +5,7 @@ import pytest
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus
 from gloc3.testing import Bench
+from gloc3.topics import TopicRow
 
 from .specimen import Diary, Number, Specimen, row, topics
 
@@ -36,7 +37,29 @@ def test_a_cycle_can_be_begun_by_an_inputs_arrival() -> None:
         bench.run(1.0)
         assert times(bench) == [0.25, 0.5]
         assert [message.value for message in bench.all("result")] == [1.0, 2.0]
-        assert status_of(bench).nominal_rate_hz == 0.0
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "given", "nominal_hz"),
+    [
+        (None, ["given"], 10.0),  # the topic's
+        (4.0, ["given"], 10.0),  # the periodic cycles only fill its silence
+        (25.0, ["given"], 25.0),
+        (None, ["news"], 0.0),  # speaks when something happens
+        (4.0, ["news"], 4.0),
+        (None, ["news", "given"], 10.0),
+        (None, ["nobody/knows"], 0.0),
+    ],
+)
+def test_the_nominal_rate_of_a_triggered_component_is_that_of_the_topic_that_triggers_it(
+    rate_hz: float | None, given: list[str], nominal_hz: float
+) -> None:
+    table = topics()
+    table.add({"news": TopicRow(Number)})
+    with Bench(topics=table) as bench:
+        bench.host(row(rate_hz=rate_hz, trigger="given", ports={"given": given}), lambda: Specimen(Diary()))
+        bench.run(0.1)
+        assert status_of(bench).nominal_rate_hz == nominal_hz
 
 
 def test_messages_that_arrive_together_begin_one_cycle() -> None:

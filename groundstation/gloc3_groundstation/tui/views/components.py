@@ -80,8 +80,9 @@ def component_lines(platform: PlatformSnapshot | None, name: str, now_s: float, 
     role = [KINDS.get(component.kind, component.kind), "required" if component.is_required else "not required"]
     if component.standby_for:
         role.append(f"stands by for {component.standby_for}")
-    if component.nominal_rate_hz > 0.0:
-        role.append(f"{component.nominal_rate_hz:g} Hz")
+    rate = f"{component.nominal_rate_hz:g} Hz" if component.nominal_rate_hz > 0.0 else ""
+    pace = " when ".join(part for part in (rate, "triggered" if component.is_triggered else "") if part)
+    role += [pace] if pace else []
     lines: list[Line] = [(Span(f" {', '.join(role)}", Tone.DIM),)]
     if component.cause:
         count = f" ({component.errors} so far)" if component.errors > 1 else ""
@@ -115,7 +116,7 @@ def _line(table: Table, component: ComponentSnapshot, kind: str) -> Line:
     if component.is_stale:
         state, tone = f"was {state}", Tone.STALE
     rest = Tone.STALE if component.is_stale or component.health is None else None
-    is_slow = component.is_well and component.rate_percent < SLOW_PERCENT
+    is_slow = component.is_well and not component.is_triggered and component.rate_percent < SLOW_PERCENT
     has_rate = component.nominal_rate_hz > 0.0 and component.health is not None
     rate = f"{component.nominal_rate_hz * component.rate_percent / 100.0:.1f}/{component.nominal_rate_hz:g} Hz"
     is_busy = component.load_percent >= BUSY_PERCENT
@@ -125,7 +126,10 @@ def _line(table: Table, component: ComponentSnapshot, kind: str) -> Line:
             Span(kind, Tone.DIM),
             Span(component.name, rest or Tone.TEXT),
             Span(state, tone),
-            Span(rate if has_rate else "", rest or (Tone.WARN if is_slow else Tone.DIM)),
+            Span(
+                rate if has_rate else "triggered" if component.is_triggered else "",
+                rest or (Tone.WARN if is_slow else Tone.DIM),
+            ),
             Span(f"{component.load_percent} %" if has_rate else "", rest or (Tone.WARN if is_busy else Tone.DIM)),
             Span(str(component.overruns) if component.overruns else "·", rest or Tone.DIM),
             Span(str(component.errors) if component.errors else "·", rest or _error_tone(component)),

@@ -42,7 +42,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "autopilot": TopicRow(AutopilotState, 5.0),
     "autopilot_pose": TopicRow(AutopilotPose, 20.0),
     "height": TopicRow(HeightAboveGround, 20.0),
-    "camera/*": TopicRow(Image, 2.0, is_logged=False),
+    "camera/*": TopicRow(Image, 5.0, is_logged=False),
     # processors
     "pose": TopicRow(Pose, 20.0, silent_after=3.0),
     # controllers: each has a topic of its own, the limiter takes them all

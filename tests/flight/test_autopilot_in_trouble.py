@@ -43,6 +43,15 @@ def test_a_cable_that_loses_every_twentieth_frame_changes_nothing(flight: Card) 
     assert not any(state.has_pilot_control for state in flight.since(0.0, "driver"))
 
 
+def test_a_cable_that_loses_every_fourth_frame_lands_nobody(flight: Card) -> None:
+    flight.begin(mission(on_pose_lost="land"))
+    flight.await_state("sweep", "running")
+    flight.fault("cable_loss=0.25")
+    flight.await_state("mission", "done", 60.0)
+    assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
+    assert not flight.was_told("pose lost")
+
+
 def test_a_lost_fix_ends_on_the_ground_inside_the_fence(flight: Card) -> None:
     sweep(flight)
     flight.fault("sensor:fix=lost")

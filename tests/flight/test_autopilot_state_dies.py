@@ -69,3 +69,17 @@ def test_nothing_starts_while_nothing_is_known_of_the_autopilot(flight: Card) ->
     assert flight.refused_steer("start") == "nothing is heard of the autopilot's state"
     reply = flight.action("take_off", height_m=1.5)
     assert reply.reason == "take_off is not available: it lacks autopilot"
+
+
+@pytest.mark.parametrize("fault", ["crash:autopilot_state", "hang:autopilot_state", "topic:autopilot=lost"])
+def test_a_state_that_is_away_for_some_seconds_changes_nothing(flight: Card, fault: str) -> None:
+    flight.begin(mission(on_failure="hold"))
+    flight.await_state("sweep", "running")
+    flight.wait(1.0)
+    away = flight.fault(fault, for_s=None if fault.startswith("crash") else 2.5)
+    flight.wait(3.0)
+    away.end()
+    flight.await_state("mission", "done", 30.0)
+    assert not any(state.has_pilot_control for state in flight.since(0.0, "driver"))
+    assert not flight.was_told("policy ")
+    assert flight.position_m[0] == pytest.approx(8.0, abs=0.3)

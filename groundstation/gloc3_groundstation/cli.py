@@ -48,6 +48,7 @@ def station(
     wait: float = 60.0,
     station_id: int | None = None,
     config: Path | None = None,
+    record: Annotated[bool, Parameter(negative="--no-record", show_default=False)] = True,
 ) -> int:
     """Watch and command vehicles.
 
@@ -66,6 +67,8 @@ def station(
             configuration file, else 255.
         config: The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
             and where the last session was. Default: gloc3/station.toml in the XDG configuration directory.
+        record: Keep events, all that is heard (MCAP) and every MAVLink frame (.tlog) in gloc3/station/ in the XDG state
+            directory; --no-record switches it off.
     """
     if json and not headless:
         raise Refused("--json goes with --headless")
@@ -85,6 +88,7 @@ def station(
             print(f"{error}\nthe mission did not pass the check", file=sys.stderr)  # noqa: T201
             return 1
     from gloc3_groundstation.configuration import Configuration, ConfigurationFile, default_path
+    from gloc3_groundstation.recording import default_root
     from gloc3_groundstation.session import Session
 
     file, configuration, problem = ConfigurationFile(config or default_path()), Configuration(), ""
@@ -95,7 +99,9 @@ def station(
     if mission is not None:
         configuration = configuration.with_mission(str(Path(mission).resolve()) if Path(mission).is_file() else mission)
     own = configuration.station_id if station_id is None else station_id
-    session = Session(link or configuration.links, own, platform, plan, configuration, problem)
+    session = Session(
+        link or configuration.links, own, platform, plan, configuration, problem, default_root() if record else None
+    )
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None))
     return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write))

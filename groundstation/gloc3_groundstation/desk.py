@@ -10,6 +10,7 @@ from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState, allowed
 from gloc3_groundstation import alerts, flights
 from gloc3_groundstation.alerts import Alerts
+from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.flights import End, Follower
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot
@@ -33,14 +34,16 @@ class Move(StrEnum):
 class Desk:
     """Asks one platform at a time for what an operator wants; refusals become events, never exceptions."""
 
-    def __init__(self, station: Station, plan: Plan | None = None) -> None:
+    def __init__(self, station: Station, plan: Plan | None = None, *, events: EventsDesk | None = None) -> None:
         """A desk.
 
         Args:
             station: hears and commands the platforms.
             plan: the mission at hand, checked; None without one.
+            events: keeps the station's events; None for one that forgets them with the process.
         """
         self.station: Final = station
+        self.events: Final = events or EventsDesk(station)
         self.plan: Final = plan
         self._streamed: dict[str, int] = {}
         self._held_s: dict[str, float] = {}

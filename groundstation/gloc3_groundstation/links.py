@@ -25,6 +25,9 @@ NETWORK_BIT_S: Final = 2_000_000.0
 MAX_REMEMBERED: Final = 256
 """Messages of which some links have said that they gave them up."""
 
+Tap = Callable[[bytes], None]
+"""Is given every frame of a link, in and out, as it is."""
+
 Told = Callable[[str], None]
 """Is told in words what a person should know of a link."""
 
@@ -49,6 +52,7 @@ class Link:
         is_datagram: bool = True,
         budget: LinkBudget | None = None,
         signing: Signing | None = None,
+        tap: Tap = lambda _: None,
     ) -> None:
         """Begins to send heartbeats and to look for platforms.
 
@@ -64,18 +68,21 @@ class Link:
             is_datagram: whether the bytes come in whole frames.
             budget: what the link carries.
             signing: signs all that is sent, and judges all that is heard; None on a link without a key.
+            tap: is given every frame, in and out.
         """
         own = Address(system, STATION_COMPONENT)
         self._loop = loop
         self._signing = signing
         self._utc_offset_s = Clock(loop).utc_offset_s
         self._listeners: list[Callable[[Frame], None]] = []
-        self._send = send
+        self._put = send
+        self._tap = tap
         self._told = told
         self._undelivered = undelivered
         self._tunnel_id = shape("TUNNEL").id
         self._parser = Parser(is_datagram=is_datagram)
         self._encoder = Encoder(*own, signing)
+        self.frames_sent = 0
         self._peers = Peers(own)
         self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
         self._own = own
@@ -90,6 +97,7 @@ class Link:
         """Takes bytes from the link."""
         now_s = self._loop.time()
         for frame in self._parser.receive(data):
+            self._tap(frame.raw)
             if self._signing is not None and not self._signing.verify(frame).is_good:
                 continue
             if frame.message_id == self._tunnel_id:
@@ -154,6 +162,11 @@ class Link:
         next_s = self._node.next_tick_s()
         self._timer = self._loop.call_at(now_s + 1.0 if next_s is None else max(next_s, now_s + 1e-3), self._tick)
 
+    def _send(self, data: bytes) -> None:
+        self.frames_sent += 1
+        self._tap(data)
+        self._put(data)
+
     def _send_message(self, message: MavlinkMessage) -> None:
         self._send(self._encoder.encode(message))
 
@@ -187,6 +200,7 @@ class Links:
         boot: int,
         told: Told,
         undelivered: GivenUp = lambda _: None,
+        tap: Tap = lambda _: None,
     ) -> None:
         """Opens links; see `Link` for the arguments, and `UndeliveredEverywhere` for what is told as undelivered.
 
@@ -208,6 +222,7 @@ class Links:
                 undelivered=partial(self._give_up, len(self._open), undelivered),
                 is_datagram=endpoint.is_datagram,
                 budget=budget_of(url),
+                tap=tap,
             )
             made.append(link)
             self._open.append((endpoint, link))

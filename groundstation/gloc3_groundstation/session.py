@@ -5,8 +5,10 @@ import secrets
 import signal
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Final
 
+from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
@@ -14,10 +16,13 @@ from gloc3.narrate import narrate
 from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
 from gloc3_groundstation.configuration import Configuration
+from gloc3_groundstation.event_store import EventStore
+from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.headless import Headless
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.narration import Line
 from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.recording import Recording
 from gloc3_groundstation.station import Station
 
 INTERRUPTED: Final = 128 + signal.SIGINT
@@ -34,6 +39,7 @@ class Session:
         plan: Plan | None,
         configuration: Configuration = Configuration(),  # noqa: B008 - immutable
         problem: str = "",
+        record: Path | None = None,
     ) -> None:
         """A run.
 
@@ -44,6 +50,7 @@ class Session:
             plan: the mission at hand.
             configuration: how the terminal looks, and where it was left.
             problem: why the configuration file could not be used; empty where it could.
+            record: the folder in which the session is recorded, in a folder of its own; None for nowhere.
         """
         self._urls = list(urls)
         self._system = system
@@ -52,6 +59,8 @@ class Session:
         self._configuration = configuration
         self._problem = problem
         self._links = Links()
+        self._record = record
+        self._events: EventsDesk | None = None
 
     async def narrate(self, wait_s: float, data: Callable[[Line], None] | None = None) -> int:
         """Flies the mission at hand, or watches; narrates on stderr.
@@ -100,7 +109,7 @@ class Session:
 
         async with self._station() as station:
             app = StationApp(
-                Desk(station, self._plan),
+                Desk(station, self._plan, events=self._events),
                 self._configuration,
                 platform=self._platform,
                 waiting_for=self._links.describe,
@@ -134,9 +143,15 @@ class Session:
     async def _station(self) -> AsyncIterator[Station]:
         exchange, topics = LocalExchange(), TopicTable.installed()
         boot = secrets.randbits(32)
-        station = Station(exchange, asyncio.get_running_loop(), str(self._system), boot)
+        loop = asyncio.get_running_loop()
+        station = Station(exchange, loop, str(self._system), boot)
         station.round_trip_s = self._links.round_trip_s
+        recording = self._begin_recording(station, loop, topics)
+        store = EventStore(recording.events if recording else None, Clock(loop).utc_offset_s)
+        self._events = EventsDesk(station, store)
         try:
+            if recording is not None:
+                recording.attach(exchange)
             await self._links.open(
                 self._urls,
                 exchange=exchange,
@@ -145,11 +160,31 @@ class Session:
                 boot=boot,
                 told=lambda text: station.note("", Severity.WARNING, text),
                 undelivered=station.client.undelivered,
+                tap=recording.frame if recording else lambda _: None,
             )
             yield station
         finally:
             station.close()
             await self._links.close()
+            if recording is not None:
+                recording.close()
+            store.close()
+
+    def _begin_recording(
+        self, station: Station, loop: asyncio.AbstractEventLoop, topics: TopicTable
+    ) -> Recording | None:
+        """The logs of this session; without a place for them the station works all the same, and says so."""
+        if self._record is None:
+            return None
+
+        def tell(text: str) -> None:
+            station.note("", Severity.WARNING, text)
+
+        try:
+            return Recording(self._record, Clock(loop), loop, topics, station.id, tell)
+        except Gloc3Error as error:
+            tell(str(error))
+            return None
 
 
 def _summary(station: Station) -> list[str]:

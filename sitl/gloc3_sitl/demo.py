@@ -121,6 +121,7 @@ class Demo:
             *("--link", f"udpin://127.0.0.1:{to_station}"),
             *("--mission", self._mission.file),
             *("--platform", self._name),
+            "--no-record",
         ]
         mode = ["--headless"] if options.is_headless else ["--start", "--exit-when-done"]
         await self._station.show(["station", *mode, *heard], is_interactive=not options.is_headless)

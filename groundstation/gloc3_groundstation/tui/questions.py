@@ -78,3 +78,28 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
     def action_leave(self) -> None:
         """Closes without doing anything."""
         self.dismiss(None)
+
+
+class AskFor(ModalScreen[str | None]):
+    """A line of text; none where it was left."""
+
+    BINDINGS = [Binding("escape", "leave", "Leave")]
+
+    def __init__(self, question: str, value: str = "", hint: str = "") -> None:
+        super().__init__()
+        self._question, self._value, self._hint = question, value, hint
+
+    def compose(self) -> ComposeResult:
+        """The question and the line."""
+        with Vertical(classes="question"):
+            yield Static(self._question, markup=False)
+            yield Input(self._value)
+            yield Static(f"{self._hint}\nenter  go on\nesc    leave it".strip(), classes="choices", markup=False)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Closes with what was typed."""
+        self.dismiss(event.value.strip() or None)
+
+    def action_leave(self) -> None:
+        """Closes without an answer."""
+        self.dismiss(None)

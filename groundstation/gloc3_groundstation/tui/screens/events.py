@@ -1,24 +1,169 @@
-"""Everything that has happened, on all vehicles and in the station."""
+"""Everything that has happened, on all vehicles and in the station: looked through as one types, and written to files."""
 
+from collections.abc import Sequence
+from typing import Any, Final
+
+from msgspec.structs import replace
+from textual import on
 from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.widgets import Input
 
+from gloc3_groundstation.event_search import EVERYTHING, STATION, EventFilter
+from gloc3_groundstation.tui.list_panel import Row
+from gloc3_groundstation.tui.long_list import LongList
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import AskFor
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
-from gloc3_groundstation.tui.views.events import event_lines
+from gloc3_groundstation.tui.views.events import (
+    SEVERITIES,
+    event_detail,
+    event_header,
+    event_rows,
+    filter_line,
+    no_events_line,
+)
+
+PAUSE_S: Final = 0.01
+"""Between two slices of a search, in which keys are answered and the screen is drawn."""
 
 
 class EventsScreen(StationScreen):
-    """Events, the newest last."""
+    """A filter, the events that fit, and the one under the cursor in full."""
 
     HELP = """What the vehicles have told and what this station did, the newest last. Times count from the station's
-    start. The panel follows the end until it is scrolled up."""
+    start. The list follows the end until the cursor is moved up; the key end follows it again.
+
+    What is searched for is looked up in the text and the names while you type; nothing is ever left out, also when
+    there are a million events. Export writes those that fit: to a table where the name ends in .csv, or one JSON object
+    a line where it ends in .jsonl."""
+    BINDINGS = [
+        Binding("slash", "type", "Search", key_display="/", tooltip="while you type; enter goes back to the list"),
+        Binding("l", "severity(1)", "Severity", tooltip="shows only what is so bad, or worse; L: the other way"),
+        Binding("L", "severity(-1)", "Severity back", show=False),
+        Binding("n", "platform", "Vehicle", tooltip="shows only the next vehicle's, then all again"),
+        Binding("o", "component", "Component", tooltip="shows only that of the event under the cursor, or all again"),
+        Binding("e", "export", "Export", tooltip="writes those that fit to a file"),
+        Binding("escape", "clear", "All", tooltip="shows everything again"),
+    ]
+    AUTO_FOCUS = "#events"
 
     def body(self) -> ComposeResult:
-        """One panel."""
-        yield Panel(id="events", follows_end=True)
+        """The filter, the events, and one of them."""
+        yield Panel(id="filter", classes="plain line", can_focus=False)
+        yield Input(id="search", placeholder="text, vehicle or component", compact=True)
+        yield Panel(id="events_header", classes="plain line", can_focus=False)
+        yield LongList(id="events", classes="plain")
+        yield Panel(id="event")
+
+    def on_mount(self) -> None:
+        """Shows no input before it is asked for."""
+        super().on_mount()
+        self.query_one("#search").display = False
+        self._is_waiting = False
 
     def look(self, view: View) -> None:
-        """Fills it."""
-        events = self.panel("events")
-        events.show(event_lines(view.fleet, view.started_s, events.width), f"events: {view.fleet.event_count}")
+        """Fills the window of the list, and goes on searching."""
+        events, desk = self.query_one(LongList), self.desk.events
+        desk.search.step()
+        if not desk.search.is_done and not self._is_waiting:
+            self._is_waiting = True
+            self.set_timer(PAUSE_S, self._go_on)
+        search, store = desk.search, desk.store
+        window = events.window(search)
+        lines = event_rows(store.events(window), view.started_s, events.width)
+        rows = [Row(line, str(number)) for number, line in zip(window, lines, strict=True)]
+        events.show_rows(rows or [Row(no_events_line(search.wanted, search))])
+        events.point_at(str(events.number))
+        self.panel("filter").show([filter_line(search.wanted, search, len(store), self.panel("filter").width)])
+        self.panel("events_header").show([event_header(events.width)])
+        chosen = store.events([events.number])[0] if events.number >= 0 else None
+        detail = self.panel("event")
+        place = f"event {events.cursor + 1:,}" + (", following" if events.follows else "") if chosen else "event"
+        detail.show(event_detail(chosen, view.started_s, view.now_s, detail.width), place)
+
+    def _go_on(self) -> None:
+        self._is_waiting = False
+        if self.is_current:
+            self.look_again()
+
+    # --- the filter ---
+
+    def look_for(self, **changes: Any) -> None:
+        """Changes the filter."""
+        desk = self.desk.events
+        desk.look_for(replace(desk.search.wanted, **changes))
+        self.look_again()
+
+    def action_type(self) -> None:
+        """Begins to type what is searched for."""
+        search = self.query_one("#search", Input)
+        search.display = True
+        search.focus()
+
+    @on(Input.Changed, "#search")
+    def search_as_typed(self, event: Input.Changed) -> None:
+        """Searches for what has been typed so far."""
+        self.look_for(text=event.value)
+
+    @on(Input.Submitted, "#search")
+    def typed(self) -> None:
+        """Goes back to the list."""
+        self.query_one("#search").display = False
+        self.query_one(LongList).focus()
+
+    def action_severity(self, step: int) -> None:
+        """Shows what is at least so bad."""
+        now = SEVERITIES.index(self._wanted.severity) if self._wanted.severity in SEVERITIES else 0
+        self.look_for(severity=SEVERITIES[(now + step) % len(SEVERITIES)])
+
+    def action_platform(self) -> None:
+        """Shows the next vehicle's events."""
+        self.look_for(
+            platform=_next(["", *sorted(filter(None, self.desk.events.store.platforms))], self._wanted.platform)
+        )
+
+    def action_component(self) -> None:
+        """Shows the events of the component under the cursor."""
+        number = self.query_one(LongList).number
+        if self._wanted.component or number < 0:
+            self.look_for(component="")
+        else:
+            self.look_for(component=self.desk.events.store.events([number])[0].source or STATION)
+
+    def action_clear(self) -> None:
+        """Shows everything."""
+        self.query_one("#search", Input).value = ""
+        self.typed()
+        self.desk.events.look_for(EVERYTHING)
+        self.query_one(LongList).follow()
+        self.look_again()
+
+    @on(LongList.Scrolled)
+    def scrolled(self) -> None:
+        """Shows other rows."""
+        self.look_again()
+
+    # --- export ---
+
+    def action_export(self) -> None:
+        """Asks for a file, and writes the events that fit."""
+        wanted = self._wanted
+
+        def named(name: str | None) -> None:
+            if name:
+                self.do(self.desk.events.export(name, wanted))
+
+        count = len(self.desk.events.search)
+        self.app.push_screen(
+            AskFor(f"Write {count:,} events to which file?", "events.csv", "ends in .csv or .jsonl"), named
+        )
+
+    @property
+    def _wanted(self) -> EventFilter:
+        return self.desk.events.search.wanted
+
+
+def _next(names: Sequence[str], now: str) -> str:
+    return names[(names.index(now) + 1) % len(names)] if now in names else ""

@@ -48,7 +48,7 @@ def station(
     wait: float = 60.0,
     station_id: int | None = None,
     config: Path | None = None,
-    record: Annotated[bool, Parameter(negative="--no-record", show_default=False)] = True,
+    no_record: Annotated[bool, FLAG] = False,
 ) -> int:
     """Watch and command vehicles.
 
@@ -67,8 +67,8 @@ def station(
             configuration file, else 255.
         config: The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
             and where the last session was. Default: gloc3/station.toml in the XDG configuration directory.
-        record: Keep events, all that is heard (MCAP) and every MAVLink frame (.tlog) in gloc3/station/ in the XDG state
-            directory; --no-record switches it off.
+        no_record: Record nothing. Otherwise events, all that is heard (MCAP) and every MAVLink frame (.tlog) are kept
+            in gloc3/station in the XDG state directory.
     """
     if json and not headless:
         raise Refused("--json goes with --headless")
@@ -100,7 +100,7 @@ def station(
         configuration = configuration.with_mission(str(Path(mission).resolve()) if Path(mission).is_file() else mission)
     own = configuration.station_id if station_id is None else station_id
     session = Session(
-        link or configuration.links, own, platform, plan, configuration, problem, default_root() if record else None
+        link or configuration.links, own, platform, plan, configuration, problem, None if no_record else default_root()
     )
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None))

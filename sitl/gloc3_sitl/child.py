@@ -1,7 +1,6 @@
 """One of the processes of the demonstration, with what it says in a file of its own."""
 
 import asyncio
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -76,12 +75,12 @@ class Child:
         return "\n".join(lines[-LAST_LINES:]) or "it said nothing"
 
     async def stop(self) -> None:
-        """Ends it: asks first, then does not ask."""
+        """Ends it: asks first, then does not ask. While it is still loading it has nothing to see to, and ends at once."""
         process = self._process
         if process is None:
             return
         with suppress(ProcessLookupError):
-            process.send_signal(signal.SIGINT)
+            process.terminate()
         try:
             async with asyncio.timeout(STOP_S):
                 await process.wait()

@@ -132,12 +132,12 @@ async def scene(
 
 
 def shoot(app: StationApp, path: Path) -> None:
-    """Writes what the terminal shows as SVG, and as PNG beside it where cairosvg is installed."""
+    """Writes what the terminal shows as SVG, and as PNG beside it where the library cairo is installed."""
     svg = app.export_screenshot()
     path.with_suffix(".svg").write_text(svg)
     try:
         import cairosvg  # type: ignore[import-untyped]
-    except ImportError:
+    except OSError:
         return
     svg = re.sub(r"@font-face \{.*?\}\s*(?=@|\.)", "", svg, flags=re.DOTALL)
     svg = svg.replace("Fira Code, monospace", "DejaVu Sans Mono").replace("Fira Code", "DejaVu Sans Mono")

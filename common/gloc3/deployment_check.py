@@ -2,10 +2,12 @@
 
 import inspect
 from collections.abc import Collection, Iterator, Sequence
+from fnmatch import fnmatchcase
+from importlib.metadata import entry_points
 from typing import Any, Final, NamedTuple
 
 from gloc3.component import Component
-from gloc3.deployment import Begin, ComponentRow, OnFault
+from gloc3.deployment import DEVICES, Begin, ComponentRow, OnFault
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.settings import load_settings
 from gloc3.topics import TopicTable, matches
@@ -60,6 +62,7 @@ def problems_of(
     topics: TopicTable | None,
     *,
     external: Collection[str] = (),
+    devices: Collection[str] | None = None,
     is_loading_classes: bool = True,
 ) -> Iterator[Problem]:
     """The problems of a deployment, each with its place; see `check_deployment`.
@@ -68,6 +71,7 @@ def problems_of(
         rows: the components of a platform.
         topics: the topics that are known; None does not check topics.
         external: patterns of topics that come from elsewhere.
+        devices: patterns of the devices that the host has, besides those of installed packages; None does not check.
         is_loading_classes: whether the classes are imported, and the rows checked against them.
     """
     yield from _row_problems(rows)
@@ -84,6 +88,7 @@ def problems_of(
         yield from _class_problems(index, row, classes[row.name])
         yield from _settings_problems(index, row, classes[row.name])
         yield from _device_problems(index, row, classes[row.name])
+        yield from _host_problems(index, row, devices)
     yield from _shared_outputs(rows, classes)
     if topics is not None:
         yield from _topic_problems(rows, classes, topics, external)
@@ -137,6 +142,15 @@ def _device_problems(index: int, row: ComponentRow, component: type[Component[An
         if is_needed and parameter.name not in row.devices:
             hint = f"add it under devices: {parameter.name}: NAME"
             yield Problem(index, ("devices",), f"{component.__name__} needs a device {parameter.name!r}", hint)
+
+
+def _host_problems(index: int, row: ComponentRow, devices: Collection[str] | None) -> Iterator[Problem]:
+    if devices is None:
+        return
+    known = sorted({*devices, *(point.name for point in entry_points(group=DEVICES))})
+    for argument, name in row.devices.items():
+        if not any(fnmatchcase(name, pattern) for pattern in known):
+            yield Problem(index, ("devices", argument), f"the host has no device {name!r}", nearest(name, known))
 
 
 def _relation_problems(rows: Sequence[ComponentRow]) -> Iterator[Problem]:

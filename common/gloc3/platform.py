@@ -1,6 +1,6 @@
 """The platform file: what a vehicle is, can do, is limited to, and which components make it up."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Literal
@@ -178,7 +178,11 @@ class Platform(_Row, frozen=True, kw_only=True):
 
 
 def load_platform(
-    name: str, *, is_loading_classes: bool = False, warn: Callable[[Finding], None] | None = None
+    name: str,
+    *,
+    is_loading_classes: bool = False,
+    devices: Collection[str] | None = None,
+    warn: Callable[[Finding], None] | None = None,
 ) -> Platform:
     """Reads a platform by path, or by the name of one that an installed package brings; see `read_platform`.
 
@@ -186,7 +190,7 @@ def load_platform(
         InputError: with everything that is wrong in it.
     """
     path = find_platform(name)
-    return read_platform(load_bytes(path), str(path), is_loading_classes=is_loading_classes, warn=warn)
+    return read_platform(load_bytes(path), str(path), is_loading_classes=is_loading_classes, devices=devices, warn=warn)
 
 
 def find_platform(name: str) -> Path:
@@ -208,7 +212,12 @@ def find_platform(name: str) -> Path:
 
 
 def read_platform(
-    data: bytes | str, file: str, *, is_loading_classes: bool = False, warn: Callable[[Finding], None] | None = None
+    data: bytes | str,
+    file: str,
+    *,
+    is_loading_classes: bool = False,
+    devices: Collection[str] | None = None,
+    warn: Callable[[Finding], None] | None = None,
 ) -> Platform:
     """Reads and checks a platform file.
 
@@ -217,6 +226,7 @@ def read_platform(
         file: what the findings call it.
         is_loading_classes: whether the components' classes are imported, and ports, topics and settings checked against
             them.
+        devices: with the classes: patterns of the devices that the host has; None does not check them.
         warn: takes what is doubtful in a file that can be used.
 
     Raises:
@@ -228,7 +238,7 @@ def read_platform(
     findings: list[Finding] = []
     platform = schema.check(document.root, Platform, file, findings)
     if platform is not None:
-        findings += findings_of(platform, document, is_loading_classes=is_loading_classes)
+        findings += findings_of(platform, document, is_loading_classes=is_loading_classes, devices=devices)
     if platform is None or any(not finding.is_warning for finding in findings):
         raise InputError(sorted(findings))
     if warn is not None:

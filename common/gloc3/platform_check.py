@@ -1,6 +1,6 @@
 """What must hold in a platform file beyond its types: names that refer to each other, classes, ports and settings."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Final
 
 from gloc3 import schema
@@ -18,17 +18,23 @@ FROM_LINKS: Final = ("ci/request", "ci/heard")
 _POLICY_CAPABILITIES = ("hold", "land", "return_home")
 
 
-def findings_of(platform: Platform, document: Document, *, is_loading_classes: bool) -> list[Finding]:
+def findings_of(
+    platform: Platform, document: Document, *, is_loading_classes: bool, devices: Collection[str] | None = None
+) -> list[Finding]:
     """Everything that is wrong with a platform whose types fit."""
-    found = [*_components(platform, document, is_loading_classes), *_capabilities(platform, document)]
+    found = [*_components(platform, document, is_loading_classes, devices), *_capabilities(platform, document)]
     if is_loading_classes:
         found += _needs(platform, document)
     return found
 
 
-def _components(platform: Platform, document: Document, is_loading_classes: bool) -> Iterator[Finding]:
+def _components(
+    platform: Platform, document: Document, is_loading_classes: bool, devices: Collection[str] | None
+) -> Iterator[Finding]:
     topics = TopicTable.installed() if is_loading_classes else None
-    for problem in problems_of(platform.components, topics, external=FROM_LINKS, is_loading_classes=is_loading_classes):
+    for problem in problems_of(
+        platform.components, topics, external=FROM_LINKS, devices=devices, is_loading_classes=is_loading_classes
+    ):
         where = ("components", problem.row, *problem.path)
         if problem.path == ("settings",):
             yield from _settings(platform.components[problem.row], document, where)

@@ -28,6 +28,8 @@ from gloc3_onboard.storage import PictureFolder, RecordFile
 
 CAMERA: Final = "_camera"
 """Devices of this ending are cameras."""
+DEVICES: Final = ("autopilot", "pictures", "site", f"*{CAMERA}")
+"""What this host has; installed packages bring more."""
 MOST_LOGS: Final = 10_000
 LOOK_AFTER_S: Final = 3.0
 LOOK_EVERY_S: Final = 1.0
@@ -52,9 +54,8 @@ async def run(options: ProcessOptions) -> int:
         InputError: the platform file is wrong.
         Refused: a link or a camera cannot be had.
     """
-    platform = load_platform(
-        options.platform, is_loading_classes=True, warn=None if options.is_quiet else lambda found: narrate(str(found))
-    )
+    warn = None if options.is_quiet else lambda found: narrate(str(found))
+    platform = load_platform(options.platform, is_loading_classes=True, devices=DEVICES, warn=warn)
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -56,6 +56,8 @@ from gloc3_sitl.world import World
 STATION_ID: Final = 255
 STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
+DEVICES: Final = ("autopilot", "ground_camera", "pictures", "site")
+"""What the onboard process of a flight has."""
 FLUSH_S: Final = 1.0
 """How long a message stays in memory: in virtual time a second is over in some milliseconds."""
 AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)

@@ -78,6 +78,7 @@ def fly(
         raise Refused("--seed must be 0 or more")
     from gloc3.platform import load_platform
     from gloc3_sitl.faults import read_fault
+    from gloc3_sitl.flight import DEVICES
     from gloc3_sitl.flight_report import as_json, as_lines
     from gloc3_sitl.fly import FlyOptions, fly_mission
     from gloc3_sitl.mission_file import find_file
@@ -85,7 +86,7 @@ def fly(
 
     path = find_file(mission)
     warn = None if quiet else lambda found: narrate(str(found))
-    known = load_platform(platform, is_loading_classes=True, warn=warn)
+    known = load_platform(platform, is_loading_classes=True, devices=DEVICES, warn=warn)
     for text in fault or ():
         read_fault(text)
     if out is not None:

@@ -155,6 +155,7 @@ BAD_DEPLOYMENTS = {
         "fence_state: pose}, devices",
         r"mine.yaml:46:\d+: 'pose' is an output of pose already",
     ),
+    "device: pictures": ("device: pitcures", r"mine.yaml:47:\d+: the host has no device 'pitcures' .*'pictures'"),
     "ports: {home: motion/home,": (
         "ports: {home: motion/grant,",
         r"mine.yaml:40:\d+: 'motion/grant' carries MotionGrant, and the port Home",
@@ -162,7 +163,7 @@ BAD_DEPLOYMENTS = {
 }
 
 
-@pytest.mark.parametrize("right", BAD_DEPLOYMENTS, ids=["topic", "owner", "type"])
+@pytest.mark.parametrize("right", BAD_DEPLOYMENTS, ids=["topic", "owner", "device", "type"])
 def test_a_deployment_that_cannot_work_is_not_brought_up_and_names_the_place(
     right: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -94,6 +94,7 @@ class LogService:
                 except Refused as error:  # as a full disk
                     problem.append(error)
 
+        is_over = False
         try:
             await self._finish(
                 download,
@@ -101,10 +102,10 @@ class LogService:
                 look,
                 lambda: download.result is not None or bool(problem),
             )
-        except BaseException:
-            if not problem:
+            is_over = True
+        finally:
+            if not is_over and not problem:
                 saving.keep(download.data, download.whole_bytes)
-            raise
         if problem:
             raise problem[0]
         saving.finish(download.data)

@@ -14,6 +14,7 @@ import msgspec
 
 from gloc3.lci import State
 from gloc3.messages import Message, Severity
+from gloc3.watch import Want
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
@@ -130,6 +131,22 @@ class Hello(Body, frozen=True):
     """Asks for the full state: components' table, mission, control; the answer comes on the topics."""
 
 
+class Watch(Body, frozen=True):
+    """Everything that the station wants to see from now on, for `watch.LEASE_S`; asked again while somebody looks.
+
+    The reply's result tells under `refused` the topics that cannot be looked at, each with the reason.
+    """
+
+    wants: list[Want] = []
+    """Empty where nobody looks any more."""
+    is_listing: bool = False
+    """Somebody looks at the list of topics: how they speak is wanted, too."""
+
+
+class ListTopics(Body, frozen=True):
+    """Asks for the topics that can be looked at; the reply's result holds them as `TopicEntry`s under `topics`."""
+
+
 AnyBody = (
     LoadMission
     | ReadMission
@@ -142,6 +159,8 @@ AnyBody = (
     | Emergency
     | Query
     | Hello
+    | Watch
+    | ListTopics
 )
 
 

@@ -26,6 +26,13 @@ class Outlet:
         self.topics = topics
         self.is_keyed = any(KEY in topic for topic in topics)
 
+    def takes(self, key: object) -> bool:
+        """Whether a key fits: it stands for one level of a topic, at the end of a topic for any number of levels."""
+        if not self.is_keyed or not isinstance(key, str):
+            return key == ""
+        is_at_end = all(topic.endswith(KEY) for topic in self.topics)
+        return "" not in key.split("/") and (is_at_end or "/" not in key)
+
 
 class Routed(msgspec.Struct, frozen=True, gc=False):
     """A result that has been checked and has an outlet."""
@@ -76,6 +83,6 @@ class Outlets:
         t_s = cycle_s if report.t_s is None else report.t_s
         if not isinstance(t_s, float | int) or not math.isfinite(t_s):
             raise Misuse(f"{self._class_name}.{outlet.port}: {t_s!r} is no time of validity")
-        if bool(report.key) != outlet.is_keyed or not isinstance(report.key, str) or "/" in report.key:
+        if not outlet.takes(report.key):
             raise Misuse(f"{self._class_name}.{outlet.port}: {report.key!r} is no key for {', '.join(outlet.topics)}")
         return Routed(outlet, report.message, t_s, report.key)

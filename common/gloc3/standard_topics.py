@@ -36,6 +36,7 @@ from gloc3.vehicle import (
     Setpoint,
     TakeOver,
 )
+from gloc3.watch import Sample, TopicActivity
 
 TOPICS: Final[Mapping[str, TopicRow]] = {
     # samplers
@@ -75,6 +76,10 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1),
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1),
     "ci/event": TopicRow(CiEvent),
+    # the viewer, towards the stations that look
+    "watch/sample/**": TopicRow(Sample, is_logged=False),
+    "watch/large/**": TopicRow(Sample, is_logged=False),
+    "watch/activity": TopicRow(TopicActivity, is_logged=False),
 }
 
 AUTOPILOT_SILENT_S: Final = TOPICS["autopilot"].silent_s

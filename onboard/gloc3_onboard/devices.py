@@ -1,9 +1,10 @@
 """The devices of the onboard process, as its samplers and drivers see them; hardware, simulation and logs fit in."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from gloc3.frames import Vector3
+from gloc3.messages import Envelope
 from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image
 
 
@@ -132,3 +133,21 @@ class AutopilotControl(Protocol):
 
     def abandon_commands(self) -> None:
         """Sends nothing again that was commanded so far, and nothing that still waits."""
+
+
+class Tap(Protocol):
+    """One topic that is listened to."""
+
+    latest: Envelope[Any] | None
+    count: int
+    """Messages since it was opened."""
+
+    def close(self) -> None:
+        """Listens no more."""
+
+
+class Taps(Protocol):
+    """Where topics can be listened to; may be called from any thread."""
+
+    def open(self, topic: str, news: Callable[[], None] | None = None) -> Tap:
+        """Listens to a topic, given below the platform's name; `news` is called for every message."""

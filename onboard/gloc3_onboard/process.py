@@ -25,6 +25,8 @@ from gloc3_onboard.requested_path import RequestedPath
 from gloc3_onboard.runner import Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
+from gloc3_onboard.taps import ExchangeTaps
+from gloc3_onboard.viewer.catalogue import Catalogue
 
 CAMERA: Final = "_camera"
 """Devices of this ending are cameras."""
@@ -204,4 +206,6 @@ class OnboardProcess:
             "site": Site(
                 self._platform, RecordFile(self._out / "requests.journal"), RecordFile(self._out / "progress.state")
             ),
+            "taps": ExchangeTaps(self._exchange, self._loop, self._platform.platform),
+            "catalogue": Catalogue(self._platform, self._topics),
         }

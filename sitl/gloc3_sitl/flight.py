@@ -45,6 +45,8 @@ from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.runner import Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
+from gloc3_onboard.taps import ExchangeTaps
+from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.flight_messages import SimFault, SimTruth
 from gloc3_sitl.path_error import Sample
 from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
@@ -243,6 +245,8 @@ class Flight:
             "ground_camera": self.camera,
             "pictures": self._pictures,
             "site": Site(platform, self._journal, self._progress),
+            "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),
+            "catalogue": Catalogue(platform, self.topics),
         }
         self.onboard = Onboard(platform, context, devices, self.sabotage.create)
         self.station_link.open(self.radio.b)

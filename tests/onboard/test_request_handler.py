@@ -14,6 +14,7 @@ from gloc3.ci import (
     ControlVerb,
     Emergency,
     EmergencyVerb,
+    ListTopics,
     LoadMission,
     Outcome,
     Query,
@@ -21,12 +22,14 @@ from gloc3.ci import (
     RequestAction,
     Steer,
     Verb,
+    Watch,
 )
 from gloc3.lci import State
-from gloc3.messages import CommandReply, ComponentStatus, Envelope, Kind, Source
+from gloc3.messages import CommandReply, ComponentStatus, Envelope, FunctionReply, FunctionRequest, Kind, Source
 from gloc3.mission.executor import MissionExecutor
 from gloc3.platform import Platform, load_platform
 from gloc3.vehicle import AutopilotState, LandedState, Pose
+from gloc3.watch import Want
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
@@ -204,3 +207,53 @@ def test_no_mission_starts_while_nothing_is_heard_of_the_autopilots_state(desk: 
     reply = desk.told(Steer(verb=Verb.START))
     assert reply.outcome is Outcome.REFUSED
     assert reply.reason == "nothing is heard of the autopilot's state"
+
+
+def asked_of_viewer(desk: Desk) -> FunctionRequest:
+    component, message = desk.handler.for_components.pop()
+    assert component == "viewer"
+    assert isinstance(message, FunctionRequest)
+    return message
+
+
+def test_looking_needs_no_control_and_goes_to_the_viewer(desk: Desk) -> None:
+    assert desk.ask(Watch(wants=[Want("pose", 2.0)]), sender="254") is None
+    message = asked_of_viewer(desk)
+    assert message.function == "watch"
+    assert message.arguments == {"station": "254", "wants": [["pose", 2.0, 64, 48, 40]], "is_listing": False}
+    reply = FunctionReply(
+        request_id=message.request_id, component="viewer", function="watch", is_accepted=False, reason="no such topic"
+    )
+    answer = desk.handler.replied(reply)
+    assert answer is not None
+    assert (answer.sender, answer.outcome, answer.reason) == ("254", Outcome.REFUSED, "no such topic")
+    assert desk.ask(ListTopics(), sender="254") is None
+    assert asked_of_viewer(desk).function == "topics"
+
+
+def test_looking_leaves_nothing_on_disk_and_is_possible_before_the_autopilot_answers(desk: Desk) -> None:
+    desk.handler.executor = None
+    before = len(desk.journal.load())
+    desk.ask(Watch(wants=[Want("pose")]))
+    message = asked_of_viewer(desk)
+    reply = FunctionReply(request_id=message.request_id, component="viewer", function="watch", is_accepted=True)
+    assert desk.handler.replied(reply) is not None
+    assert len(desk.journal.load()) == before
+
+
+def test_an_older_want_does_not_come_after_a_newer_one(desk: Desk) -> None:
+    desk.ask(Watch(), sequence=31)
+    asked_of_viewer(desk)
+    late = desk.told(Watch(wants=[Want("pose")]), sequence=30)
+    assert late.outcome is Outcome.REFUSED
+    assert "overtaken" in late.reason
+    assert desk.handler.for_components == []
+    assert desk.ask(Watch(wants=[Want("pose")]), sequence=0, boot=8) is None, "a station that was started anew"
+
+
+def test_a_viewer_that_does_not_answer_leaves_the_request_unknown(desk: Desk) -> None:
+    before = len(desk.journal.load())
+    desk.ask(Watch(wants=[Want("pose")]))
+    (answer,) = desk.handler.expire(100.0)
+    assert answer.outcome is Outcome.UNKNOWN
+    assert len(desk.journal.load()) == before

@@ -4,6 +4,8 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
+import msgspec
+
 from gloc3.ci import (
     AnyBody,
     CallFunction,
@@ -14,6 +16,7 @@ from gloc3.ci import (
     Emergency,
     EmergencyVerb,
     Hello,
+    ListTopics,
     LoadMission,
     Outcome,
     Query,
@@ -22,6 +25,7 @@ from gloc3.ci import (
     RequestTask,
     Steer,
     Verb,
+    Watch,
 )
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.frames import GeoPoint
@@ -61,6 +65,8 @@ class ForComponent(NamedTuple):
 class _Open(NamedTuple):
     request: CiRequest
     until_s: float
+    is_kept: bool = True
+    """Whether the reply goes into the journal: not that to what only looks, and may be done twice."""
 
 
 class _FenceWait(NamedTuple):
@@ -85,6 +91,8 @@ class RequestHandler:
         self._fence_wait: _FenceWait | None = None
         self._emergencies: dict[tuple[str, int], int] = {}
         self._count = 0
+        self._watches: dict[tuple[str, int], int] = {}
+        """The last life of each sender that looks, and the sequence of the last that it wanted to see."""
         self.for_components: list[ForComponent] = []
         self.disarms: list[EmergencyDisarm] = []
         """What the driver is to be told."""
@@ -98,6 +106,8 @@ class RequestHandler:
         self._authority.hear(request.sender, now_s)
         if isinstance(request.body, Query):
             return self._query(request, request.body)
+        if isinstance(request.body, Watch | ListTopics):
+            return self._look(request, now_s)
         known = self._journal.begin(request)
         if not known.is_new:
             return known.reply
@@ -157,7 +167,7 @@ class RequestHandler:
             case Hello():
                 self.wants_everything = True
                 return _answer(request)
-        raise Refused("a query is answered elsewhere")
+        raise Refused("what only looks is answered elsewhere")
 
     # --- missions ---
 
@@ -334,6 +344,35 @@ class RequestHandler:
         self.for_components.append(ForComponent(body.component, message))
         return None
 
+    def _look(self, request: CiRequest, now_s: float) -> CiReply | None:
+        """Hands what only looks, and needs no control, to the component that shows topics.
+
+        A want that comes after a newer one of its sender is not taken: it would bring back what nobody looks at.
+        """
+        body, life = request.body, (request.sender, request.boot)
+        if isinstance(body, Watch):
+            if request.sequence < self._watches.get(life, -1):
+                return _answer(request, Outcome.REFUSED, "overtaken by a newer one")
+            self._watches = {
+                **{each: n for each, n in self._watches.items() if each[0] != life[0]},
+                life: request.sequence,
+            }
+            wants = [list(msgspec.structs.astuple(want)) for want in body.wants]
+            arguments = {"station": request.sender, "wants": wants, "is_listing": body.is_listing}
+            return self._ask_viewer(request, "watch", arguments, now_s)
+        return self._ask_viewer(request, "topics", {}, now_s)
+
+    def _ask_viewer(self, request: CiRequest, function: str, arguments: dict[str, Any], now_s: float) -> CiReply | None:
+        name = next((name for name, row in self._book.rows.items() if function in row.load_class().functions), None)
+        if name is None:
+            return _answer(request, Outcome.REFUSED, "this platform shows no topics: it has no viewer")
+        self._count += 1
+        request_id = f"ci-{self._count}"
+        self._open[request_id] = _Open(request, now_s + ANSWER_S, is_kept=False)
+        message = FunctionRequest(request_id=request_id, function=function, arguments=arguments)
+        self.for_components.append(ForComponent(name, message))
+        return None
+
     def replied(self, reply: CommandReply | FunctionReply) -> CiReply | None:
         """A component has answered; None if that was not asked for by a station."""
         entry = self._open.pop(reply.request_id, None)
@@ -344,7 +383,8 @@ class RequestHandler:
             reply.result if isinstance(reply, FunctionReply) else {"state": reply.state or "absent"}
         )
         answer = _answer(entry.request, outcome, reply.reason, result=dict(result))
-        self._journal.end(answer)
+        if entry.is_kept:
+            self._journal.end(answer)
         return answer
 
     def expire(self, now_s: float) -> list[CiReply]:
@@ -352,9 +392,10 @@ class RequestHandler:
         late = [request_id for request_id, entry in self._open.items() if now_s > entry.until_s]
         answers = self._fence_answer(now_s)
         for request_id in late:
-            request = self._open.pop(request_id).request
+            request, _, is_kept = self._open.pop(request_id)
             answer = _answer(request, Outcome.UNKNOWN, f"the component has not answered within {ANSWER_S:g} s")
-            self._journal.end(answer)
+            if is_kept:
+                self._journal.end(answer)
             answers.append(answer)
         return answers
 

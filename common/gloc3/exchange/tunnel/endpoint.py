@@ -43,6 +43,7 @@ from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.messages import Envelope
 from gloc3.topics import TopicTable
+from gloc3.watch import Sample
 from gloc3.wire import VersionsDiffer, WireError
 
 MAX_SENDERS: Final = 64
@@ -82,9 +83,20 @@ class TunnelEndpoint:
         self._pacer = Pacer(budget)
         self._table = OwnTable()
         self._status = StatusSender(self.counters)
+        self._views = StatusSender(self.counters)
         self._happenings: list[Happening] = []
         self._peers = Peers(role, name, own, self.counters, self._happenings.append)
-        self._outbox = Outbox(role, name, self.boot, self._pacer, self._peers, self._table, self._status, self.counters)
+        self._outbox = Outbox(
+            role,
+            name,
+            self.boot,
+            self._pacer,
+            self._peers,
+            self._table,
+            self._status,
+            self._views,
+            self.counters,
+        )
         self._published: dict[str, int] = {}
         self._homeless: list[tuple[Envelope[Any], float, float]] = []
         """What waits for somebody to be heard: since when, and until when."""
@@ -105,7 +117,7 @@ class TunnelEndpoint:
         self._published[envelope.topic] = count + 1
         if count % way.every == 0:
             try:
-                self._status.offer(self._number(envelope), envelope)
+                (self._views if way.is_view else self._status).offer(self._number(envelope), envelope)
             except Refused as refusal:
                 self._peers.trouble(self.own, str(refusal))
 
@@ -282,6 +294,8 @@ class TunnelEndpoint:
             peer = self._peers.named(payload.sender) if address is None else self._peers.at(address)
         elif isinstance(payload, CiRequest):
             peer = self._peers.named(envelope.topic.partition("/")[0])
+        elif isinstance(payload, Sample):
+            return [looker for name in payload.stations if (looker := self._peers.named(name)) is not None]
         else:
             return list(self._peers)
         return None if peer is None else [peer]

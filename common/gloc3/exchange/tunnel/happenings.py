@@ -72,6 +72,8 @@ class Counters(msgspec.Struct):
     """On the wire, with MAVLink's part."""
     status_bytes: int = 0
     """Of these: best effort, greetings and tables."""
+    view_bytes: int = 0
+    """Of these: what somebody looks at."""
     received_frames: int = 0
     foreign: int = 0
     """Not of this kind, not for us, or from our own role."""

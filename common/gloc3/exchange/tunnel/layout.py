@@ -49,6 +49,12 @@ class Lane(IntEnum):
     URGENT = 0
     ORDINARY = 1
     BULK = 2
+    VIEW = 3
+    """What somebody looks at and that does not fit few frames: after everything else, and only so much of it."""
+
+
+DUTIES: Final = (Lane.URGENT, Lane.ORDINARY, Lane.BULK)
+"""The lanes of what has to arrive."""
 
 
 SEALED: Final = frozenset({FrameKind.HELLO, FrameKind.TABLE, FrameKind.ASK, FrameKind.ACK, FrameKind.REFUSAL})

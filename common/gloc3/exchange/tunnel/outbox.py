@@ -2,17 +2,18 @@
 
 The order: acknowledgements and refusals; greetings, questions about the table and their answers; emergencies, and
 repeats of the few short messages that are open; status, as far as its share goes; other requests and replies; large
-messages; repeats that nobody asked for.
+messages; repeats that nobody asked for; what somebody looks at, as far as its share goes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from gloc3.exchange.tunnel.frames import MAX_ECHOES, Hello, Table, TunnelFrame
 from gloc3.exchange.tunnel.happenings import Counters
-from gloc3.exchange.tunnel.layout import Lane, Role
-from gloc3.exchange.tunnel.pacing import Pacer
+from gloc3.exchange.tunnel.layout import DUTIES, Lane, Role
+from gloc3.exchange.tunnel.pacing import Bucket, Pacer
 from gloc3.exchange.tunnel.peer import Peer
 from gloc3.exchange.tunnel.peers import Peers
 from gloc3.exchange.tunnel.status import StatusSender
@@ -28,8 +29,10 @@ HELLO_SPACING_S: Final = 0.25
 BUSY_AFTER_S: Final = 3.0
 """So long after the last of a large message best effort keeps to its smaller share: often another one follows."""
 
-_Chosen = tuple[Address, TunnelFrame, bool]
-"""To whom, what, and whether it counts as best effort."""
+VIEWS: Final = (Lane.VIEW,)
+
+_Chosen = tuple[Address, TunnelFrame, Bucket | None]
+"""To whom, what, and of which share of the line."""
 
 
 class Outbox:
@@ -43,6 +46,7 @@ class Outbox:
         peers: to whom, with what waits for each.
         table: the numbers of this end.
         status: what waits for everybody.
+        views: what somebody looks at, and waits until everything else has left.
         counters: where sent frames are counted.
     """
 
@@ -55,6 +59,7 @@ class Outbox:
         peers: Peers,
         table: OwnTable,
         status: StatusSender,
+        views: StatusSender,
         counters: Counters,
     ) -> None:
         self._role = role
@@ -64,11 +69,13 @@ class Outbox:
         self._peers = peers
         self._table = table
         self._status = status
+        self._views = views
         self._counters = counters
         self._hello_s = 0.0
         self._greeted_s = -HELLO_SPACING_S
         self._turn = 0
         self._busy_until_s = 0.0
+        self._view_turn = 0
         self.news: list[int] = []
         """Rows of the table that nobody has been told yet."""
         self.tokens: list[int] = []
@@ -90,12 +97,14 @@ class Outbox:
             chosen = self._choose(now_s)
             if chosen is None:
                 break
-            target, frame, is_status = chosen
+            target, frame, share = chosen
             payload = frame.encode(self._boot)
-            size_bytes = pacer.spend(len(payload), is_status=is_status)
+            size_bytes = pacer.spend(len(payload), share)
             counters.sent_frames += 1
             counters.sent_bytes += size_bytes
-            if target is EVERYBODY:
+            if share is pacer.views:
+                counters.view_bytes += size_bytes
+            elif target is EVERYBODY:
                 counters.status_bytes += size_bytes
             sent.append((target.system, target.component, payload))
         return sent
@@ -108,18 +117,30 @@ class Outbox:
             return line_s
         if self._status.is_waiting:
             times_s.append(self._pacer.status.open_s())
+        view_s = self._view_s()
+        if view_s is not None:
+            times_s.append(max(view_s, self._pacer.views.open_s()))
         for peer in self._peers:
             sender = peer.sender
-            if peer.receiver.has_refusal or peer.wanted or any(map(sender.has_work, Lane)):
+            if peer.receiver.has_refusal or peer.wanted or any(map(sender.has_work, DUTIES)):
                 return line_s
             copy_s = sender.copy_s() if peer.is_alive else None
             times_s += [t_s for t_s in (peer.receiver.ack_s(), peer.ask_s(), copy_s) if t_s is not None]
         return max(line_s, min(times_s))
 
+    def _view_s(self) -> float | None:
+        """When there will be something to send of what somebody looks at, if its share allows."""
+        if self._views.is_waiting or any(peer.sender.has_work(Lane.VIEW) for peer in self._peers):
+            return 0.0
+        times_s = [
+            peer.sender.copy_s(VIEWS) for peer in self._peers if peer.is_alive and peer.sender.is_open(Lane.VIEW)
+        ]
+        return min((t_s for t_s in times_s if t_s is not None), default=None)
+
     def _choose(self, now_s: float) -> _Chosen | None:
         first = self._answer(now_s) or self._introduce(now_s)
         if first is not None or all(peer.sender.is_idle for peer in self._peers):
-            return first or self._best_effort()
+            return first or self._best_effort() or self._view(now_s)
         return (
             self._data(Lane.URGENT, now_s)
             or self._copy(now_s, is_idle=False)
@@ -127,16 +148,17 @@ class Outbox:
             or self._data(Lane.ORDINARY, now_s)
             or self._data(Lane.BULK, now_s)
             or self._copy(now_s, is_idle=True)
+            or self._view(now_s)
         )
 
     def _answer(self, now_s: float) -> _Chosen | None:
         for peer in self._peers:
             ack_s = peer.receiver.ack_s()
             if ack_s is not None and now_s >= ack_s:
-                return peer.address, peer.receiver.ack(peer.boot, now_s), False
+                return peer.address, peer.receiver.ack(peer.boot, now_s), None
             refusal = peer.receiver.next_refusal(peer.boot)
             if refusal is not None:
-                return peer.address, refusal, False
+                return peer.address, refusal, None
         return None
 
     def _introduce(self, now_s: float) -> _Chosen | None:
@@ -144,15 +166,15 @@ class Outbox:
             is_lonely = not any(peer.is_alive for peer in self._peers)
             self._hello_s = now_s + (LONELY_PERIOD_S if is_lonely else HELLO_PERIOD_S[self._role])
             self._greeted_s = now_s
-            return EVERYBODY, self._hello(now_s), False
+            return EVERYBODY, self._hello(now_s), None
         if self.news:
-            return EVERYBODY, self._rows(self.news), False
+            return EVERYBODY, self._rows(self.news), None
         for peer in self._peers:
             ask_s = peer.ask_s()
             if ask_s is not None and now_s >= ask_s:
-                return peer.address, peer.ask(now_s), False
+                return peer.address, peer.ask(now_s), None
             if peer.wanted:
-                return peer.address, self._rows(peer.wanted), False
+                return peer.address, self._rows(peer.wanted), None
         return None
 
     def _hello(self, now_s: float) -> Hello:
@@ -169,22 +191,37 @@ class Outbox:
         if not self._pacer.status.is_open:
             return None
         frame = self._status.next_frame()
-        return None if frame is None else (EVERYBODY, frame, True)
+        return None if frame is None else (EVERYBODY, frame, self._pacer.status)
+
+    def _view(self, now_s: float) -> _Chosen | None:
+        """Large samples and small ones; where both wait, two frames of the large ones to one of the small."""
+        share = self._pacer.views
+        if not share.is_open:
+            return None
+        self._view_turn = (self._view_turn + 1) % 3
+        frame = self._views.next_frame() if self._view_turn == 0 else None
+        chosen = None if frame is not None else self._data(Lane.VIEW, now_s)
+        if frame is None and chosen is None:
+            frame = self._views.next_frame()
+        if frame is not None:
+            return EVERYBODY, frame, share
+        chosen = chosen or self._copy(now_s, is_idle=True, lanes=VIEWS)
+        return None if chosen is None else (chosen[0], chosen[1], share)
 
     def _data(self, lane: Lane, now_s: float) -> _Chosen | None:
         for peer in self._in_turn():
             if peer.sender.has_work(lane):
                 data = peer.sender.next_data(lane, now_s)
                 if data is not None:
-                    return peer.address, data, False
+                    return peer.address, data, None
         return None
 
-    def _copy(self, now_s: float, *, is_idle: bool) -> _Chosen | None:
+    def _copy(self, now_s: float, *, is_idle: bool, lanes: Sequence[Lane] = DUTIES) -> _Chosen | None:
         for peer in self._in_turn():
             if peer.is_alive:
-                data = peer.sender.next_copy(now_s, is_idle=is_idle)
+                data = peer.sender.next_copy(now_s, is_idle=is_idle, lanes=lanes)
                 if data is not None:
-                    return peer.address, data, False
+                    return peer.address, data, None
         return None
 
     def _in_turn(self) -> list[Peer]:

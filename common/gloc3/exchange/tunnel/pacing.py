@@ -35,6 +35,10 @@ class LinkBudget(msgspec.Struct, frozen=True, kw_only=True):
     """Of the line, for best effort while nothing large is transferred."""
     busy_status_share: float = 0.12
     """The same while a mission is transferred; greetings and tables come on top and need 1 to 2 %."""
+    view_share: float = 0.35
+    """Of the line, for what somebody looks at; it takes only what everything else leaves."""
+    busy_view_share: float = 0.005
+    """The same while a mission is transferred."""
     overhead_bytes: int = WIRE_OVERHEAD
     """Around each payload: MAVLink 2 and TUNNEL's own fields; 30 on a signed link."""
 
@@ -81,7 +85,7 @@ class Bucket:
 
 
 class Pacer:
-    """The budget of one link: for everything, and within it for best effort."""
+    """The budget of one link: for everything, and within it for best effort and for what somebody looks at."""
 
     def __init__(self, budget: LinkBudget) -> None:
         self.budget: Final = budget
@@ -91,6 +95,7 @@ class Pacer:
         frame_bytes = 128.0 + budget.overhead_bytes
         self.line = Bucket(self.rate_byte_s, frame_bytes)
         self.status = Bucket(self.rate_byte_s * budget.status_share, 2.0 * frame_bytes)
+        self.views = Bucket(self.rate_byte_s * budget.view_share, 2.0 * frame_bytes)
         self._is_busy = False
         self._changed_s = 0.0
         self._queue_s = float("inf")
@@ -107,13 +112,14 @@ class Pacer:
         """Lets time pass."""
         self.line.fill(now_s)
         self.status.fill(now_s)
+        self.views.fill(now_s)
 
-    def spend(self, payload_bytes: int, *, is_status: bool) -> int:
-        """Takes a frame out; tells its bytes on the wire."""
+    def spend(self, payload_bytes: int, share: Bucket | None = None) -> int:
+        """Takes a frame out of the line and, where it belongs to one, out of a share; tells its bytes on the wire."""
         size_bytes = payload_bytes + self.budget.overhead_bytes
         self.line.spend(size_bytes)
-        if is_status:
-            self.status.spend(size_bytes)
+        if share is not None:
+            share.spend(size_bytes)
         return size_bytes
 
     def adapt(self, round_trip_s: float, queue_s: float, loss: float, now_s: float) -> None:
@@ -143,3 +149,5 @@ class Pacer:
         budget = self.budget
         share = budget.busy_status_share if self._is_busy else budget.status_share
         self.status.rate_byte_s = self.rate_byte_s / budget.share * share
+        share = budget.busy_view_share if self._is_busy else budget.view_share
+        self.views.rate_byte_s = self.rate_byte_s / budget.share * share

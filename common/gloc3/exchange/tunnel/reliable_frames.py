@@ -58,8 +58,6 @@ class Data(msgspec.Struct, frozen=True):
         rest = reader.rest()
         reader = Reader(rest)
         flags, number, serial, index, count = reader.take(_DATA)
-        if flags & 3 == 3:
-            raise FrameError("there are three lanes")
         to_boot = key ^ (zlib.crc32(rest) & 0xFFFF)
         return cls(to_boot, Lane(flags & 3), bool(flags & 4), flags >> 3, number, serial, index, count, reader.rest())
 
@@ -110,8 +108,8 @@ class Ack(msgspec.Struct, frozen=True):
         lanes = []
         while not reader.is_at_end:
             lane, expected, count = reader.take(_LANE)
-            if lane > Lane.BULK:
-                raise FrameError("there are three lanes")
+            if lane > Lane.VIEW:
+                raise FrameError("there are four lanes")
             partial: list[tuple[int, int | None]] = []
             for _ in range(count):
                 ahead, size = reader.byte(), reader.byte()
@@ -139,6 +137,6 @@ class Refusal(msgspec.Struct, frozen=True):
     def decode(cls, reader: Reader) -> Refusal:
         """Reads what `encode` wrote."""
         to_boot, lane, number = reader.take(_REFUSAL)
-        if lane > Lane.BULK:
-            raise FrameError("there are three lanes")
+        if lane > Lane.VIEW:
+            raise FrameError("there are four lanes")
         return cls(to_boot, Lane(lane), number, reader.text())

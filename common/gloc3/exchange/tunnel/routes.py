@@ -10,6 +10,7 @@ import msgspec
 from gloc3.ci import CiReply, CiRequest, ComponentTable, Emergency, LoadMission, ReadMission, Steer, Verb
 from gloc3.exchange.tunnel.layout import Lane, Role
 from gloc3.topics import TopicRow
+from gloc3.watch import LARGE, WATCH, Sample
 
 
 class Route(msgspec.Struct, frozen=True):
@@ -20,6 +21,8 @@ class Route(msgspec.Struct, frozen=True):
     is_reliable: bool
     every: int = 1
     """Every n-th message is sent."""
+    is_view: bool = False
+    """Somebody looks at it: it waits for everything else."""
 
 
 RELIABLE: Final[Mapping[str, Route]] = {
@@ -31,11 +34,16 @@ RELIABLE: Final[Mapping[str, Route]] = {
 }
 """The topics that may not lose a message, below the platform's name."""
 
+SAMPLE: Final = Route(Role.PLATFORM, is_reliable=False, is_view=True)
+LARGE_SAMPLE: Final = Route(Role.PLATFORM, is_reliable=True, is_view=True)
+
 EMERGENCY_PATIENCE_S: Final = 5.0
 """An emergency that has not arrived by then is not carried out behind the operator's back."""
 REQUEST_PATIENCE_S: Final = 15.0
 UPLOAD_PATIENCE_S: Final = 60.0
 ANSWER_PATIENCE_S: Final = 120.0
+VIEW_PATIENCE_S: Final = 5.0
+"""A large sample that has made no progress for so long gives way to a newer one."""
 LONG_TEXT: Final = 400
 
 
@@ -50,6 +58,8 @@ def route(name: str, row: TopicRow | None) -> Route | None:
         return None
     if row.downlink_every > 0:
         return Route(Role.PLATFORM, is_reliable=False, every=row.downlink_every)
+    if name.startswith(WATCH):
+        return LARGE_SAMPLE if name.startswith(LARGE) else SAMPLE
     return RELIABLE.get(name)
 
 
@@ -81,6 +91,8 @@ def urgency(message: Any, *, has_upload: bool, is_fenced: bool) -> Urgency:
         if is_fenced or (has_upload and _means_upload(body)):
             return Urgency(Lane.BULK, UPLOAD_PATIENCE_S, is_fence=True)
         return Urgency(Lane.ORDINARY, REQUEST_PATIENCE_S)
+    if isinstance(message, Sample):
+        return Urgency(Lane.VIEW, VIEW_PATIENCE_S)
     is_long = isinstance(message, ComponentTable) or (isinstance(message, CiReply) and len(message.text) > LONG_TEXT)
     return Urgency(Lane.BULK if is_long else Lane.ORDINARY, ANSWER_PATIENCE_S)
 

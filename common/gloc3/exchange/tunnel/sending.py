@@ -10,14 +10,14 @@ comes back, one fragment is sent now and then until something does.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import ceil, log
 from typing import Any, Final
 
 import msgspec
 
 from gloc3.exchange.tunnel.happenings import Counters
-from gloc3.exchange.tunnel.layout import Lane
+from gloc3.exchange.tunnel.layout import DUTIES, Lane
 from gloc3.exchange.tunnel.path import RoundTrips
 from gloc3.exchange.tunnel.reader import unwrap
 from gloc3.exchange.tunnel.reliable_frames import CHUNK, Ack, Data
@@ -26,9 +26,9 @@ from gloc3.messages import Envelope
 MAX_FRAGMENTS: Final = 640
 MAX_BODY: Final = CHUNK * MAX_FRAGMENTS
 """Bytes of a message, deflated if that helps: 70 kB."""
-WINDOW: Final[dict[Lane, int]] = {Lane.URGENT: 8, Lane.ORDINARY: 16, Lane.BULK: 2}
+WINDOW: Final[dict[Lane, int]] = {Lane.URGENT: 8, Lane.ORDINARY: 16, Lane.BULK: 2, Lane.VIEW: 1}
 """Messages of a lane that may be under way at once; twice as much fits the five bits of `Data.base_delta`."""
-MAX_WAITING: Final[dict[Lane, int]] = {Lane.URGENT: 16, Lane.ORDINARY: 128, Lane.BULK: 8}
+MAX_WAITING: Final[dict[Lane, int]] = {Lane.URGENT: 16, Lane.ORDINARY: 128, Lane.BULK: 8, Lane.VIEW: 8}
 """Messages of a lane that may wait; what is more is refused."""
 REORDERING: Final = 3
 """A frame is lost when one that was sent so many later has come."""
@@ -56,7 +56,7 @@ class Outgoing(msgspec.Struct, frozen=True):
     lane: Lane
     submitted_s: float
     patience_s: float
-    """It is given up so long after it was submitted; in the bulk lane, after the last progress."""
+    """It is given up so long after it was submitted; in the lanes of large messages, after the last progress."""
     is_fence: bool = False
     """It waits in the bulk lane for an upload; what comes after it must not overtake it."""
 
@@ -148,6 +148,8 @@ class ReliableSender:
         lane = self._lanes[outgoing.lane]
         if len(outgoing.body) > MAX_BODY:
             return f"the message is too large: {len(outgoing.body)} bytes, {MAX_BODY} can be sent"
+        if outgoing.lane is Lane.VIEW and self._replace(outgoing):
+            return ""
         if len(lane) >= MAX_WAITING[outgoing.lane]:
             return f"{len(lane)} messages wait already"
         if not lane:
@@ -158,18 +160,28 @@ class ReliableSender:
         self._next_number[outgoing.lane] += 1
         return ""
 
+    def _replace(self, outgoing: Outgoing) -> bool:
+        """Puts a newer message of a channel in the place of one that has not begun to be sent."""
+        lane = self._lanes[outgoing.lane]
+        for place, transfer in enumerate(lane):
+            if transfer.outgoing.channel == outgoing.channel and not transfer.fresh:
+                lane[place] = _Transfer(transfer.number, outgoing)
+                self._counters.replaced += 1
+                return True
+        return False
+
     # --- what to send ---
 
     def has_work(self, lane: Lane) -> bool:
         """Whether a fragment of a lane is to be sent now, new or known to be lost."""
         if not self._lanes[lane]:
             return False
-        may_begin = lane is not Lane.BULK or self._may_fly
+        may_begin = lane < Lane.BULK or self._may_fly
         return any(transfer.lost or (may_begin and transfer.fresh < transfer.count) for transfer in self._window(lane))
 
     def next_data(self, lane: Lane, now_s: float) -> Data | None:
         """The next fragment of a lane."""
-        may_begin = lane is not Lane.BULK or self._may_fly
+        may_begin = lane < Lane.BULK or self._may_fly
         for transfer in self._window(lane):
             while transfer.lost:
                 index = transfer.lost.popleft()
@@ -182,14 +194,15 @@ class ReliableSender:
                 return self._data(lane, transfer, transfer.fresh - 1, now_s)
         return None
 
-    def next_copy(self, now_s: float, *, is_idle: bool) -> Data | None:
+    def next_copy(self, now_s: float, *, is_idle: bool, lanes: Sequence[Lane] = DUTIES) -> Data | None:
         """A fragment that is repeated unasked; the one sent longest ago.
 
         Args:
             now_s: the time.
             is_idle: there is nothing else to send; if not, only what is urgent or stands nearly alone is repeated.
+            lanes: of which lanes.
         """
-        first = self._first_copy(is_idle=is_idle)
+        first = self._first_copy(lanes, is_idle=is_idle)
         if first is None or now_s < first[0]:
             return None
         _, lane, transfer, index = first
@@ -197,16 +210,16 @@ class ReliableSender:
         self._counters.repeats += 1
         return self._data(lane, transfer, index, now_s)
 
-    def _first_copy(self, *, is_idle: bool) -> tuple[float, Lane, _Transfer, int] | None:
+    def _first_copy(self, lanes: Sequence[Lane], *, is_idle: bool) -> tuple[float, Lane, _Transfer, int] | None:
         """Which fragment is to be repeated unasked next, and when: a few times soon, and anew after a round trip."""
         trips = self._round_trips
-        if trips.loss < LOSS_WORTH_COPIES or self.is_idle:
+        if trips.loss < LOSS_WORTH_COPIES or not any(map(self.is_open, lanes)):
             return None
         copies = self._copies
         slow_s = max(COPY_SPACING_S, LATE_ROUND_TRIPS * trips.smoothed_s)
         latest_s = self._heard_s + trips.smoothed_s + ANSWER_GRACE_S
         best: tuple[float, Lane, _Transfer, int] | None = None
-        for lane in Lane:
+        for lane in lanes:
             if not is_idle and lane is not Lane.URGENT and len(self._lanes[lane]) > HURRIED_COPIES:
                 continue
             for transfer in self._window(lane):
@@ -339,9 +352,9 @@ class ReliableSender:
         ends_s = (self._end_s(lane, transfer) for lane in Lane for transfer in self._lanes[lane])
         return min(self._probe_s(), *ends_s)
 
-    def copy_s(self) -> float | None:
+    def copy_s(self, lanes: Sequence[Lane] = DUTIES) -> float | None:
         """When `next_copy` has something to send."""
-        first = self._first_copy(is_idle=True)
+        first = self._first_copy(lanes, is_idle=True)
         return None if first is None else first[0]
 
     def _probe_s(self) -> float:
@@ -351,7 +364,7 @@ class ReliableSender:
     def _end_s(self, lane: Lane, transfer: _Transfer) -> float:
         outgoing = transfer.outgoing
         since_s = outgoing.submitted_s
-        if lane is Lane.BULK:
+        if lane >= Lane.BULK:
             since_s = max(since_s, self._progress_s[lane])
         return since_s + outgoing.patience_s
 

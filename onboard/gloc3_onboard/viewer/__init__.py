@@ -1,0 +1,1 @@
+"""Shows stations the topics of the platform, on demand."""

@@ -1,0 +1,77 @@
+"""Which station looks at what, and until when: wants are leased, so that a lost station costs nothing."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gloc3.watch import LEASE_S, Want
+
+MOST_STATIONS: Final = 8
+MOST_WANTS: Final = 64
+"""Of one station."""
+
+
+class Demand(NamedTuple):
+    """What all stations together want of a topic: the most that any of them does."""
+
+    rate_hz: float
+    width: int
+    height: int
+    quality: int
+    stations: tuple[str, ...]
+
+
+class _Lease(NamedTuple):
+    wants: tuple[Want, ...]
+    is_listing: bool
+    until_s: float
+
+
+class Leases:
+    """The wants of each station."""
+
+    def __init__(self) -> None:
+        self._leases: dict[str, _Lease] = {}
+
+    @property
+    def until_s(self) -> float:
+        """When the next lease ends; infinite while nobody looks."""
+        return min((lease.until_s for lease in self._leases.values()), default=float("inf"))
+
+    def grant(self, station: str, wants: Sequence[Want], now_s: float, *, is_listing: bool = False) -> None:
+        """From now on a station wants this and nothing else; with nothing it is forgotten.
+
+        Of more stations than can be served, the one whose lease ends first gives way.
+        """
+        self._leases.pop(station, None)
+        if wants or is_listing:
+            self._leases[station] = _Lease(tuple(wants[:MOST_WANTS]), is_listing, now_s + LEASE_S)
+        if len(self._leases) > MOST_STATIONS:
+            del self._leases[min(self._leases, key=lambda name: self._leases[name].until_s)]
+
+    def expire(self, now_s: float) -> None:
+        """Forgets the stations of which nothing was heard for too long."""
+        for station in [name for name, lease in self._leases.items() if now_s >= lease.until_s]:
+            del self._leases[station]
+
+    @property
+    def is_listing(self) -> bool:
+        """Whether somebody looks at the list of topics."""
+        return any(lease.is_listing for lease in self._leases.values())
+
+    def demands(self) -> dict[str, Demand]:
+        """Topic to what is wanted of it."""
+        found: dict[str, Demand] = {}
+        for station, lease in self._leases.items():
+            for want in lease.wants:
+                wanted = Demand(want.rate_hz, want.width, want.height, want.quality, (station,))
+                other = found.get(want.topic)
+                if other is not None:
+                    wanted = Demand(
+                        max(wanted.rate_hz, other.rate_hz),
+                        max(wanted.width, other.width),
+                        max(wanted.height, other.height),
+                        max(wanted.quality, other.quality),
+                        tuple(dict.fromkeys((*other.stations, station))),
+                    )
+                found[want.topic] = wanted
+        return found

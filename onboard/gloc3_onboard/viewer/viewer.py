@@ -1,0 +1,180 @@
+"""CI: shows stations any topic of the platform on demand, sampled at the rate that they want, as long as they look."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from gloc3.component import CommandInterface, function
+from gloc3.errors import Refused
+from gloc3.messages import Envelope, Message
+from gloc3.ports import Inbox, Output, Report, Result
+from gloc3.settings import NoSettings
+from gloc3.vehicle import Image
+from gloc3.watch import LEASE_S, Preview, Sample, TopicActivity, TopicEntry, Want, pack
+from gloc3_onboard.devices import Tap, Taps
+from gloc3_onboard.viewer.catalogue import Catalogue
+from gloc3_onboard.viewer.leases import Demand, Leases
+from gloc3_onboard.viewer.previews import load_shrinker
+from gloc3_onboard.viewer.rate_meter import RateMeter
+
+SMALL: Final = 700
+"""Bytes of a sample that may be sent without making sure that every frame of it arrives."""
+ACTIVITY_PERIOD_S: Final = 1.0
+_EARLY_S: Final = 1e-6
+
+
+class WatchRequest(Message, frozen=True):
+    """Everything that a station wants to see from now on."""
+
+    station: str
+    """Its id, such as `255`."""
+    wants: list[Want] = []
+    is_listing: bool = False
+    """It looks at the list of topics, too."""
+
+
+class WatchReply(Message, frozen=True):
+    """What it will see."""
+
+    lease_s: float
+    """For so long; then it has to ask again."""
+    refused: dict[str, str] = {}
+    """Topic to the reason why it cannot be looked at."""
+
+
+class TopicsRequest(Message, frozen=True):
+    """Asks for the topics that can be looked at."""
+
+
+class TopicsReply(Message, frozen=True):
+    """The topics that can be looked at."""
+
+    topics: list[TopicEntry]
+
+
+class _Watched:
+    """A topic that somebody looks at."""
+
+    __slots__ = ("demand", "due_s", "meter", "sent", "tap")
+
+    def __init__(self, tap: Tap, demand: Demand, now_s: float) -> None:
+        self.tap = tap
+        self.demand = demand
+        self.due_s = now_s
+        self.sent = 0
+        """The tap's count when the last sample was taken."""
+        self.meter = RateMeter(now_s)
+
+
+class Viewer(CommandInterface[NoSettings]):
+    """Listens only to what somebody looks at; a station that falls silent is forgotten with its lease."""
+
+    loggable = ("looked_at", "samples")
+
+    sample = Output(Sample)
+    large = Output(Sample)
+    activity = Output(TopicActivity)
+
+    def __init__(self, taps: Taps, catalogue: Catalogue) -> None:
+        self.looked_at = 0
+        """Topics."""
+        self.samples = 0
+        """Sent so far."""
+        self._taps = taps
+        self._catalogue = catalogue
+        self._leases = Leases()
+        self._watched: dict[str, _Watched] = {}
+        self._listed: list[tuple[Tap, RateMeter]] = []
+        self._listed_due_s = 0.0
+
+    def stop(self) -> None:
+        """Forgets everybody; stations that still look ask again."""
+        self._leases = Leases()
+        self._follow_demand(0.0)
+
+    # --- what stations ask for, through the command interface server ---
+
+    @function("topics")
+    def topics(self, request: TopicsRequest, now_s: float) -> TopicsReply:
+        """Lists the topics that can be looked at."""
+        return TopicsReply(topics=list(self._catalogue.entries))
+
+    @function("watch")
+    def watch(self, request: WatchRequest, now_s: float) -> WatchReply:
+        """Takes note of what a station wants to see; in place of all that it wanted before."""
+        wants, refused = [], {}
+        for want in request.wants:
+            try:
+                self._catalogue.check(want.topic)
+            except Refused as refusal:
+                refused[want.topic] = str(refusal)
+            else:
+                wants.append(want)
+                if self._catalogue.type_of(want.topic) is Image:
+                    load_shrinker()  # takes a while, and a function may; a cycle may not
+        self._leases.grant(request.station, wants, now_s, is_listing=request.is_listing)
+        self._follow_demand(now_s)
+        if refused and not wants and not request.is_listing:
+            raise Refused("; ".join(refused.values()))
+        return WatchReply(lease_s=LEASE_S, refused=refused)
+
+    # --- the cycle ---
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Takes a sample of every topic that has spoken since the last one, if one is due."""
+        if not self._watched and not self._listed:
+            return ()
+        if now_s >= self._leases.until_s:
+            self._leases.expire(now_s)
+            self._follow_demand(now_s)
+        results: list[Result] = []
+        for topic, watched in self._watched.items():
+            envelope, count = watched.tap.latest, watched.tap.count
+            if envelope is None or count == watched.sent or now_s < watched.due_s - _EARLY_S:
+                continue
+            watched.sent = count
+            watched.due_s = max(watched.due_s + 1.0 / watched.demand.rate_hz, now_s)
+            results.append(self._sample(topic, envelope, watched, now_s))
+        self.samples += len(results)
+        if self._listed and now_s >= self._listed_due_s - _EARLY_S:
+            self._listed_due_s = now_s + ACTIVITY_PERIOD_S
+            results.append(self._activity(now_s))
+        return results
+
+    def _sample(self, topic: str, envelope: Envelope[Any], watched: _Watched, now_s: float) -> Report:
+        message: Message = envelope.payload
+        demand = watched.demand
+        if isinstance(message, Image):
+            message = load_shrinker()(message, demand.width, demand.height, demand.quality)
+        rate_hz = watched.meter.rate_hz(watched.sent, now_s)
+        sample = pack(envelope, message, rate_hz, demand.stations)
+        is_large = isinstance(message, Preview) or len(sample.payload) > SMALL
+        port = self.large if is_large else self.sample
+        return port.report(sample, t_s=envelope.t_s, key=topic)
+
+    def _activity(self, now_s: float) -> TopicActivity:
+        rates, ages = [], []
+        for tap, meter in self._listed:
+            rates.append(round(10.0 * meter.rate_hz(tap.count, now_s)))
+            ages.append(round(10.0 * max(0.0, now_s - tap.latest.t_s)) if tap.latest is not None else -1)
+        return TopicActivity(rates=rates, ages=ages)
+
+    def _follow_demand(self, now_s: float) -> None:
+        """Listens to what is wanted now, and to nothing else."""
+        demands = self._leases.demands()
+        for topic in [topic for topic in self._watched if topic not in demands]:
+            self._watched.pop(topic).tap.close()
+        for topic, demand in demands.items():
+            watched = self._watched.get(topic)
+            if watched is None:
+                self._watched[topic] = _Watched(self._taps.open(topic, self.request_cycle), demand, now_s)
+            else:
+                watched.demand = demand
+                watched.due_s = min(watched.due_s, now_s + 1.0 / demand.rate_hz)
+        if self._leases.is_listing and not self._listed:
+            self._listed = [(self._taps.open(entry.name), RateMeter(now_s)) for entry in self._catalogue.entries]
+            self._listed_due_s = now_s + ACTIVITY_PERIOD_S
+        elif not self._leases.is_listing and self._listed:
+            for tap, _ in self._listed:
+                tap.close()
+            self._listed = []
+        self.looked_at = len(self._watched)

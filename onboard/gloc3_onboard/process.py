@@ -17,11 +17,11 @@ from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.record import PLATFORM_FILE, Recorder
+from gloc3.requested_path import RequestedPath
 from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.cameras import NoCamera, StreamCamera
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.requested_path import RequestedPath
 from gloc3_onboard.runner import Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile

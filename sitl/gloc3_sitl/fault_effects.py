@@ -10,8 +10,6 @@ import msgspec
 from gloc3.errors import Refused, nearest
 from gloc3.link.memory import MemoryLink
 from gloc3.messages import Envelope, Message
-from gloc3_onboard.autopilot.ardupilot import ArduPilot
-from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_sitl.autopilot.modes import Behaviour, Style
 from gloc3_sitl.flight import Flight
 from gloc3_sitl.sabotage import Tap
@@ -211,9 +209,7 @@ _SWITCHES: Final = ("arm", "disarm", "kill", "on", "off")
 
 def _modes(style: Style) -> dict[str, str]:
     """What a mode may be called, in lower case, to its name in the simulated autopilot: by sense, and in its words."""
-    ours = Px4() if style.name == "px4" else ArduPilot()
-    names = {ours.mode_name(mode.custom_mode).lower(): mode.name for mode in style.modes}
-    names |= {mode.name.lower(): mode.name for mode in style.modes}
+    names = {mode.name.lower(): mode.name for mode in style.modes}
     for word, behaviours in _BEHAVIOURS.items():
         fitting = [mode.name for mode in style.modes if mode.behaviour in behaviours]
         names |= {word: fitting[0]} if fitting else {}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from gloc3_onboard.requested_path import RequestedFlight
+from gloc3.requested_path import RequestedFlight
 from gloc3_sitl.path_error import LegResult, PathResult, Sample, path_error
 
 

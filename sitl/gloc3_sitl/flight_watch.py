@@ -5,8 +5,8 @@ from collections.abc import Callable
 from gloc3.ci import CiEvent, MissionSummary
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Envelope
+from gloc3.requested_path import RequestedPath
 from gloc3.vehicle import AutopilotState, ImageRecorded, LandedState
-from gloc3_onboard.requested_path import RequestedPath
 from gloc3_sitl.flight_report import FlightReport
 
 Narrate = Callable[[str], None]

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from gloc3.frames import Vector3
-from gloc3_onboard.requested_path import RequestedFlight
+from gloc3.requested_path import RequestedFlight
 from gloc3_sitl.flight_report import FlightReport, as_json, as_lines, judge
 from gloc3_sitl.path_error import Sample
 

@@ -1,6 +1,6 @@
 """What the stations are told of motion and place: in the platform's frame, in few bytes."""
 
-from math import radians
+from math import inf, nan, radians
 from typing import Any
 
 import msgspec
@@ -18,6 +18,7 @@ from gloc3.vehicle import AutopilotState, Pose, Setpoint
 from gloc3.wire import type_name
 from gloc3_onboard.command_server.facts import KeptHome, VehicleFacts
 from gloc3_onboard.command_server.motion import motion_summary, site_summary
+from gloc3_onboard.command_server.summaries import vehicle_summary
 
 ORIGIN = (39.5528, 2.6285, 2.0)
 POSE = Pose(
@@ -123,3 +124,20 @@ def test_both_fit_one_frame_of_a_radio_far_from_the_origin(pelican: Platform) ->
         frame = sender.next_frame()
         assert isinstance(frame, Status)
         assert len(frame.encode(0xFFFFFFFF)) <= MAX_PAYLOAD
+
+
+@pytest.mark.parametrize("wild", [nan, inf, -inf, 1e300])
+def test_numbers_beyond_reason_are_told_as_something_that_can_be_told(pelican: Platform, wild: float) -> None:
+    pose = msgspec.structs.replace(
+        POSE,
+        position_ned_m=(wild, 0.0, 0.0),
+        velocity_ned_m_s=(0.0, wild, 0.0),
+        ned_from_frd=(wild, 0.0, 0.0, wild),
+        position_std_m=(wild, 1.0, wild),
+    )
+    known = facts(pelican, pose)
+    known.see_setpoint(heard(Setpoint(action_id="go", position_ned_m=(1.0, wild, 0.0), yaw_rad=0.0), 10.0))
+    motion = told(pelican, known)
+    assert len(msgspec.msgpack.encode(motion)) < 300
+    assert motion.setpoint_cm is None or abs(motion.setpoint_cm[1]) == 2**31 - 1
+    assert vehicle_summary(pelican, known, 10.0).heading_deg in range(360)

@@ -12,6 +12,7 @@ from gloc3.mission.fence import Fence
 from gloc3.platform import Platform
 from gloc3.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.vehicle import AutopilotState, DriverState, FenceState, LandedState, Pose, Setpoint
+from gloc3_onboard.motion_limits import is_finite
 
 POSE_SILENT_S: Final = 0.2
 """A pose that is older cannot be flown by: three periods, and the wait for the next cycle."""
@@ -119,8 +120,9 @@ class VehicleFacts:
             self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)
 
     def see_setpoint(self, envelope: Envelope[Setpoint]) -> None:
-        """Takes in what the driver is told to fly."""
-        self.setpoint, self.setpoint_s = envelope.payload, envelope.t_s
+        """Takes in what the driver is told to fly; what is not finite it drops."""
+        if is_finite(envelope.payload):
+            self.setpoint, self.setpoint_s = envelope.payload, envelope.t_s
 
     def look(self, now_s: float) -> None:
         """Lets the time pass: what is old is no longer known."""

@@ -1,7 +1,7 @@
 """How the vehicle moves and where its frame lies, in few bytes, for the map and the charts of the stations."""
 
 from functools import lru_cache
-from math import degrees
+from math import degrees, isfinite
 from typing import Final
 
 from gloc3.ci_motion import MotionSummary, SiteSummary, Whole3
@@ -12,6 +12,8 @@ from gloc3_onboard.command_server.facts import VehicleFacts
 
 SETPOINT_OLD_S: Final = 0.5
 """A setpoint that is older is no longer flown: the driver has stopped."""
+LARGEST: Final = 2**31 - 1
+"""Whole numbers are told no larger than this, some 21,000 km."""
 UNPLACED: Final = LocalFrame(GeoPoint(0.0, 0.0, 0.0))
 """North, west, height: what is told where no frame of the platform begins at the origin of NED."""
 
@@ -48,9 +50,9 @@ def motion_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Mot
         setpoint_velocity_cm_s=velocity,
         setpoint_heading_cdeg=heading,
         covariance_cm2=_covariance_cm2(frame, pose.position_std_m),
-        height_std_cm=round(100.0 * pose.position_std_m[2]),
-        battery_cv=round(100.0 * autopilot.battery_v) if autopilot is not None else 0,
-        battery_ca=round(100.0 * autopilot.battery_a) if autopilot is not None else 0,
+        height_std_cm=_whole(100.0 * pose.position_std_m[2]),
+        battery_cv=_whole(100.0 * autopilot.battery_v) if autopilot is not None else 0,
+        battery_ca=_whole(100.0 * autopilot.battery_a) if autopilot is not None else 0,
     )
 
 
@@ -75,11 +77,16 @@ def _frame(latitude_deg: float, longitude_deg: float, altitude_m: float, bearing
 
 def _hundredths(frame: LocalFrame, vector_ned: Vector3) -> Whole3:
     x, y, height = frame.from_ned(vector_ned)
-    return round(100.0 * x), round(100.0 * y), round(100.0 * height)
+    return _whole(100.0 * x), _whole(100.0 * y), _whole(100.0 * height)
 
 
 def _cdeg(angle_rad: float) -> int:
-    return round(100.0 * degrees(angle_rad))
+    return _whole(100.0 * degrees(angle_rad))
+
+
+def _whole(value: float) -> int:
+    """The nearest whole number that can be told; 0 for what is no number."""
+    return round(min(max(value, -LARGEST), LARGEST)) if isfinite(value) else 0
 
 
 def _covariance_cm2(frame: LocalFrame, std_ned_m: Vector3) -> Whole3 | None:
@@ -87,6 +94,6 @@ def _covariance_cm2(frame: LocalFrame, std_ned_m: Vector3) -> Whole3 | None:
     if std_ned_m[0] <= 0.0 and std_ned_m[1] <= 0.0:
         return None
     cosine, sine, _ = frame.from_ned((1.0, 0.0, 0.0))
-    north, east = 1e4 * std_ned_m[0] ** 2, 1e4 * std_ned_m[1] ** 2
+    north, east = 1e4 * std_ned_m[0] * std_ned_m[0], 1e4 * std_ned_m[1] * std_ned_m[1]
     xx, yy = cosine**2 * north + sine**2 * east, sine**2 * north + cosine**2 * east
-    return round(xx), round(cosine * sine * (north - east)), round(yy)
+    return _whole(xx), _whole(cosine * sine * (north - east)), _whole(yy)

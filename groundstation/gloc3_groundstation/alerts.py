@@ -130,6 +130,8 @@ def acknowledge(alerts: Alerts, key: tuple[str, str] | None = None) -> Alerts:
 def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
     """What is wrong now, platform by platform."""
     for platform in fleet:
+        for problem in platform.problems:
+            yield Cause(platform.name, problem.what, problem.severity, problem.text)
         if platform.is_quiet_link(now_s):
             is_flying = platform.vehicle is not None and platform.vehicle.value.is_armed
             text = "nothing is heard of it, and it was armed" if is_flying else "nothing is heard of it any more"
@@ -154,7 +156,7 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float) -> Iterator[Cause]
         yield Cause(name, "autopilot", Severity.CRITICAL, "no autopilot: the companion does not hear it")
     if vehicle.has_pilot_control:
         yield Cause(name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back")
-    if vehicle.is_armed and not vehicle.is_pose_valid:
+    if vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
         yield Cause(name, "position", Severity.CRITICAL, "armed without a valid position")
 
 

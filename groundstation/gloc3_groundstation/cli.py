@@ -47,6 +47,7 @@ def station(
     exit_when_done: Annotated[bool, FLAG] = False,
     wait: float = 60.0,
     station_id: int | None = None,
+    signing_key: Path | None = None,
     config: Path | None = None,
     no_record: Annotated[bool, FLAG] = False,
 ) -> int:
@@ -65,8 +66,12 @@ def station(
         wait: With --headless: give up when the platform is not heard within so many seconds.
         station_id: The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
             configuration file, else 255.
+        signing_key: A file with the MAVLink signing key of all links, which nobody else may read: 64 hexadecimal digits,
+            or `passphrase: ...`. Then frames without its signature are dropped and counted. Default: that of the
+            configuration file, else links are not signed.
         config: The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
-            and where the last session was. Default: gloc3/station.toml in the XDG configuration directory.
+            signing_key, downloads, and where the last session was. Default: gloc3/station.toml in the XDG configuration
+            directory.
         no_record: Record nothing. Otherwise events, all that is heard (MCAP) and every MAVLink frame (.tlog) are kept
             in gloc3/station in the XDG state directory.
     """
@@ -87,6 +92,7 @@ def station(
         except InputError as error:
             print(f"{error}\nthe mission did not pass the check", file=sys.stderr)  # noqa: T201
             return 1
+    from gloc3.link.signing_key import read_signing_key
     from gloc3_groundstation.configuration import Configuration, ConfigurationFile, default_path
     from gloc3_groundstation.recording import default_root
     from gloc3_groundstation.session import Session
@@ -99,9 +105,13 @@ def station(
     if mission is not None:
         configuration = configuration.with_mission(str(Path(mission).resolve()) if Path(mission).is_file() else mission)
     own = configuration.station_id if station_id is None else station_id
-    session = Session(
-        link or configuration.links, own, platform, plan, configuration, problem, None if no_record else default_root()
-    )
+    key_file = signing_key or (Path(configuration.signing_key) if configuration.signing_key else None)
+    try:
+        key = None if key_file is None else read_signing_key(key_file.expanduser())
+    except InputError as error:
+        raise Refused(str(error)) from None
+    record = None if no_record else default_root()
+    session = Session(link or configuration.links, own, platform, plan, configuration, problem, record, signing_key=key)
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None))
     return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write))

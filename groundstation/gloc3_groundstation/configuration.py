@@ -39,6 +39,10 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     station_id: int = 255
     """The MAVLink system of this station, 200 to 255."""
     links: tuple[str, ...] = (DEFAULT_LINK,)
+    signing_key: str = ""
+    """A file with the key that signs all links; empty for links that are not signed."""
+    downloads: str = ""
+    """The folder for what is downloaded from vehicles; empty for the one in which the station was started."""
     session: LastSession = LastSession()
 
     def with_mission(self, file: str) -> "Configuration":

@@ -13,6 +13,7 @@ from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.flights import End, Follower
 from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.services_desk import ServicesDesk
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 
@@ -34,17 +35,26 @@ class Move(StrEnum):
 class Desk:
     """Asks one platform at a time for what an operator wants; refusals become events, never exceptions."""
 
-    def __init__(self, station: Station, plan: Plan | None = None, *, events: EventsDesk | None = None) -> None:
+    def __init__(
+        self,
+        station: Station,
+        plan: Plan | None = None,
+        *,
+        events: EventsDesk | None = None,
+        services: ServicesDesk | None = None,
+    ) -> None:
         """A desk.
 
         Args:
             station: hears and commands the platforms.
             plan: the mission at hand, checked; None without one.
             events: keeps the station's events; None for one that forgets them with the process.
+            services: what is done with the vehicles' autopilots; None for a station without links.
         """
         self.station: Final = station
         self.events: Final = events or EventsDesk(station)
         self.plan: Final = plan
+        self.services: Final = services or ServicesDesk(station)
         self._streamed: dict[str, int] = {}
         self._held_s: dict[str, float] = {}
         self._alerts = Alerts()
@@ -59,7 +69,9 @@ class Desk:
         self._alerts = alerts.acknowledge(self._alerts, key)
 
     def moves(self, platform: PlatformSnapshot) -> frozenset[Move]:
-        """What makes sense to ask of a platform in its present state."""
+        """What makes sense to ask of a platform in its present state; nothing of a vehicle without our companion."""
+        if not platform.has_companion:
+            return frozenset()
         holds_control = platform.control is not None and platform.control.value.holder == self.station.id
         found = set() if holds_control else {Move.CONTROL}
         mission = platform.mission.value if platform.mission is not None else None
@@ -161,6 +173,11 @@ class Desk:
 
     async def emergency(self, name: str, verb: EmergencyVerb, confirmation: str = "") -> bool:
         """Hold, land or disarm, without asking who is in control."""
+        platform = self.station.fleet.get(name)
+        if platform is not None and not platform.has_companion:
+            text = f"emergency {verb}: {name} has no companion of ours to do it; use its remote control"
+            self.station.note(name, Severity.ALERT, text)
+            return False
         self._held_s[name] = self.station.now_s()
         self.station.note(name, Severity.NOTICE, f"emergency {verb}")
         work = self.station.client.emergency(name, verb, confirmation)

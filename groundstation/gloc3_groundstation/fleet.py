@@ -56,13 +56,13 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     if topic in _COUNTED:
         link = _counted(platform.link, topic, envelope.sequence)
         if link is None:
-            return _with(fleet, replace(platform, heard_s=now_s))
+            return with_platform(fleet, replace(platform, heard_s=now_s))
         platform = replace(platform, link=link)
     platform = reduce(replace(platform, heard_s=now_s), envelope.payload, now_s)
     if isinstance(envelope.payload, CiEvent):
         event = envelope.payload
         fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source)
-    return _with(fleet, platform)
+    return with_platform(fleet, platform)
 
 
 def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "") -> Fleet:
@@ -72,8 +72,14 @@ def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: floa
     return replace(fleet, events=(*fleet.events[1 - EVENTS_KEPT :], event), event_count=number)
 
 
-def _with(fleet: Fleet, platform: PlatformSnapshot) -> Fleet:
+def with_platform(fleet: Fleet, platform: PlatformSnapshot) -> Fleet:
+    """The fleet with a platform as it is now; a new one comes last."""
     return replace(fleet, platforms={**fleet.platforms, platform.name: platform})
+
+
+def without(fleet: Fleet, name: str) -> Fleet:
+    """The fleet without a platform."""
+    return replace(fleet, platforms={key: platform for key, platform in fleet.platforms.items() if key != name})
 
 
 def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:
@@ -85,6 +91,8 @@ def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformS
         heard_s=now_s,
         vehicle=platform.vehicle,
         link=replace(platform.link, sequences={}),
+        autopilot=platform.autopilot,
+        problems=platform.problems,
     )
 
 

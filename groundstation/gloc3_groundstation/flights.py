@@ -57,11 +57,17 @@ def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
 
 
 async def await_platform(station: Station, name: str | None) -> str:
-    """Waits until a platform is heard; the one called `name`, or the first."""
-    await _until(
-        station, lambda: bool(station.fleet.platforms) if name is None else station.fleet.get(name) is not None
-    )
-    return name or next(iter(station.fleet.platforms))
+    """Waits until a platform is heard; the one called `name`, or the first. Bare vehicles fly no missions of ours."""
+    found: list[str] = []
+
+    def is_heard() -> bool:
+        found[:] = [
+            platform.name for platform in station.fleet if platform.has_companion and name in (None, platform.name)
+        ]
+        return bool(found)
+
+    await _until(station, is_heard)
+    return found[0]
 
 
 async def await_ready(station: Station, platform: str, within_s: float = READY_WITHIN_S) -> list[str]:

@@ -15,12 +15,15 @@ from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, open_endpoint, parse_
 from gloc3.link.heartbeat import Heartbeat, Peer, Peers
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
-from gloc3.link.signing import Signing, timestamp
+from gloc3.link.signing import Signing, Verdict, timestamp
 from gloc3.topics import TopicTable
 
 STATION_COMPONENT: Final = 190
 NETWORK_BIT_S: Final = 2_000_000.0
 """Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""
+
+REFUSED_AGAIN_S: Final = 60.0
+"""So often a person is told how many frames were dropped for their signature."""
 
 MAX_REMEMBERED: Final = 256
 """Messages of which some links have said that they gave them up."""
@@ -87,6 +90,7 @@ class Link:
         self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
         self._own = own
         self._has_told_of_double = False
+        self._refused_s: dict[Verdict, float] = {}
         end = TunnelEndpoint(Role.STATION, str(system), own, boot, topics, budget or LinkBudget())
         self._tunnel = MavlinkExchange(end, loop, self._send_message)
         self._tunnel.listen(self._happened)
@@ -98,7 +102,8 @@ class Link:
         now_s = self._loop.time()
         for frame in self._parser.receive(data):
             self._tap(frame.raw)
-            if self._signing is not None and not self._signing.verify(frame).is_good:
+            if self._signing is not None and not (verdict := self._signing.verify(frame)).is_good:
+                self._refuse(frame, verdict, now_s)
                 continue
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
@@ -141,6 +146,15 @@ class Link:
             for peer in self._peers.alive
         ]
 
+    @property
+    def refused(self) -> int:
+        """Frames that were dropped since their signature is missing or wrong."""
+        return 0 if self._signing is None else self._signing.refused
+
+    def platforms(self) -> list[tuple[str, Address]]:
+        """The platforms whose companions are heard here, with the companions' addresses."""
+        return [(peer.name, peer.address) for peer in self._tunnel.endpoint.peers() if peer.name]
+
     def round_trip_s(self, platform: str) -> float | None:
         """How long something to a platform and its answer are on their way here; None where that is not known."""
         return self._tunnel.round_trip_s(platform)
@@ -176,6 +190,20 @@ class Link:
         elif isinstance(happening, Undelivered):
             self._undelivered(happening)
 
+    def _refuse(self, frame: Frame, verdict: Verdict, now_s: float) -> None:
+        """Tells of a frame that is dropped for its signature, but not of each."""
+        if self._signing is None or now_s < self._refused_s.get(verdict, float("-inf")):
+            return
+        self._refused_s[verdict] = now_s + REFUSED_AGAIN_S
+        count, who = self._signing.verdicts[verdict], f"{frame.system}/{frame.component}"
+        so_far = f"{count} so far" if count > 1 else "and so will others be"
+        hint = {
+            Verdict.UNSIGNED: "; is signing switched on there?",
+            Verdict.FORGED: "; has it another key?",
+            Verdict.REPEATED: "; is its clock right?",
+        }
+        self._told(f"a frame from {who} is dropped ({verdict}), {so_far}{hint.get(verdict, '')}")
+
     def _is_doubled(self) -> None:
         if not self._has_told_of_double:
             self._has_told_of_double = True
@@ -201,13 +229,17 @@ class Links:
         told: Told,
         undelivered: GivenUp = lambda _: None,
         tap: Tap = lambda _: None,
+        signing_key: bytes | None = None,
     ) -> None:
-        """Opens links; see `Link` for the arguments, and `UndeliveredEverywhere` for what is told as undelivered.
+        """Opens links; with a key all frames are signed, and those of others must be.
+
+        See `Link` for the arguments, and `UndeliveredEverywhere` for what is told as undelivered.
 
         Raises:
             Refused: a URL is wrong, or its address cannot be had.
         """
         loop = asyncio.get_running_loop()
+        utc_offset_s = Clock(loop).utc_offset_s
         for url in urls:
             made: list[Link] = []
             endpoint = await open_endpoint(url, loop, lambda data, made=made: made[0].receive(data) if made else None)  # type: ignore[misc]
@@ -223,6 +255,9 @@ class Links:
                 is_datagram=endpoint.is_datagram,
                 budget=budget_of(url),
                 tap=tap,
+                signing=None
+                if signing_key is None
+                else Signing(signing_key, link_id=len(self._open) & 0xFF, now=timestamp(loop.time() + utc_offset_s)),
             )
             made.append(link)
             self._open.append((endpoint, link))
@@ -241,6 +276,8 @@ class Links:
                 if endpoint.problem and not endpoint.is_connected
                 else f"{heard} heard"
                 if heard
+                else f"{link.refused} frames dropped, not signed with our key"
+                if link.refused
                 else ""
             )
             parts.append(f"{endpoint.url} ({aside})" if aside else endpoint.url)
@@ -250,6 +287,10 @@ class Links:
         """The same over the quickest link that leads there."""
         trips = [trip for _, link in self._open if (trip := link.round_trip_s(platform)) is not None]
         return min(trips, default=None)
+
+    def ways(self) -> list[tuple[str, Link]]:
+        """All links with their URLs."""
+        return [(endpoint.url, link) for endpoint, link in self._open]
 
     def autopilots(self) -> list[tuple[Link, Address]]:
         """Every autopilot that is heard now, with the link on which it is."""

@@ -23,7 +23,9 @@ from gloc3_groundstation.links import Links
 from gloc3_groundstation.narration import Line
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.recording import Recording
+from gloc3_groundstation.services_desk import ServicesDesk
 from gloc3_groundstation.station import Station
+from gloc3_groundstation.vehicles import Vehicles
 
 INTERRUPTED: Final = 128 + signal.SIGINT
 
@@ -40,6 +42,8 @@ class Session:
         configuration: Configuration = Configuration(),  # noqa: B008 - immutable
         problem: str = "",
         record: Path | None = None,
+        *,
+        signing_key: bytes | None = None,
     ) -> None:
         """A run.
 
@@ -51,6 +55,7 @@ class Session:
             configuration: how the terminal looks, and where it was left.
             problem: why the configuration file could not be used; empty where it could.
             record: the folder in which the session is recorded, in a folder of its own; None for nowhere.
+            signing_key: signs all links; None for links that are not signed.
         """
         self._urls = list(urls)
         self._system = system
@@ -58,9 +63,11 @@ class Session:
         self._plan = plan
         self._configuration = configuration
         self._problem = problem
+        self._signing_key = signing_key
         self._links = Links()
         self._record = record
         self._events: EventsDesk | None = None
+        self._services: ServicesDesk | None = None
 
     async def narrate(self, wait_s: float, data: Callable[[Line], None] | None = None) -> int:
         """Flies the mission at hand, or watches; narrates on stderr.
@@ -109,7 +116,7 @@ class Session:
 
         async with self._station() as station:
             app = StationApp(
-                Desk(station, self._plan, events=self._events),
+                Desk(station, self._plan, events=self._events, services=self._services),
                 self._configuration,
                 platform=self._platform,
                 waiting_for=self._links.describe,
@@ -149,6 +156,9 @@ class Session:
         recording = self._begin_recording(station, loop, topics)
         store = EventStore(recording.events if recording else None, Clock(loop).utc_offset_s)
         self._events = EventsDesk(station, store)
+        vehicles = Vehicles(station, self._links.ways)
+        folder = Path(self._configuration.downloads or ".").expanduser()
+        self._services = ServicesDesk(station, vehicles.reach, folder)
         try:
             if recording is not None:
                 recording.attach(exchange)
@@ -161,9 +171,12 @@ class Session:
                 told=lambda text: station.note("", Severity.WARNING, text),
                 undelivered=station.client.undelivered,
                 tap=recording.frame if recording else lambda _: None,
+                signing_key=self._signing_key,
             )
             yield station
         finally:
+            vehicles.close()
+            await self._services.close()
             station.close()
             await self._links.close()
             if recording is not None:

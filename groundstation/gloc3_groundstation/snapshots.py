@@ -87,6 +87,29 @@ class ComponentSnapshot(msgspec.Struct, frozen=True, kw_only=True):
         return self.health is Health.WORKING or (self.health is Health.QUIET and bool(self.standby_for))
 
 
+class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """The autopilot of a vehicle as a link of this station hears it."""
+
+    link: str
+    """The link's URL."""
+    system: int
+    component: int
+    firmware: str
+    """`PX4`, `ArduPilot`, or what it calls itself."""
+    vehicle_type: str = ""
+    """`quadrotor`; empty where it does not say."""
+
+
+class Problem(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that the station has noticed of a vehicle, as long as it is so."""
+
+    what: str
+    """Names it among the vehicle's problems: `system id`."""
+    severity: Severity
+    text: str
+    """What is the matter, and what to do."""
+
+
 class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """One platform as it was last heard."""
 
@@ -106,6 +129,12 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Index in the table to the last line and when it came."""
     troubles: Mapping[str, ComponentTrouble] = {}
     link: LinkStatistics = LinkStatistics()
+    has_companion: bool = True
+    """Whether a command interface of ours is aboard; a bare vehicle has an autopilot alone, and offers services."""
+    autopilot: AutopilotSnapshot | None = None
+    """None where no link of this station hears its autopilot."""
+    problems: tuple[Problem, ...] = ()
+    """What its links show to be wrong with it."""
 
     @property
     def is_incomplete(self) -> bool:

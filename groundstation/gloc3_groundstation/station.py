@@ -51,6 +51,17 @@ class Station:
         now_s = self.now_s()
         self._change(reducers.note(self.fleet, platform, severity, text, now_s), now_s)
 
+    def change(self, reduce: Callable[[Fleet, float], Fleet]) -> None:
+        """Takes in what is known from elsewhere than the exchange.
+
+        Args:
+            reduce: gives the fleet after it from the fleet before and the time; the same one where nothing changes.
+        """
+        now_s = self.now_s()
+        fleet = reduce(self.fleet, now_s)
+        if fleet is not self.fleet:
+            self._change(fleet, now_s)
+
     def close(self) -> None:
         """Hears and asks nothing more; platforms are left to their policies."""
         for unsubscribe in self._unsubscribes:

@@ -54,6 +54,8 @@ def position(vehicle: VehicleSummary) -> str:
     if not vehicle.is_pose_valid:
         return "position unknown"
     x_m, y_m, height_m = vehicle.position_m
+    if not vehicle.frame and vehicle.geo is not None:
+        return f"{vehicle.geo[0]:.5f} {vehicle.geo[1]:.5f} {round(height_m)} m"
     return f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m"
 
 
@@ -105,6 +107,8 @@ def arrival(platform: PlatformSnapshot) -> str:
 
 def holder(platform: PlatformSnapshot, station: str) -> str:
     """Who holds control, from this station's point of view."""
+    if not platform.has_companion:
+        return "no companion: services only"
     if platform.control is None:
         return "control unknown"
     held_by = platform.control.value.holder

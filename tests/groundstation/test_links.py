@@ -9,13 +9,14 @@ import pytest
 from msgspec.structs import replace
 
 from gloc3.ci import CiRequest, Hello, Outcome, Steer, Verb
-from gloc3.clock import run_virtual
+from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.link.codec import Encoder, Frame, Parser, message
 from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.link.message import Address
+from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Source
 from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
@@ -188,3 +189,49 @@ def test_only_when_every_link_has_given_up_a_message_it_is_certain() -> None:
     assert not given_up.is_told(1, 2, replace(lost, envelope=replace(envelope, sequence=5)))
     assert given_up.is_told(1, 2, lost)
     assert given_up.is_told(0, 2, replace(lost, is_certain=False))
+
+
+def test_on_a_signed_link_other_frames_are_dropped_counted_and_told_once_a_minute() -> None:
+    key = bytes(range(32))
+
+    async def play() -> None:
+        loop = asyncio.get_running_loop()
+        memory, told = MemoryLink(loop, Random(3)), list[str]()
+        link = Link(
+            memory.a.send,
+            loop=loop,
+            exchange=LocalExchange(),
+            topics=TOPICS,
+            system=255,
+            boot=11,
+            told=told.append,
+            signing=Signing(key, link_id=0, now=100),
+        )
+        memory.a.on_data = link.receive
+        heard: list[Frame] = []
+        memory.b.on_data = lambda data: heard.extend(Parser(is_datagram=True).receive(data))
+        beat = message("HEARTBEAT", type=2, autopilot=12)
+        now = timestamp(Clock(loop).utc_offset_s)
+        genuine = Encoder(1, 1, Signing(key, link_id=1, now=now))
+        forged = Encoder(2, 1, Signing(bytes(32), link_id=1, now=100))
+        for number in range(70):
+            loop.call_later(number, lambda: memory.b.send(forged.encode(beat)))
+            loop.call_later(number, lambda: memory.b.send(Encoder(3, 1).encode(beat)))
+            loop.call_later(number, lambda: memory.b.send(genuine.encode(beat)))
+        ended: asyncio.Future[None] = loop.create_future()
+        loop.call_later(70.0, ended.set_result, None)
+        await ended
+        assert link.heard() == ["autopilot 1/1"]
+        assert link.refused == 140
+        assert told == [
+            "a frame from 2/1 is dropped (the signature is wrong), and so will others be; has it another key?",
+            "a frame from 3/1 is dropped (not signed), and so will others be; is signing switched on there?",
+            "a frame from 2/1 is dropped (the signature is wrong), 61 so far; has it another key?",
+            "a frame from 3/1 is dropped (not signed), 61 so far; is signing switched on there?",
+        ]
+        verifier = Signing(key, link_id=2, now=100)
+        assert heard
+        assert all(verifier.verify(frame).is_good for frame in heard)
+        link.close()
+
+    run_virtual(play())

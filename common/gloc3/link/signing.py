@@ -70,8 +70,13 @@ class Signing:
         self._streams: dict[tuple[int, int, int], int] = {}
         self.timestamp = now
         """Of the last frame, to be kept over a restart; it never goes back."""
-        self.refused = 0
+        self.verdicts = dict.fromkeys(Verdict, 0)
+        """How many frames were judged how."""
+
+    @property
+    def refused(self) -> int:
         """Frames that were not good."""
+        return sum(count for verdict, count in self.verdicts.items() if not verdict.is_good)
 
     def advance(self, now: int) -> None:
         """Sets the time forward, about once a second."""
@@ -86,8 +91,7 @@ class Signing:
     def verify(self, frame: Frame) -> Verdict:
         """Judges a frame that came; one that is not good is to be dropped."""
         verdict = self._judge(frame)
-        if not verdict.is_good:
-            self.refused += 1
+        self.verdicts[verdict] += 1
         return verdict
 
     def _judge(self, frame: Frame) -> Verdict:

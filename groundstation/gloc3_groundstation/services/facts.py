@@ -30,7 +30,7 @@ class Firmware(StrEnum):
     OTHER = "unknown firmware"
 
 
-_FIRMWARES: Final = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
+FIRMWARES: Final = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
 """By MAV_AUTOPILOT."""
 
 
@@ -82,7 +82,7 @@ class FactsService(Service[Never]):
         if message.name == "HEARTBEAT":
             self.facts = msgspec.structs.replace(
                 self.facts,
-                firmware=_FIRMWARES.get(message.autopilot, Firmware.OTHER),
+                firmware=FIRMWARES.get(message.autopilot, Firmware.OTHER),
                 vehicle_type=message.type,
                 is_armed=bool(message.base_mode & _ARMED),
                 heard_s=now_s,

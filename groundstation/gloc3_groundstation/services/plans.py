@@ -38,10 +38,15 @@ class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def summary(self) -> str:
         """For a person, as "12 items, 2 fence areas, 1 rally point"."""
+        return self.summary_of(self.plan)
+
+    @staticmethod
+    def summary_of(plan: Plan) -> str:
+        """The same of any plan."""
         counts = (
-            (len(self.plan.items), "item"),
-            (len(self.plan.fence), "fence area"),
-            (len(self.plan.rally), "rally point"),
+            (len(plan.items), "item"),
+            (len(plan.fence), "fence area"),
+            (len(plan.rally), "rally point"),
         )
         return ", ".join(f"{count} {name}{'' if count == 1 else 's'}" for count, name in counts)
 

@@ -141,7 +141,8 @@ class StationApp(App[End | None]):
         if possible != self._was_possible:
             self._was_possible = possible
             self.refresh_bindings()
-        if view.platform is not None and not self._has_begun and self.desk.plan is not None:
+        is_ours = view.platform is not None and view.platform.has_companion
+        if view.platform is not None and is_ours and not self._has_begun and self.desk.plan is not None:
             self._has_begun = True
             name = view.platform.name
             self.do(self._fly(name) if self._is_starting else self.desk.bring(name))

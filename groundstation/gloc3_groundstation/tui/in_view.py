@@ -25,11 +25,11 @@ class InView:
     def platform(self, fleet: Fleet) -> PlatformSnapshot | None:
         """The platform in view; None while none is heard, or not yet the one that was asked for."""
         found = fleet.get(self.name)
-        return found if found is not None or self._is_fixed else next(iter(fleet), None)
+        return found if found is not None or self._is_fixed else _first(fleet)
 
     def settle(self, fleet: Fleet, now_s: float) -> None:
         """Stays with the first that is heard, so that no other comes into view under the operator's fingers."""
-        first = next(iter(fleet), None)
+        first = _first(fleet)
         is_late = first is not None and now_s - first.first_heard_s >= WAITS_S
         if first is not None and is_late and not self._is_fixed and fleet.get(self.name) is None:
             self.name = first.name
@@ -43,3 +43,8 @@ class InView:
         platform, names = self.platform(fleet), list(fleet.platforms)
         if platform is not None:
             self.look_at(names[(names.index(platform.name) + step) % len(names)])
+
+
+def _first(fleet: Fleet) -> PlatformSnapshot | None:
+    """The first that was heard; vehicles without a companion of ours come after all others."""
+    return next((platform for platform in fleet if platform.has_companion), next(iter(fleet), None))

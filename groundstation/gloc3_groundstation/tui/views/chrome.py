@@ -82,6 +82,8 @@ def control(view: View) -> Span:
     holder = view.platform.control.value.holder if view.platform is not None and view.platform.control else None
     if view.is_in_control:
         return Span("in control", Tone.TEXT)
+    if view.platform is not None and not view.platform.has_companion:
+        return Span("services only", Tone.DIM)
     if holder is None:
         return Span("control ?", Tone.STALE)
     return Span(f"{holder} controls" if holder else "watching", Tone.WARN if holder else Tone.DIM)

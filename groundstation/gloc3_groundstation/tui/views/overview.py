@@ -168,6 +168,8 @@ def link_detail(view: View, platform: PlatformSnapshot) -> Span:
 def worst_span(platform: PlatformSnapshot, now_s: float) -> Span:
     """The worst component, or that all are well."""
     components = platform.components(now_s)
+    if not platform.has_companion:
+        return Span("no companion", Tone.DIM)
     if not components:
         return Span("not known yet", Tone.STALE)
     if all(component.is_stale for component in components):

@@ -1,0 +1,121 @@
+"""What is under way with a vehicle's services, one thing a service, and how the last one ended: in words, always."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from enum import StrEnum
+from typing import Final, Protocol, TypeAlias
+
+import msgspec
+
+from gloc3.errors import Gloc3Error, InputError
+from gloc3_groundstation.services.progress import OnProgress, Progress
+
+
+class Service(StrEnum):
+    """A kind of service; the text is its title."""
+
+    PARAMETERS = "Parameters"
+    PLANS = "Plans"
+    LOGS = "Logs"
+    FILES = "Files"
+    CALIBRATION = "Calibration"
+    RATES = "Rates"
+
+
+class Job(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that is under way."""
+
+    what: str
+    fraction: float | None = None
+    """From 0 to 1; None while nobody knows."""
+    detail: str = ""
+
+
+class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+    """How something ended."""
+
+    text: str
+    is_good: bool = True
+    lines: tuple[str, ...] = ()
+    """More about it, as what is wrong in a file, line by line."""
+
+
+Work: TypeAlias = Callable[[OnProgress], Awaitable[str]]
+"""Does something and gives what is to be told of it; refused, or wrong input, is told too."""
+
+
+class Begin(Protocol):
+    """Begins something for a service."""
+
+    def __call__(self, service: Service, what: str, work: Work, *, is_change: bool = False) -> None:
+        """Begins it; what changes the vehicle is told to everyone."""
+
+
+class Jobs:
+    """See the module. Different services of a vehicle work side by side."""
+
+    def __init__(self) -> None:
+        self.running: Final[dict[Service, Job]] = {}
+        self.outcomes: Final[dict[Service, Outcome]] = {}
+        self._tasks: dict[Service, asyncio.Task[None]] = {}
+
+    def begin(self, service: Service, what: str, work: Work, done: Callable[[Outcome], None] | None = None) -> None:
+        """Begins something, unless the service is still at something else.
+
+        Args:
+            service: where it belongs.
+            what: is told until the work itself tells how far it is.
+            work: what is done.
+            done: is told how it ended.
+        """
+        if service in self._tasks:
+            busy = f"{what}: not begun, {self.running[service].what} is still under way (esc cancels that)"
+            self.outcomes[service] = Outcome(text=busy, is_good=False)
+            return
+        self.outcomes.pop(service, None)
+        self.running[service] = Job(what=what)
+        self._tasks[service] = asyncio.get_running_loop().create_task(self._run(service, what, work, done))
+
+    def end(self, service: Service, outcome: Outcome) -> None:
+        """Tells of something that took no time."""
+        self.outcomes[service] = outcome
+
+    def cancel(self, service: Service) -> bool:
+        """Stops what a service is at; tells whether there was anything."""
+        task = self._tasks.get(service)
+        return task is not None and task.cancel()
+
+    async def close(self) -> None:
+        """Stops everything."""
+        tasks = list(self._tasks.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _run(self, service: Service, what: str, work: Work, done: Callable[[Outcome], None] | None) -> None:
+        def tell(progress: Progress) -> None:
+            self.running[service] = Job(what=progress.what, fraction=progress.fraction, detail=progress.detail)
+
+        outcome = Outcome(text=f"{what}: cancelled", is_good=False)
+        try:
+            outcome = await attempt(work(tell))
+        finally:
+            del self.running[service], self._tasks[service]
+            self.outcomes[service] = outcome
+        if done is not None:
+            done(outcome)
+
+
+async def attempt(work: Awaitable[str]) -> Outcome:
+    """What becomes of some work: its word, or why it was refused."""
+    try:
+        return Outcome(text=await work)
+    except InputError as error:
+        lines = tuple(str(finding) for finding in error.findings)
+        return Outcome(
+            text=lines[0] if len(lines) == 1 else f"{len(lines)} things are wrong in it", is_good=False, lines=lines
+        )
+    except Gloc3Error as error:
+        return Outcome(text=str(error), is_good=False)
+    except OSError as error:
+        return Outcome(text=f"{error.filename or 'the file'}: {error.strerror or error}", is_good=False)

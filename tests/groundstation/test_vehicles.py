@@ -1,0 +1,269 @@
+"""Vehicles by what the links hear: bare ones appear with their state, platforms get their autopilots, doubles are told."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from random import Random
+from typing import Any, TypeVar
+
+import pytest
+
+from gloc3.clock import run_virtual
+from gloc3.errors import Refused
+from gloc3.exchange import LocalExchange
+from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.link.codec import Encoder, message
+from gloc3.link.memory import MemoryLink
+from gloc3.link.message import Address
+from gloc3.messages import Severity
+from gloc3.topics import TopicTable
+from gloc3_groundstation import alerts, flights
+from gloc3_groundstation.alerts import Alerts
+from gloc3_groundstation.desk import Desk
+from gloc3_groundstation.links import Link
+from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.station import Station
+from gloc3_groundstation.vehicles import Vehicles
+
+from .scripted_platform import ScriptedPlatform
+
+T = TypeVar("T")
+TOPICS = TopicTable.installed()
+PX4, ARDUPILOT, SMARTAP = 12, 3, 18
+BRAKE = 17
+
+
+class Autopilot:
+    """Speaks as an autopilot on one link, once a second while it is switched on."""
+
+    def __init__(self, memory: MemoryLink, autopilot: int, system: int = 1, **beat: Any) -> None:
+        self._encoder, self._send = Encoder(system, 1), memory.b.send
+        self._loop = asyncio.get_running_loop()
+        self.beat = {"type": 2, "autopilot": autopilot, **beat}
+        self.booted_s = self._loop.time()
+        self.is_on = True
+        self._tick()
+
+    def say(self, name: str, **fields: Any) -> None:
+        self._send(self._encoder.encode(message(name, **fields)))
+
+    def _tick(self) -> None:
+        self._loop.call_later(1.0, self._tick)
+        if self.is_on:
+            self.say("HEARTBEAT", **self.beat)
+            self.say("SYSTEM_TIME", time_boot_ms=int(1000 * (self._loop.time() - self.booted_s)))
+
+
+class Scene:
+    """A station with two links."""
+
+    def __init__(self) -> None:
+        loop = asyncio.get_running_loop()
+        exchange = LocalExchange()
+        self.station = Station(exchange, loop, "255", 11)
+        self.memories = [MemoryLink(loop, Random(n)) for n in range(2)]
+        self.links: list[tuple[str, Link]] = []
+        for number, memory in enumerate(self.memories):
+            link = Link(
+                memory.a.send, loop=loop, exchange=exchange, topics=TOPICS, system=255, boot=11, told=lambda text: None
+            )
+            memory.a.on_data = link.receive
+            self.links.append((f"udpin://0.0.0.0:{14550 + number}", link))
+        self.vehicles = Vehicles(self.station, lambda: self.links)
+
+    def platform(self, name: str) -> PlatformSnapshot:
+        found = self.station.fleet.get(name)
+        assert found is not None, list(self.station.fleet.platforms)
+        return found
+
+    def companion(self, number: int, name: str = "heron", system: int = 1) -> MavlinkExchange:
+        """A platform's companion on a link, that speaks twice a second."""
+        memory, there, address = self.memories[number], LocalExchange(), Address(system, 191)
+        platform, encoder = ScriptedPlatform(there, name), Encoder(*address)
+        end = TunnelEndpoint(Role.PLATFORM, name, address, 99, TOPICS)
+        tunnel = MavlinkExchange(end, platform.loop, lambda sent: memory.b.send(encoder.encode(sent)))
+        tunnel.bridge(there, TOPICS, name)
+
+        def take(data: bytes) -> None:
+            from gloc3.link.codec import Parser
+
+            for frame in Parser(is_datagram=True).receive(data):
+                decoded = frame.decode()
+                if decoded is not None:
+                    tunnel.receive(decoded, frame.sender)
+
+        memory.b.on_data = take
+        platform.loop.call_later(0.3, platform.speak_every, 0.5)
+        return tunnel
+
+    async def pass_s(self, seconds: float) -> None:
+        ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        asyncio.get_running_loop().call_later(seconds, ended.set_result, None)
+        await ended
+
+    def texts(self) -> list[str]:
+        return [event.text for event in self.station.fleet.events]
+
+
+def over(play: Callable[[Scene], Awaitable[T]]) -> T:
+    async def main() -> T:
+        scene = Scene()
+        try:
+            return await play(scene)
+        finally:
+            scene.vehicles.close()
+            scene.station.close()
+            for _, link in scene.links:
+                link.close()
+
+    return run_virtual(main())
+
+
+def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
+    async def play(scene: Scene) -> None:
+        autopilot = Autopilot(scene.memories[0], ARDUPILOT, custom_mode=BRAKE, base_mode=128)
+        await scene.pass_s(1.5)
+        autopilot.say("SYS_STATUS", battery_remaining=64)
+        autopilot.say("EXTENDED_SYS_STATE", landed_state=2)
+        await scene.pass_s(2.0)
+        autopilot.say("GLOBAL_POSITION_INT", lat=473977000, lon=85456000, alt=500_000, relative_alt=12_000, hdg=9000)
+        await scene.pass_s(1.0)
+        bare = scene.platform("ardupilot-1")
+        assert bare.vehicle is not None
+        vehicle = bare.vehicle.value
+        assert (vehicle.mode, vehicle.is_armed, vehicle.battery_percent) == ("BRAKE", True, 64)
+        assert (vehicle.landed, vehicle.heading_deg, vehicle.geo) == ("in_air", 90, (47.3977, 8.5456, 500.0))
+        assert not bare.has_companion
+        assert scene.vehicles.reach("ardupilot-1") == (scene.links[0][1], Address(1, 1))
+        said = "is heard: ArduPilot quadrotor, system 1, without a companion of ours: services only"
+        assert scene.texts() == [said]
+        assert list(alerts.causes(scene.station.fleet, scene.station.now_s())) == []
+        autopilot.is_on = False
+        await scene.pass_s(6.0)
+        assert scene.platform("ardupilot-1").is_quiet_link(scene.station.now_s())
+        autopilot.is_on = True
+        await scene.pass_s(2.0)
+        assert "is heard again after 7 s of silence" in scene.texts()
+
+    over(play)
+
+
+def test_a_bare_vehicle_gets_no_commands_and_says_so() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(4.0)
+        desk = Desk(scene.station)
+        from gloc3.ci import EmergencyVerb
+
+        assert desk.moves(scene.platform("px4-1")) == frozenset()
+        assert not await desk.emergency("px4-1", EmergencyVerb.HOLD)
+        assert not desk.was_just_held("px4-1")
+        (*_, event) = scene.station.fleet.events
+        assert (event.severity, event.text) == (
+            Severity.ALERT,
+            "emergency hold: px4-1 has no companion of ours to do it; use its remote control",
+        )
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(2.0):
+                await flights.await_platform(scene.station, None)
+
+    over(play)
+
+
+def test_a_platform_gets_its_own_autopilot_and_no_bare_vehicle_is_shown_beside_it() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        tunnel = scene.companion(0)
+        await scene.pass_s(6.0)
+        assert list(scene.station.fleet.platforms) == ["heron"]
+        autopilot = scene.platform("heron").autopilot
+        assert autopilot is not None
+        assert (autopilot.firmware, autopilot.system, autopilot.link) == ("PX4", 1, "udpin://0.0.0.0:14550")
+        assert scene.vehicles.reach("heron") == (scene.links[0][1], Address(1, 1))
+        tunnel.close()
+
+    over(play)
+
+
+def test_a_companion_that_comes_late_takes_the_bare_vehicles_place() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["px4-1"]
+        tunnel = scene.companion(0)
+        await scene.pass_s(4.0)
+        assert list(scene.station.fleet.platforms) == ["heron"]
+        assert "was shown as px4-1 so far" in scene.texts()
+        tunnel.close()
+
+    over(play)
+
+
+def test_a_platform_whose_autopilot_is_not_heard_is_refused_with_a_hint() -> None:
+    async def play(scene: Scene) -> None:
+        tunnel = scene.companion(0)
+        await scene.pass_s(3.0)
+        with pytest.raises(Refused, match="no link of this station hears the autopilot of heron; --link"):
+            scene.vehicles.reach("heron")
+        tunnel.close()
+
+    over(play)
+
+
+def test_two_vehicles_of_one_system_id_on_two_links_are_told_and_each_is_reached_by_its_link() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(7.5)
+        Autopilot(scene.memories[1], PX4)
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["px4-1", "px4-1@2"]
+        assert scene.vehicles.reach("px4-1")[0] is scene.links[0][1]
+        assert scene.vehicles.reach("px4-1@2")[0] is scene.links[1][1]
+        told = alerts.update(Alerts(), scene.station.fleet, scene.station.now_s()).pending
+        assert [(alert.platform, alert.what) for alert in told] == [
+            ("px4-1", "same system id"),
+            ("px4-1@2", "same system id"),
+        ]
+        assert told[0].text.startswith("px4-1@2 on udpin://0.0.0.0:14551 has the same system id 1: each is spoken to")
+
+    over(play)
+
+
+def test_one_vehicle_on_two_links_is_one_and_is_reached_by_the_one_that_is_left() -> None:
+    async def play(scene: Scene) -> None:
+        first, second = (Autopilot(memory, PX4) for memory in scene.memories)
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["px4-1"]
+        assert scene.vehicles.reach("px4-1")[0] is scene.links[0][1]
+        first.is_on = False
+        await scene.pass_s(6.0)
+        assert scene.vehicles.reach("px4-1")[0] is scene.links[1][1]
+        assert not scene.platform("px4-1").is_quiet_link(scene.station.now_s())
+        assert second.is_on
+
+    over(play)
+
+
+def test_two_vehicles_of_one_system_id_on_one_link_are_told_and_a_restart_is_not() -> None:
+    async def play(scene: Scene) -> None:
+        first = Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(20.0)
+        first.booted_s = asyncio.get_running_loop().time()
+        await scene.pass_s(3.0)
+        assert scene.platform("px4-1").problems == ()
+        await scene.pass_s(8.5)
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(5.0)
+        (problem,) = scene.platform("px4-1").problems
+        assert problem.text.startswith("two vehicles share system id 1 on udpin://0.0.0.0:14550: both obey; give one")
+
+    over(play)
+
+
+def test_an_unknown_autopilot_says_what_is_the_matter() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], SMARTAP, system=9)
+        await scene.pass_s(5.0)
+        (problem,) = scene.platform("autopilot-9").problems
+        assert problem.text.startswith("unknown autopilot (smartap), neither PX4 nor ArduPilot: parameters, files")
+
+    over(play)

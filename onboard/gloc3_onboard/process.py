@@ -22,7 +22,7 @@ from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.cameras import NoCamera, StreamCamera
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.runner import Onboard
+from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
 from gloc3_onboard.taps import ExchangeTaps
@@ -30,7 +30,7 @@ from gloc3_onboard.viewer.catalogue import Catalogue
 
 CAMERA: Final = "_camera"
 """Devices of this ending are cameras."""
-DEVICES: Final = ("autopilot", "pictures", "site", f"*{CAMERA}")
+DEVICES: Final = (*HOST_DEVICES, f"*{CAMERA}")
 """What this host has; installed packages bring more."""
 MOST_LOGS: Final = 10_000
 LOOK_AFTER_S: Final = 3.0

@@ -20,6 +20,8 @@ from gloc3.platform import Platform
 from gloc3.topics import TopicTable
 from gloc3_onboard.caretaker import Caretaker
 
+HOST_DEVICES: Final = ("autopilot", "catalogue", "pictures", "site", "taps")
+"""The devices that every host gives to the components, besides its cameras; a platform's rows are checked against them."""
 STOP_TIMEOUT_S: Final = 6.0
 """How long a component may take to leave."""
 STOP_PATIENCE_S: Final = 5.0
@@ -51,6 +53,7 @@ class Onboard:
     ) -> None:
         self.platform = platform
         self.context = context
+        self.devices: Final = devices
         self.hosts: Final = {
             row.name: ComponentHost(row, partial(create, row, devices), context) for row in platform.components
         }

@@ -42,7 +42,7 @@ from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.runner import Onboard
+from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
 from gloc3_onboard.taps import ExchangeTaps
@@ -58,7 +58,7 @@ from gloc3_sitl.world import World
 STATION_ID: Final = 255
 STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
-DEVICES: Final = ("autopilot", "ground_camera", "pictures", "site")
+DEVICES: Final = (*HOST_DEVICES, "ground_camera")
 """What the onboard process of a flight has."""
 FLUSH_S: Final = 1.0
 """How long a message stays in memory: in virtual time a second is over in some milliseconds."""

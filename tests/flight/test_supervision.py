@@ -7,7 +7,10 @@ from tests.flight.missions import OUT, mission
 from gloc3.ci import Health
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus
+from gloc3.platform import load_platform
 from gloc3.vehicle import FlightMode
+from gloc3_onboard.process import DEVICES as PROCESS_DEVICES
+from gloc3_sitl.flight import DEVICES
 
 
 def statuses(flight: Card, component: str, since_s: float) -> list[tuple[float, ComponentStatus]]:
@@ -169,3 +172,12 @@ def test_no_component_shows_another_rate_than_its_own_on_the_ground_and_in_fligh
     assert triggered == ["pose", "limiter", "limiter_standby", "ground_recorder"]
     least = {name: 0 if name in triggered else 85 for name in shown}
     assert {name: percent for name, (_, percent) in shown.items() if not least[name] <= percent <= 110} == {}
+
+
+@pytest.mark.parametrize("style", ["px4"], indirect=True)
+def test_every_device_that_a_row_may_name_is_there_and_every_one_that_is_there_may_be_named(flight: Card) -> None:
+    flight.begin(mission(), is_started=False)
+    onboard = flight.flight.onboard
+    assert onboard is not None
+    assert sorted(onboard.devices) == sorted(DEVICES)
+    load_platform("pelican", is_loading_classes=True, devices=PROCESS_DEVICES)

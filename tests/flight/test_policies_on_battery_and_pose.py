@@ -149,8 +149,11 @@ def test_a_gap_in_the_pose_of_some_frames_brakes_the_vehicle_and_does_not_land_i
     assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
 
 
-def test_a_pose_that_is_not_finite_is_a_lost_pose(flight: Card) -> None:
+@pytest.mark.parametrize("topic", ["autopilot_pose", "pose"])
+def test_a_pose_that_is_not_finite_is_a_lost_pose(flight: Card, topic: str) -> None:
     sweep(flight, on_pose_lost="land")
-    flight.fault("topic:autopilot_pose=nan")
+    begin_s = flight.now_s
+    flight.fault(f"topic:{topic}=nan")
     flight.await_policy("land", 1.0)
     flight.await_landed()
+    assert all(status.errors == 0 for status in flight.since(begin_s, "components/command_server/status"))

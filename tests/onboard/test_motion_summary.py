@@ -1,6 +1,6 @@
 """What the stations are told of motion and place: in the platform's frame, in few bytes."""
 
-from math import inf, nan, radians
+from math import inf, isfinite, nan, radians
 from typing import Any
 
 import msgspec
@@ -135,9 +135,11 @@ def test_numbers_beyond_reason_are_told_as_something_that_can_be_told(pelican: P
         ned_from_frd=(wild, 0.0, 0.0, wild),
         position_std_m=(wild, 1.0, wild),
     )
-    known = facts(pelican, pose)
+    known = facts(pelican, msgspec.structs.replace(POSE, position_std_m=(wild, 1.0, wild)))
+    known.see_pose(heard(pose, 10.0))
     known.see_setpoint(heard(Setpoint(action_id="go", position_ned_m=(1.0, wild, 0.0), yaw_rad=0.0), 10.0))
     motion = told(pelican, known)
     assert len(msgspec.msgpack.encode(motion)) < 300
+    assert motion.position_cm[0] == (300 if not isfinite(wild) else 2**31 - 1)
     assert motion.setpoint_cm is None or abs(motion.setpoint_cm[1]) == 2**31 - 1
     assert vehicle_summary(pelican, known, 10.0).heading_deg in range(360)

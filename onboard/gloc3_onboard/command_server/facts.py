@@ -1,6 +1,7 @@
 """What the server knows of the vehicle: where home is, whether it flies, and which conditions hold."""
 
 from collections.abc import Iterator
+from math import isfinite
 from typing import Final
 
 import msgspec
@@ -113,8 +114,11 @@ class VehicleFacts:
         return self.pose is not None and self.pose.is_valid and now_s - self._pose_s <= POSE_SILENT_S
 
     def see_pose(self, envelope: Envelope[Pose]) -> None:
-        """Takes a pose in; until the vehicle is armed, home is where it stands."""
-        self.pose, self._pose_s = envelope.payload, envelope.t_s
+        """Takes a pose in; until the vehicle is armed, home is where it stands. One that is not finite is none."""
+        pose = envelope.payload
+        if not isfinite(sum((*pose.position_ned_m, *pose.velocity_ned_m_s, *pose.ned_from_frd, pose.quality))):
+            return
+        self.pose, self._pose_s = pose, envelope.t_s
         is_known = envelope.t_s - self._autopilot_s < AUTOPILOT_SILENT_S
         if self.pose.is_valid and self._was_armed is False and is_known:
             self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)

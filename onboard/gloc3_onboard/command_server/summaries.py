@@ -65,8 +65,7 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
             place = TangentPlane(facts.origin).geo_from_ned(pose.position_ned_m)
             geo = (round(place.latitude_deg, 7), round(place.longitude_deg, 7), round(place.altitude_m, 2))
         speed_m_s = round(math.hypot(*pose.velocity_ned_m_s), 2)
-        yaw_rad = yaw_of(pose.ned_from_frd)
-        heading_deg = round(math.degrees(yaw_rad)) % 360 if math.isfinite(yaw_rad) else 0
+        heading_deg = round(math.degrees(yaw_of(pose.ned_from_frd))) % 360
     return VehicleSummary(
         t_s=round(now_s, 3),
         mode=autopilot.mode_name if autopilot is not None else "",

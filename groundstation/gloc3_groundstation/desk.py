@@ -11,6 +11,7 @@ from gloc3.mission.states import ENDED, ActionState, allowed
 from gloc3_groundstation import alerts, flights
 from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.events_desk import EventsDesk
+from gloc3_groundstation.fleet_desk import FleetDesk, LinkKeeper
 from gloc3_groundstation.flights import End, Follower
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.services_desk import ServicesDesk
@@ -42,6 +43,7 @@ class Desk:
         *,
         events: EventsDesk | None = None,
         services: ServicesDesk | None = None,
+        links: LinkKeeper | None = None,
     ) -> None:
         """A desk.
 
@@ -50,9 +52,11 @@ class Desk:
             plan: the mission at hand, checked; None without one.
             events: keeps the station's events; None for one that forgets them with the process.
             services: what is done with the vehicles' autopilots; None for a station without links.
+            links: holds the station's links; None where there are none.
         """
         self.station: Final = station
         self.events: Final = events or EventsDesk(station)
+        self.fleet: Final = FleetDesk(self, links)
         self.plan: Final = plan
         self.services: Final = services or ServicesDesk(station)
         self._streamed: dict[str, int] = {}

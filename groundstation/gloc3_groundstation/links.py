@@ -1,222 +1,56 @@
-"""The station's MAVLink links: each carries one heartbeat of ours and the command link, joined to the station."""
+"""All links of a station with their sockets: opened and closed while it runs, measured, and asked together."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
 
 from gloc3.clock import Clock
-from gloc3.exchange.base import Exchange, Unsubscribe
-from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, Trouble, Undelivered
+from gloc3.errors import Refused
+from gloc3.exchange.base import Exchange
+from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.exchange.tunnel.pacing import LinkBudget
-from gloc3.link.codec import Encoder, Frame, Parser, enums, shape
 from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, open_endpoint, parse_url
-from gloc3.link.heartbeat import Heartbeat, Peer, Peers
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.node import Node
-from gloc3.link.signing import Signing, Verdict, timestamp
+from gloc3.link.message import Address
+from gloc3.link.signing import Signing, timestamp
 from gloc3.topics import TopicTable
+from gloc3_groundstation.link import GivenUp, Link, Tap, Told
+from gloc3_groundstation.link_snapshot import LinkSnapshot
 
-STATION_COMPONENT: Final = 190
 NETWORK_BIT_S: Final = 2_000_000.0
 """Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""
 
-REFUSED_AGAIN_S: Final = 60.0
-"""So often a person is told how many frames were dropped for their signature."""
-
+MEASURE_EVERY_S: Final = 1.0
 MAX_REMEMBERED: Final = 256
 """Messages of which some links have said that they gave them up."""
 
-Tap = Callable[[bytes], None]
-"""Is given every frame of a link, in and out, as it is."""
 
-Told = Callable[[str], None]
-"""Is told in words what a person should know of a link."""
+class _Opened:
+    """A link with its socket, and how much passes."""
 
-GivenUp = Callable[[Undelivered], None]
-"""Is told which message of the station's was given up."""
+    def __init__(self, way: int, endpoint: Endpoint, link: Link) -> None:
+        self.way: Final = way
+        self.endpoint: Final = endpoint
+        self.link: Final = link
+        self.rates = (0.0, 0.0)
+        self._counted = (0, 0)
 
-
-class Link:
-    """One link: frames in and out, without the socket."""
-
-    def __init__(
-        self,
-        send: Callable[[bytes], None],
-        *,
-        loop: asyncio.AbstractEventLoop,
-        exchange: Exchange,
-        topics: TopicTable,
-        system: int,
-        boot: int,
-        told: Told,
-        undelivered: GivenUp = lambda _: None,
-        is_datagram: bool = True,
-        budget: LinkBudget | None = None,
-        signing: Signing | None = None,
-        tap: Tap = lambda _: None,
-    ) -> None:
-        """Begins to send heartbeats and to look for platforms.
-
-        Args:
-            send: puts bytes on the link.
-            loop: gives the time and wakes the link.
-            exchange: the station's side; what crosses the link is joined to it.
-            topics: the topics that may cross.
-            system: the station's MAVLink system, 255 and down.
-            boot: a random number for this start of the station.
-            told: is told what a person should know.
-            undelivered: is told what the command link has given up here.
-            is_datagram: whether the bytes come in whole frames.
-            budget: what the link carries.
-            signing: signs all that is sent, and judges all that is heard; None on a link without a key.
-            tap: is given every frame, in and out.
-        """
-        own = Address(system, STATION_COMPONENT)
-        self._loop = loop
-        self._signing = signing
-        self._utc_offset_s = Clock(loop).utc_offset_s
-        self._listeners: list[Callable[[Frame], None]] = []
-        self._put = send
-        self._tap = tap
-        self._told = told
-        self._undelivered = undelivered
-        self._tunnel_id = shape("TUNNEL").id
-        self._parser = Parser(is_datagram=is_datagram)
-        self._encoder = Encoder(*own, signing)
-        self.frames_sent = 0
-        self._peers = Peers(own)
-        self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
-        self._own = own
-        self._has_told_of_double = False
-        self._refused_s: dict[Verdict, float] = {}
-        end = TunnelEndpoint(Role.STATION, str(system), own, boot, topics, budget or LinkBudget())
-        self._tunnel = MavlinkExchange(end, loop, self._send_message)
-        self._tunnel.listen(self._happened)
-        self._part = self._tunnel.bridge(exchange, topics)
-        self._timer = loop.call_soon(self._tick)
-
-    def receive(self, data: bytes) -> None:
-        """Takes bytes from the link."""
-        now_s = self._loop.time()
-        for frame in self._parser.receive(data):
-            self._tap(frame.raw)
-            if self._signing is not None and not (verdict := self._signing.verify(frame)).is_good:
-                self._refuse(frame, verdict, now_s)
-                continue
-            if frame.message_id == self._tunnel_id:
-                message = frame.decode()
-                if message is not None:
-                    self._tunnel.receive(message, frame.sender)
-            elif frame.sender == self._own:
-                self._is_doubled()
-            else:
-                self._node.receive(frame, now_s)
-                for listener in tuple(self._listeners):
-                    listener(frame)
-
-    @property
-    def own(self) -> Address:
-        """As whom the station speaks here."""
-        return self._own
-
-    @property
-    def autopilots(self) -> list[Peer]:
-        """The autopilots that are heard here now, in the order in which they came."""
-        return self._peers.autopilots
-
-    def listen(self, listener: Callable[[Frame], None]) -> Unsubscribe:
-        """Is told every frame of others that comes, those of the command link excepted."""
-        self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener) if listener in self._listeners else None
-
-    def send(self, message: MavlinkMessage) -> None:
-        """Sends a message of the station's."""
-        self._send_message(message)
-
-    def forward(self, frame: Frame) -> None:
-        """Sends a frame that a library behind this link has made in the station's name."""
-        self._send(self._encoder.forward(frame))
-
-    def heard(self) -> list[str]:
-        """Who is there, told by their heartbeats: `autopilot 1/1`, `system 1/191`."""
-        return [
-            f"{'autopilot' if peer.is_autopilot else 'system'} {peer.address.system}/{peer.address.component}"
-            for peer in self._peers.alive
-        ]
-
-    @property
-    def refused(self) -> int:
-        """Frames that were dropped since their signature is missing or wrong."""
-        return 0 if self._signing is None else self._signing.refused
-
-    def platforms(self) -> list[tuple[str, Address]]:
-        """The platforms whose companions are heard here, with the companions' addresses."""
-        return [(peer.name, peer.address) for peer in self._tunnel.endpoint.peers() if peer.name]
-
-    def round_trip_s(self, platform: str) -> float | None:
-        """How long something to a platform and its answer are on their way here; None where that is not known."""
-        return self._tunnel.round_trip_s(platform)
-
-    def close(self) -> None:
-        """Sends and hears nothing more."""
-        self._timer.cancel()
-        self._part()
-        self._tunnel.close()
-
-    def _tick(self) -> None:
-        now_s = self._loop.time()
-        if self._signing is not None:
-            self._signing.advance(timestamp(now_s + self._utc_offset_s))
-        self._node.tick(now_s)
-        for message in self._node.outgoing():
-            self._send_message(message)
-        self._peers.events()
-        next_s = self._node.next_tick_s()
-        self._timer = self._loop.call_at(now_s + 1.0 if next_s is None else max(next_s, now_s + 1e-3), self._tick)
-
-    def _send(self, data: bytes) -> None:
-        self.frames_sent += 1
-        self._tap(data)
-        self._put(data)
-
-    def _send_message(self, message: MavlinkMessage) -> None:
-        self._send(self._encoder.encode(message))
-
-    def _happened(self, happening: Happening) -> None:
-        if isinstance(happening, Trouble):
-            self._told(happening.text)
-        elif isinstance(happening, Undelivered):
-            self._undelivered(happening)
-
-    def _refuse(self, frame: Frame, verdict: Verdict, now_s: float) -> None:
-        """Tells of a frame that is dropped for its signature, but not of each."""
-        if self._signing is None or now_s < self._refused_s.get(verdict, float("-inf")):
-            return
-        self._refused_s[verdict] = now_s + REFUSED_AGAIN_S
-        count, who = self._signing.verdicts[verdict], f"{frame.system}/{frame.component}"
-        so_far = f"{count} so far" if count > 1 else "and so will others be"
-        hint = {
-            Verdict.UNSIGNED: "; is signing switched on there?",
-            Verdict.FORGED: "; has it another key?",
-            Verdict.REPEATED: "; is its clock right?",
-        }
-        self._told(f"a frame from {who} is dropped ({verdict}), {so_far}{hint.get(verdict, '')}")
-
-    def _is_doubled(self) -> None:
-        if not self._has_told_of_double:
-            self._has_told_of_double = True
-            system = self._own.system
-            self._told(f"somebody else is station {system}, or the link sends back what we send; see --station-id")
+    def measure(self, period_s: float) -> None:
+        """Takes the bytes since the last time."""
+        now = self.endpoint.bytes_received, self.endpoint.bytes_sent
+        was, self._counted = self._counted, now
+        self.rates = (now[0] - was[0]) / period_s, (now[1] - was[1]) / period_s
 
 
 class Links:
     """All links of a station with their sockets."""
 
     def __init__(self) -> None:
-        self._open: list[tuple[Endpoint, Link]] = []
+        self._open: list[_Opened] = []
+        self._ways = 0
         self._given_up = UndeliveredEverywhere()
+        self._make: Callable[[str, Endpoint, int], Link] | None = None
+        self._timer: asyncio.TimerHandle | None = None
 
     async def open(
         self,
@@ -240,27 +74,85 @@ class Links:
         """
         loop = asyncio.get_running_loop()
         utc_offset_s = Clock(loop).utc_offset_s
-        for url in urls:
-            made: list[Link] = []
-            endpoint = await open_endpoint(url, loop, lambda data, made=made: made[0].receive(data) if made else None)  # type: ignore[misc]
-            link = Link(
+
+        def make(url: str, endpoint: Endpoint, way: int) -> Link:
+            return Link(
                 endpoint.send,
                 loop=loop,
                 exchange=exchange,
                 topics=topics,
                 system=system,
                 boot=boot,
-                told=lambda text, url=url: told(f"{url}: {text}"),  # type: ignore[misc]
-                undelivered=partial(self._give_up, len(self._open), undelivered),
+                told=lambda text: told(f"{url}: {text}"),
+                undelivered=partial(self._give_up, way, undelivered),
                 is_datagram=endpoint.is_datagram,
                 budget=budget_of(url),
                 tap=tap,
                 signing=None
                 if signing_key is None
-                else Signing(signing_key, link_id=len(self._open) & 0xFF, now=timestamp(loop.time() + utc_offset_s)),
+                else Signing(signing_key, link_id=way & 0xFF, now=timestamp(loop.time() + utc_offset_s)),
             )
-            made.append(link)
-            self._open.append((endpoint, link))
+
+        self._make = make
+        self._timer = loop.call_later(MEASURE_EVERY_S, self._measure, loop)
+        for url in urls:
+            await self.add(url)
+
+    async def add(self, url: str) -> None:
+        """Opens one more link; `open` comes first.
+
+        Raises:
+            Refused: it is open already, the URL is wrong, or its address cannot be had.
+        """
+        if self._make is None:
+            raise Refused("the station is closed")
+        if any(opened.endpoint.url == url for opened in self._open):
+            raise Refused(f"link {url} is open already")
+        made: list[Link] = []
+        loop = asyncio.get_running_loop()
+        endpoint = await open_endpoint(url, loop, lambda data: made[0].receive(data) if made else None)
+        self._ways += 1
+        made.append(self._make(url, endpoint, self._ways))
+        self._open.append(_Opened(self._ways, endpoint, made[0]))
+
+    async def remove(self, url: str) -> None:
+        """Closes a link.
+
+        Raises:
+            Refused: there is none of that URL.
+        """
+        found = [opened for opened in self._open if opened.endpoint.url == url]
+        if not found:
+            raise Refused(f"there is no link {url}")
+        self._open.remove(found[0])
+        self._given_up.forget(found[0].way)
+        found[0].link.close()
+        await found[0].endpoint.close()
+
+    def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
+        """All links as they are now, with those of some platforms that are behind each."""
+        names = tuple(platforms)
+        return tuple(
+            LinkSnapshot(
+                url=endpoint.url,
+                is_connected=endpoint.is_connected,
+                problem=endpoint.problem,
+                bytes_in_s=opened.rates[0],
+                bytes_out_s=opened.rates[1],
+                frames_in=link.frames_received,
+                frames_out=link.frames_sent,
+                dropped=endpoint.dropped,
+                heard=tuple(link.heard()),
+                platforms=tuple(name for name, _ in link.platforms() if name in names),
+            )
+            for opened in self._open
+            for endpoint, link in ((opened.endpoint, opened.link),)
+        )
+
+    def _measure(self, loop: asyncio.AbstractEventLoop) -> None:
+        for opened in self._open:
+            opened.measure(MEASURE_EVERY_S)
+        self._timer = loop.call_later(MEASURE_EVERY_S, self._measure, loop)
 
     def _give_up(self, way: int, undelivered: GivenUp, lost: Undelivered) -> None:
         if self._given_up.is_told(way, len(self._open), lost):
@@ -269,7 +161,8 @@ class Links:
     def describe(self) -> str:
         """The links, with what is wrong with each or who is heard on it."""
         parts = []
-        for endpoint, link in self._open:
+        for opened in self._open:
+            endpoint, link = opened.endpoint, opened.link
             heard = ", ".join(link.heard())
             aside = (
                 endpoint.problem
@@ -285,22 +178,25 @@ class Links:
 
     def round_trip_s(self, platform: str) -> float | None:
         """The same over the quickest link that leads there."""
-        trips = [trip for _, link in self._open if (trip := link.round_trip_s(platform)) is not None]
+        trips = [trip for each in self._open if (trip := each.link.round_trip_s(platform)) is not None]
         return min(trips, default=None)
 
     def ways(self) -> list[tuple[str, Link]]:
         """All links with their URLs."""
-        return [(endpoint.url, link) for endpoint, link in self._open]
+        return [(each.endpoint.url, each.link) for each in self._open]
 
     def autopilots(self) -> list[tuple[Link, Address]]:
         """Every autopilot that is heard now, with the link on which it is."""
-        return [(link, peer.address) for _, link in self._open for peer in link.autopilots]
+        return [(each.link, peer.address) for each in self._open for peer in each.link.autopilots]
 
     async def close(self) -> None:
         """Closes all."""
-        for endpoint, link in self._open:
-            link.close()
-            await endpoint.close()
+        self._make = None
+        if self._timer is not None:
+            self._timer.cancel()
+        for opened in self._open:
+            opened.link.close()
+            await opened.endpoint.close()
         self._open.clear()
 
 
@@ -313,6 +209,11 @@ class UndeliveredEverywhere:
 
     def __init__(self) -> None:
         self._certain: dict[tuple[str, int, int], set[int]] = {}
+
+    def forget(self, way: int) -> None:
+        """A link is no longer there, and has no say any more."""
+        for said in self._certain.values():
+            said.discard(way)
 
     def is_told(self, way: int, ways: int, lost: Undelivered) -> bool:
         """Whether a link's word is that of all of them.

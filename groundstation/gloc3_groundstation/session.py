@@ -116,7 +116,7 @@ class Session:
 
         async with self._station() as station:
             app = StationApp(
-                Desk(station, self._plan, events=self._events, services=self._services),
+                Desk(station, self._plan, events=self._events, services=self._services, links=self._links),
                 self._configuration,
                 platform=self._platform,
                 waiting_for=self._links.describe,

@@ -1,7 +1,7 @@
 """A station's terminal with a scripted platform: what Pilot tests and screenshots have in common."""
 
 import re
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 from textual.pilot import Pilot
 
 from gloc3.ci import MissionSummary
+from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
 from gloc3_groundstation.configuration import Configuration
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.flights import End
+from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.tui.app import StationApp
@@ -25,6 +27,50 @@ from gloc3_groundstation.tui.screens.table import SCREENS
 from .scripted_platform import TASKS, ScriptedPlatform
 
 PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+
+
+class ScriptedLinks:
+    """Links that are only told of: opened and closed by name."""
+
+    def __init__(self, *links: LinkSnapshot) -> None:
+        self.open = list(links)
+
+    def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
+        return tuple(self.open)
+
+    async def add(self, url: str) -> None:
+        if "://" not in url:
+            raise Refused(f"endpoint {url!r} has no scheme")
+        self.open.append(LinkSnapshot(url=url, is_connected=False))
+
+    async def remove(self, url: str) -> None:
+        self.open = [link for link in self.open if link.url != url]
+
+
+LINKS = (
+    LinkSnapshot(
+        url="udpin://0.0.0.0:14550",
+        is_connected=True,
+        bytes_in_s=18_400.0,
+        bytes_out_s=640.0,
+        frames_in=120_311,
+        frames_out=4_012,
+        heard=("autopilot 1/1", "system 1/191"),
+        platforms=("heron",),
+    ),
+    LinkSnapshot(
+        url="serial:///dev/ttyUSB0:57600",
+        is_connected=True,
+        bytes_in_s=3_120.0,
+        bytes_out_s=210.0,
+        frames_in=9_120,
+        frames_out=801,
+        dropped=3,
+        heard=("system 2/191",),
+        platforms=("egret",),
+    ),
+    LinkSnapshot(url="tcpout://10.0.0.7:5760", is_connected=False, problem="10.0.0.7:5760: connection refused"),
+)
 
 
 class Scene(NamedTuple):
@@ -106,6 +152,7 @@ async def scene(
     configuration: Configuration = Configuration(),  # noqa: B008 - immutable
     *,
     flies: bool = False,
+    links: ScriptedLinks | None = None,
     **options: Any,
 ) -> AsyncIterator[Scene]:
     """The terminal, with a platform that has not yet said anything."""
@@ -114,7 +161,7 @@ async def scene(
     platform.delay_s = 0.001
     station = Station(exchange, platform.loop, "255", 11)
     app = StationApp(
-        Desk(station, plan),
+        Desk(station, plan, links=links),
         configuration,
         waiting_for=lambda: "udpin://0.0.0.0:14550",
         is_starting=flies,

@@ -5,10 +5,12 @@ import sys
 from pathlib import Path
 from typing import get_args
 
+from gloc3.ci import ControlState
 from gloc3_groundstation.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.screens.table import SCREENS
 
-from .station_scene import scene, shoot
+from .scripted_platform import ScriptedPlatform
+from .station_scene import LINKS, Scene, ScriptedLinks, scene, shoot
 
 SIZES = ((80, 24), (120, 40), (200, 60))
 
@@ -16,7 +18,7 @@ SIZES = ((80, 24), (120, 40), (200, 60))
 async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: ThemeName = "dark") -> None:
     """One size: each screen in trouble in flight, and the dialogues over the overview."""
     tag = f"{size[0]}x{size[1]}" + (f"_{theme}" if theme != "dark" else "")
-    async with scene(size=size, configuration=Configuration(theme=theme)) as here:
+    async with scene(size=size, configuration=Configuration(theme=theme), links=ScriptedLinks(*LINKS)) as here:
         if not screens:
             shoot(here.app, out / f"{tag}_waiting")
         here.platform.speak()
@@ -26,6 +28,8 @@ async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: The
         for row in SCREENS:
             if not screens or row.name in screens:
                 await here.go(row.key)
+                if row.name == "fleet":
+                    await _several(here)
                 here.app.look()
                 await here.pilot.pause()
                 shoot(here.app, out / f"{tag}_{row.name}")
@@ -41,6 +45,17 @@ async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: The
         here.app.look()
         await here.pilot.pause()
         shoot(here.app, out / f"{tag}_stale")
+
+
+async def _several(here: Scene) -> None:
+    """Two more vehicles, of which one is marked, and another station that asks for control."""
+    for number, name in enumerate(("egret", "stork")):
+        other = ScriptedPlatform(here.exchange, name, 20 + number)
+        other.control = ControlState(holder="254")
+        other.speak()
+    here.platform.control = ControlState(holder="255", requested_by="254")
+    here.platform.say("control", here.platform.control)
+    await here.press("m")
 
 
 if __name__ == "__main__":

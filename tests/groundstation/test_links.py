@@ -20,7 +20,8 @@ from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Source
 from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
-from gloc3_groundstation.links import Link, Links, UndeliveredEverywhere, budget_of
+from gloc3_groundstation.link import Link
+from gloc3_groundstation.links import Links, UndeliveredEverywhere, budget_of
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 

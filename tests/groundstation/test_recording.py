@@ -14,7 +14,7 @@ from gloc3.log.reader import LogReader
 from gloc3.topics import TopicTable
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
-from gloc3_groundstation.links import Link
+from gloc3_groundstation.link import Link
 from gloc3_groundstation.recording import Limits, Recording, default_root, make_room
 from gloc3_groundstation.station import Station
 

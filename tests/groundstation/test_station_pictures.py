@@ -52,6 +52,7 @@ def plain(svg: str) -> str:
     """The picture without fonts to be fetched, and without the line of screens, which changes with every new one."""
     svg = re.sub(r"@font-face \{.*?\}\s*(?=@|\.)", "", svg, flags=re.DOTALL)
     svg = re.sub(r"terminal-\d+", "terminal", svg)
+    svg = re.sub(r'<rect [^>]*y="25\.9"[^>]*/>', "", svg)
     return re.sub(r'<text [^>]*url\(#terminal-line-1\)">[^<]*</text>', "", svg) + "\n"
 
 

@@ -19,7 +19,7 @@ from gloc3.topics import TopicTable
 from gloc3_groundstation import alerts, flights
 from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.links import Link
+from gloc3_groundstation.link import Link
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.vehicles import Vehicles

@@ -11,6 +11,7 @@ from textual.screen import Screen
 
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import Question
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.chrome import (
     Key,
@@ -97,6 +98,15 @@ class StationScreen(Screen[None]):
     def do(self, work: Awaitable[Any]) -> None:
         """Does what takes time, such as a request of the desk."""
         self.app.run_worker(work, exit_on_error=True)
+
+    def ask(self, question: str, yes: str, work: Callable[[], object]) -> None:
+        """Asks before something that can hurt, and does it if the answer is yes."""
+
+        def answered(answer: bool | None) -> None:
+            if answer:
+                work()
+
+        self.app.push_screen(Question(question, yes), answered)
 
     def look_at_vehicle(self, name: str) -> None:
         """Brings a vehicle into view, on all screens."""

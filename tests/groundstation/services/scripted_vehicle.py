@@ -26,7 +26,7 @@ from gloc3.link.service import Service
 from gloc3.link.statustext import StatusTextSender
 from gloc3.link.version import Capability, Version, VersionServer, version_number
 from gloc3.topics import TopicTable
-from gloc3_groundstation.links import Link
+from gloc3_groundstation.link import Link
 from gloc3_groundstation.services.vehicle import VehicleServices
 
 T = TypeVar("T")

@@ -22,7 +22,7 @@ from gloc3.link.plan import PlanItem, PlanType
 from gloc3.link.runner import NodeRunner
 from gloc3.link.signing import Signing, Verdict, timestamp
 from gloc3.topics import TopicTable
-from gloc3_groundstation.links import Link
+from gloc3_groundstation.link import Link
 from gloc3_groundstation.services import raw
 from gloc3_groundstation.services.raw import MavsdkBehindLink
 

@@ -17,7 +17,8 @@ from gloc3.link.codec import message
 from gloc3.link.plan import PlanType
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.topics import TopicTable
-from gloc3_groundstation.links import Link, Links
+from gloc3_groundstation.link import Link
+from gloc3_groundstation.links import Links
 from gloc3_groundstation.services.facts import Firmware
 from gloc3_groundstation.services.parameter_table import Change
 from gloc3_groundstation.services.progress import Progress

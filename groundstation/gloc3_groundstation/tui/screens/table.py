@@ -4,6 +4,7 @@ from typing import Final
 
 from gloc3_groundstation.tui.screen import ScreenRow
 from gloc3_groundstation.tui.screens.events import EventsScreen
+from gloc3_groundstation.tui.screens.fleet import FleetScreen
 from gloc3_groundstation.tui.screens.health import HealthScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.overview import OverviewScreen
@@ -13,4 +14,5 @@ SCREENS: Final = (
     ScreenRow("health", "2", "Health", "every component, and where the data stops", HealthScreen),
     ScreenRow("mission", "3", "Mission", "what is flown: tasks, actions and their states", MissionScreen),
     ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
+    ScreenRow("fleet", "0", "Fleet", "all vehicles and links; orders for several; control", FleetScreen),
 )

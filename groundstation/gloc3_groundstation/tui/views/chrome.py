@@ -52,7 +52,8 @@ def title_line(view: View, width: int) -> Line:
         parts.append((1, _span(armed, Tone.BUSY if vehicle.is_armed else Tone.DIM, is_stale)))
         parts.append((3, _span(*battery(vehicle.battery_percent), is_stale)))
     parts.append((1, link(view)))
-    parts.append((4, control(view)))
+    held = control(view)
+    parts.append((1 if held.tone is Tone.WARN and view.is_in_control else 4, held))
     room = width - len(text_of((*alerts, *clock))) - 2
     return spread(fitted(parts, room), (*alerts, *clock), width)
 
@@ -80,6 +81,9 @@ def link(view: View) -> Span:
 def control(view: View) -> Span:
     """Who is in control of the vehicle in view, in a word or two."""
     holder = view.platform.control.value.holder if view.platform is not None and view.platform.control else None
+    asks = view.platform.control.value.requested_by if view.platform is not None and view.platform.control else ""
+    if asks and view.is_in_control:
+        return Span(f"{asks} asks for control", Tone.WARN)
     if view.is_in_control:
         return Span("in control", Tone.TEXT)
     if view.platform is not None and not view.platform.has_companion:

@@ -45,9 +45,9 @@ def vehicle_line(view: View, platform: PlatformSnapshot, width: int) -> Line:
     cells = [
         Span("►" if is_in_view else " ", Tone.BUSY),
         Span(platform.name, Tone.STRONG if is_in_view else Tone.TEXT),
-        *_vehicle_cells(platform, now_s),
+        *vehicle_cells(platform, now_s),
         link_span(platform, now_s),
-        *_mission_cells(platform, now_s),
+        *mission_cells(platform, now_s),
         _position(platform, now_s),
         worst_span(platform, now_s),
         _alerts(view, platform),
@@ -183,7 +183,8 @@ def worst_span(platform: PlatformSnapshot, now_s: float) -> Span:
     return Span(f"{worst.name} {worst.health}{more}", HEALTH_TONES[worst.health or Health.WORKING])
 
 
-def _vehicle_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
+def vehicle_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
+    """Mode, state and battery."""
     if platform.vehicle is None:
         return Span("?", Tone.STALE), Span("not known yet", Tone.STALE), Span("?", Tone.STALE)
     vehicle = platform.vehicle.value
@@ -199,7 +200,8 @@ def _state(vehicle: VehicleSummary) -> str:
     return wording.arming(vehicle)
 
 
-def _mission_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
+def mission_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
+    """The mission's state and progress."""
     if platform.mission is None or not platform.mission.value.state:
         return Span("none", Tone.DIM), Span("")
     mission = platform.mission.value

@@ -1,0 +1,190 @@
+"""All vehicles and all links: orders for a selection, control of the vehicle in view, links opened and closed."""
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding
+
+from gloc3.ci import ControlVerb
+from gloc3_groundstation.fleet_desk import Order
+from gloc3_groundstation.tui.lines import Span, Tone
+from gloc3_groundstation.tui.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import AskFor
+from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.fleet import (
+    control_lines,
+    fleet_header,
+    fleet_line,
+    fleet_title,
+    link_header,
+    link_line,
+)
+from gloc3_groundstation.tui.views.overview import waiting_lines
+
+QUESTIONS = {
+    Order.HOLD: "Hold: {}?\nEach stops and keeps its place; missions are paused.",
+    Order.PAUSE: "Pause the missions of {}?",
+    Order.RESUME: "Resume the missions of {}?\nEach goes on where it was paused.",
+    Order.LAND: "Land now, where they are: {}?",
+    Order.START: "Start: {}?\nThe mission at hand is streamed first where it is not there yet. They arm and take off.",
+}
+TAKE_OVER_QUESTION = "Take control of {} over from station {}?\nIt does not ask its operator; it is recorded."
+CLOSE_QUESTION = "Close {}?\n{} cannot be reached by it any more, and flies by its mission's on_link_loss."
+
+
+class FleetScreen(StationScreen):
+    """Vehicles above, control of the one in view, links below."""
+
+    HELP = """Every vehicle that is heard, and every link. The vehicle under the cursor is the one in view, to which the
+    keys of all screens lead.
+
+    Marked vehicles are ordered together: hold, pause, resume, land, start. Without a mark the order goes to the vehicle
+    in view. The question names them. The space bar makes the vehicle in view hold at once, and asks nothing.
+
+    One station controls a vehicle at a time. Whoever has it is asked, and has 10 seconds to grant or to refuse; a
+    take-over does not wait for leave, and is recorded. Tab goes to the links."""
+    BINDINGS = [
+        Binding("m", "mark", "Mark", tooltip="the vehicle under the cursor, for orders to several"),
+        Binding("M", "mark_all", "Mark all", show=False, tooltip="or none, if all are"),
+        Binding("h", "order('hold')", "Hold", tooltip="the marked vehicles, after a question"),
+        Binding("p", "order('pause')", "Pause"),
+        Binding("r", "order('resume')", "Resume"),
+        Binding("l", "order('land')", "Land", tooltip="here and now, as the emergency key does"),
+        Binding("s", "order('start')", "Start", tooltip="streams the mission at hand where need be, and starts it"),
+        Binding("c", "control('request')", "Control", tooltip="asks for control of the vehicle in view"),
+        Binding("g", "control('grant')", "Grant", tooltip="gives control to the station that asks"),
+        Binding("f", "control('refuse')", "Refuse", tooltip="keeps control; the station that asks is told"),
+        Binding("t", "control('take_over')", "Take over", tooltip="takes control without leave, after a question"),
+        Binding("z", "control('release')", "Release", tooltip="gives control back"),
+        Binding("n", "add_link", "New link", tooltip="udpin://, udpout://, tcpin://, tcpout://, serial://"),
+        Binding("delete", "remove_link", "Close link", tooltip="the one under the cursor of the links"),
+    ]
+    AUTO_FOCUS = "#vehicles"
+
+    def body(self) -> ComposeResult:
+        """Vehicles, control, links."""
+        yield Panel(id="vehicles_header", classes="plain line", can_focus=False)
+        yield ListPanel(id="vehicles", classes="plain")
+        yield Panel(id="control", can_focus=False)
+        yield Panel(id="links_header", classes="plain line", can_focus=False)
+        yield ListPanel(id="links", classes="plain")
+
+    def on_mount(self) -> None:
+        """Nothing is marked."""
+        super().on_mount()
+        self._marked: set[str] = set()
+        self._seen = ""
+        self._offered: object = None
+
+    def look(self, view: View) -> None:
+        """Fills the panels."""
+        vehicles, control, links = self.query_one("#vehicles", ListPanel), self.panel("control"), self._links
+        marked = self._selection(is_marked_only=True)
+        self.panel("vehicles_header").show([fleet_header(vehicles.width)] if view.fleet.platforms else [()])
+        rows = [Row(fleet_line(view, platform, marked, vehicles.width), platform.name) for platform in view.fleet]
+        vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
+        if view.platform is not None and view.platform.name != self._seen:
+            self._seen = view.platform.name
+            vehicles.point_at(self._seen)
+        possible = self.desk.fleet.control_verbs(view.platform) if view.platform is not None else frozenset()
+        control.show(control_lines(view, possible), fleet_title(view, marked))
+        known = self.desk.fleet.links()
+        self.panel("links_header").show([link_header(links.width)])
+        none = [Row((Span(" There is no link; n opens one.", Tone.DIM),))]
+        links.show_rows([Row(link_line(link, links.width), link.url) for link in known] or none)
+        links.styles.height = max(2, min(len(known), self.size.height // 4))
+        offered = possible, self.focused is links, bool(view.fleet.platforms)
+        if offered != self._offered:
+            self._offered = offered
+            self.refresh_bindings()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Greys out what makes no sense now; who asks for control is answered only when somebody does."""
+        platform = self.view.platform if self.view is not None else None
+        if action == "control":
+            verb = ControlVerb(str(parameters[0]))
+            is_possible = platform is not None and verb in self.desk.fleet.control_verbs(platform)
+            return is_possible or (None if verb is ControlVerb.REQUEST else False)
+        if action in ("order", "mark", "mark_all"):
+            return True if platform is not None else None
+        if action == "remove_link":
+            return self.focused is self._links
+        return True
+
+    @on(ListPanel.Moved, "#vehicles")
+    def moved(self, event: ListPanel.Moved) -> None:
+        """Brings the vehicle under the cursor into view."""
+        is_there = event.panel.chosen == event.key
+        if event.key and is_there and self.view is not None and self.view.platform is not None:
+            self._seen = event.key
+            if event.key != self.view.platform.name:
+                self.look_at_vehicle(event.key)
+
+    # --- orders ---
+
+    def action_mark(self) -> None:
+        """Marks the vehicle under the cursor, or takes its mark away."""
+        self._marked ^= {self.query_one("#vehicles", ListPanel).chosen}
+        self.look_again()
+
+    def action_mark_all(self) -> None:
+        """Marks all vehicles, or none."""
+        everyone = set(self.desk.station.fleet.platforms)
+        self._marked = set() if everyone <= self._marked else everyone
+        self.look_again()
+
+    def action_order(self, name: str) -> None:
+        """Asks, naming the vehicles, and orders."""
+        order, names = Order(name), self._selection()
+        if names:
+            work = self.desk.fleet.order
+            self.ask(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work(names, order)))
+
+    def action_control(self, name: str) -> None:
+        """Changes who controls the vehicle in view."""
+        platform, verb = self.view.platform if self.view is not None else None, ControlVerb(name)
+        if platform is None:
+            return
+        work = self.desk.fleet.control
+        if verb is not ControlVerb.TAKE_OVER:
+            self.do(work(platform.name, verb))
+            return
+        holder = platform.control.value.holder if platform.control is not None else "?"
+        question = TAKE_OVER_QUESTION.format(platform.name, holder)
+        self.ask(question, "take over", lambda: self.do(work(platform.name, verb)))
+
+    def _selection(self, *, is_marked_only: bool = False) -> list[str]:
+        """The marked vehicles; without any, the one in view."""
+        marked = self.desk.fleet.named(self._marked)
+        if marked or is_marked_only or self.view is None or self.view.platform is None:
+            return marked
+        return [self.view.platform.name]
+
+    # --- links ---
+
+    def action_add_link(self) -> None:
+        """Asks for a URL, and opens it."""
+
+        def named(url: str | None) -> None:
+            if url:
+                self.do(self.desk.fleet.add_link(url))
+
+        hint = "udpin://0.0.0.0:14551, tcpout://HOST:5760, serial:///dev/ttyUSB0:57600"
+        self.app.push_screen(AskFor("Open which link?", "", hint), named)
+
+    def action_remove_link(self) -> None:
+        """Closes the link under the cursor; asks first if vehicles are behind it."""
+        url = self._links.chosen
+        behind = [name for link in self.desk.fleet.links() if link.url == url for name in link.platforms]
+        if not url:
+            return
+        if not behind:
+            self.do(self.desk.fleet.remove_link(url))
+            return
+        question = CLOSE_QUESTION.format(url, ", ".join(behind))
+        self.ask(question, "close it", lambda: self.do(self.desk.fleet.remove_link(url)))
+
+    @property
+    def _links(self) -> ListPanel:
+        return self.query_one("#links", ListPanel)

@@ -1,0 +1,137 @@
+"""The fleet in lines: its vehicles with marks, who controls the one in view, and the links with what passes on them."""
+
+from collections.abc import Container, Sequence
+from typing import Final
+
+from gloc3.ci import ControlVerb
+from gloc3_groundstation import wording
+from gloc3_groundstation.link_snapshot import LinkSnapshot
+from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.lines import Line, Span, Tone
+from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, worst_span
+
+COLUMNS: Final = (
+    Column("", 3),
+    Column("vehicle", 10, grows=1, most=20),
+    Column("mode", 9, rank=2),
+    Column("state", 9, grows=1, most=16),
+    Column("battery", 7, is_right=True),
+    Column("link", 10),
+    Column("mission", 9, grows=1, most=20),
+    Column("progress", 15, rank=3),
+    Column("control", 13, rank=3),
+    Column("components", 18, rank=1, grows=2, most=36),
+)
+LINK_COLUMNS: Final = (
+    Column("link", 26, grows=1, most=44),
+    Column("in B/s", 9, is_right=True),
+    Column("out B/s", 9, is_right=True),
+    Column("frames in", 10, is_right=True, rank=2),
+    Column("frames out", 10, is_right=True, rank=2),
+    Column("dropped", 7, is_right=True, rank=1),
+    Column("behind it", 20, grows=4),
+)
+
+
+def fleet_header(width: int) -> Line:
+    """The titles of the columns."""
+    return Table(COLUMNS, width).header()
+
+
+def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], width: int) -> Line:
+    """One vehicle; `●` where it is marked."""
+    is_in_view = view.platform is not None and platform.name == view.platform.name
+    mark = ("►" if is_in_view else " ") + (" ●" if platform.name in marked else "  ")
+    tone = Tone.STRONG if is_in_view else Tone.TEXT
+    return Table(COLUMNS, width).line(
+        [
+            Span(mark, Tone.BUSY),
+            Span(platform.name, tone),
+            *vehicle_cells(platform, view.now_s),
+            link_span(platform, view.now_s),
+            *mission_cells(platform, view.now_s),
+            _control(view, platform),
+            worst_span(platform, view.now_s),
+        ]
+    )
+
+
+def fleet_title(view: View, marked: Sequence[str]) -> str:
+    """How many vehicles there are, and whom orders go to."""
+    count = f"{len(view.fleet.platforms)} vehicles"
+    if marked:
+        return f"{count}: orders go to {', '.join(marked)}"
+    return f"{count}: orders go to {view.platform.name}" if view.platform is not None else count
+
+
+def control_lines(view: View, possible: Container[ControlVerb]) -> list[Line]:
+    """Who controls the vehicle in view, who asks for it, and what can be done about it."""
+    platform = view.platform
+    if platform is None:
+        return []
+    if platform.control is None:
+        return [(Span(" It is not known who is in control.", Tone.STALE),)]
+    asks = platform.control.value.requested_by
+    stale = Tone.STALE if platform.control.is_stale(view.now_s) else None
+    held = f" {wording.holder(platform, view.station)}"
+    spans = [Span(held, stale or (Tone.GOOD if view.is_in_control else Tone.WARN))]
+    if asks:
+        whose = "this station has asked for it" if asks == view.station else f"station {asks} asks for it"
+        spans.append(Span(f"; {whose}", stale or Tone.WARN))
+    keys = [
+        (key, label)
+        for verb, key, label in (
+            (ControlVerb.GRANT, "g", "grant"),
+            (ControlVerb.REFUSE, "f", "refuse"),
+            (ControlVerb.REQUEST, "c", "request"),
+            (ControlVerb.TAKE_OVER, "t", "take over"),
+            (ControlVerb.RELEASE, "z", "release"),
+        )
+        if verb in possible
+    ]
+    hints = [part for key, label in keys for part in (Span(f"   {key}", Tone.KEY), Span(f" {label}", Tone.DIM))]
+    return [tuple(spans), tuple(hints)]
+
+
+def link_header(width: int) -> Line:
+    """The titles of the columns."""
+    return Table(LINK_COLUMNS, width).header()
+
+
+def link_line(link: LinkSnapshot, width: int) -> Line:
+    """One link."""
+    is_lost = bool(link.problem) and not link.is_connected
+    behind = ", ".join((*link.platforms, *link.heard)) or ("nobody is heard" if link.is_connected else "nobody yet")
+    tone = Tone.TEXT if link.platforms or link.heard else Tone.DIM
+    return Table(LINK_COLUMNS, width).line(
+        [
+            Span(link.url, Tone.BAD if is_lost else Tone.TEXT),
+            Span(rate(link.bytes_in_s), Tone.TEXT if link.bytes_in_s else Tone.STALE),
+            Span(rate(link.bytes_out_s), Tone.TEXT),
+            Span(f"{link.frames_in:,}", Tone.DIM),
+            Span(f"{link.frames_out:,}", Tone.DIM),
+            Span(f"{link.dropped:,}" if link.dropped else "·", Tone.WARN if link.dropped else Tone.DIM),
+            Span(link.problem, Tone.BAD) if is_lost else Span(behind, tone),
+        ]
+    )
+
+
+def rate(bytes_s: float) -> str:
+    """`840`, `12.5 k`, `1.2 M`."""
+    for limit, unit in ((1e6, " M"), (1e4, " k")):
+        if bytes_s >= limit:
+            return f"{bytes_s / (1e6 if limit == 1e6 else 1e3):.1f}{unit}"
+    return f"{bytes_s:.0f}"
+
+
+def _control(view: View, platform: PlatformSnapshot) -> Span:
+    if platform.control is None:
+        return Span("?", Tone.STALE)
+    state = platform.control.value
+    if state.requested_by:
+        return Span(f"{state.requested_by} asks", Tone.WARN)
+    if state.holder == view.station:
+        return Span("here", Tone.GOOD)
+    return Span(f"station {state.holder}" if state.holder else "nobody", Tone.DIM)

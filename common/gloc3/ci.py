@@ -314,6 +314,8 @@ class MissionSummary(Message, frozen=True):
     """`TASK.ACTION` to 0..1, for what runs."""
     policy: str = ""
     """The policy that is being carried out, such as `return`; empty in normal flight."""
+    reasons: dict[str, str] = {}
+    """Task, and `TASK.ACTION`, to why it failed, or what it waits for beside its turn."""
 
 
 class ControlState(Message, frozen=True):

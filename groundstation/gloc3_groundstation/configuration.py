@@ -47,8 +47,13 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
     def with_mission(self, file: str) -> "Configuration":
         """The same with a mission file as the one opened last."""
-        missions = (file, *(mission for mission in self.session.missions if mission != file))[:RECENT_KEPT]
+        missions = with_recent(self.session.missions, file)
         return msgspec.structs.replace(self, session=msgspec.structs.replace(self.session, missions=missions))
+
+
+def with_recent(missions: tuple[str, ...], file: str) -> tuple[str, ...]:
+    """Mission files, the last one first, with one that has just been opened."""
+    return (file, *(mission for mission in missions if mission != file))[:RECENT_KEPT]
 
 
 class ConfigurationFile:
@@ -117,6 +122,13 @@ def default_path(environment: Mapping[str, str] = os.environ) -> Path:
     base = environment.get("XDG_CONFIG_HOME", "")
     folder = Path(base) if base.startswith("/") else Path(environment.get("HOME", "~")).expanduser() / ".config"
     return folder / "gloc3" / "station.toml"
+
+
+def unsaved_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Where changes of missions are put that were not saved when the station closed: the XDG folder of states."""
+    base = environment.get("XDG_STATE_HOME", "")
+    home = Path(environment.get("HOME", "~")).expanduser()
+    return (Path(base) if base.startswith("/") else home / ".local" / "state") / "gloc3" / "unsaved"
 
 
 def _checked(data: dict[str, Any], text: str, file: str) -> Configuration:

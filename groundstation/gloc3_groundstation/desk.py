@@ -13,6 +13,7 @@ from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.fleet_desk import FleetDesk, LinkKeeper
 from gloc3_groundstation.flights import End, Follower
+from gloc3_groundstation.mission_desk import MissionDesk
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.services_desk import ServicesDesk
 from gloc3_groundstation.snapshots import PlatformSnapshot
@@ -57,11 +58,16 @@ class Desk:
         self.station: Final = station
         self.events: Final = events or EventsDesk(station)
         self.fleet: Final = FleetDesk(self, links)
-        self.plan: Final = plan
+        self.missions: Final = MissionDesk(station, plan)
         self.services: Final = services or ServicesDesk(station)
-        self._streamed: dict[str, int] = {}
+        self._streamed: dict[str, tuple[int, str]] = {}
         self._held_s: dict[str, float] = {}
         self._alerts = Alerts()
+
+    @property
+    def plan(self) -> Plan | None:
+        """The mission at hand; None without one, or while it may not fly."""
+        return self.missions.plan
 
     def alerts(self) -> Alerts:
         """What the operator has to take note of, as it is now."""
@@ -89,7 +95,7 @@ class Desk:
 
     def has_streamed(self, platform: PlatformSnapshot) -> bool:
         """Whether the mission at hand was brought to this life of the platform."""
-        return self._streamed.get(platform.name) == platform.boot
+        return self.plan is not None and self._streamed.get(platform.name) == (platform.boot, self.plan.text)
 
     async def make(self, name: str, move: Move) -> None:
         """Asks a platform for something."""
@@ -105,13 +111,14 @@ class Desk:
 
     async def stream(self, name: str) -> bool:
         """Takes control and brings the mission at hand over."""
-        if self.plan is None:
+        plan = self.plan
+        if plan is None:
             return False
-        if not await self._do(name, "stream", flights.stream(self.station, name, self.plan)):
+        if not await self._do(name, "stream", flights.stream(self.station, name, plan)):
             return False
         platform = self.station.fleet.get(name)
         if platform is not None:
-            self._streamed[name] = platform.boot
+            self._streamed[name] = platform.boot, plan.text
         return True
 
     async def start(self, name: str) -> Follower | None:

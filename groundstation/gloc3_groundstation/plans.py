@@ -7,7 +7,7 @@ import msgspec
 
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checker import Circumstances, Report, check_text
-from gloc3.mission.examples import find_mission
+from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.platform import Platform, find_platform, load_platform
 
@@ -20,6 +20,8 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     title: str
     """What the mission calls itself."""
     text: str
+    file: str = ""
+    """Where it is saved; empty for an example, and for what was made of another program's file."""
     converted_from: str = ""
     """The other program's file that it was made of; empty for a mission file."""
     warnings: tuple[str, ...] = ()
@@ -45,6 +47,8 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
     plan = _plan(check_text(text, file, Circumstances(platform=known)), left_out)
     if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         plan = msgspec.structs.replace(plan, converted_from=str(path))
+    elif path not in example_missions().values():
+        plan = msgspec.structs.replace(plan, file=str(path.absolute()))
     return plan if known is not None else msgspec.structs.replace(plan, warnings=())
 
 

@@ -15,7 +15,7 @@ from gloc3.messages import Severity
 from gloc3.narrate import narrate
 from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
-from gloc3_groundstation.configuration import Configuration
+from gloc3_groundstation.configuration import Configuration, unsaved_folder
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.headless import Headless
@@ -131,6 +131,9 @@ class Session:
             end = await app.run_async()
             if not keep(app.configuration()) and not self._problem:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
+            kept = app.desk.missions.keep_unsaved(unsaved_folder())
+            if kept is not None:
+                narrate(f"the changes that were not saved are in {kept}")
             for line in _summary(station):
                 narrate(line)
             if end is None:

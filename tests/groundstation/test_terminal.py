@@ -142,7 +142,7 @@ async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere(
         screen = here.app.screen
         assert isinstance(screen, HelpScreen)
         said = "\n".join(text_of(line) for line in screen.query_one(Panel).lines)
-        assert "a         Abort: cancels all actions, then flies on_failure; asks" in said
+        assert "a         Abort: cancels it, then flies on_failure; asks first" in said
         assert "space     HOLD: the vehicle holds at once" in said
         assert "1         Overview: is everything all right?" in said
         await here.press("escape")

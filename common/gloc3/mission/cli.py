@@ -15,8 +15,9 @@ from gloc3.mission.formats import (
     MISSION_SUFFIXES,
     PLAN_SUFFIXES,
     WPL_SUFFIXES,
-    from_mission,
+    exported,
     load_plan,
+    lost_in_waypoints,
     mission_text,
     to_mission,
     write_plan,
@@ -24,7 +25,6 @@ from gloc3.mission.formats import (
 )
 from gloc3.mission.reader import Surroundings, load_mission
 from gloc3.mission.show import drawing, mermaid
-from gloc3.mission.writer import write_mission
 from gloc3.platform import Platform, load_platform
 
 app = App(name="gloc3 mission", help="Check, show and convert mission files.", version_flags=[])
@@ -124,23 +124,15 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
 
 
 def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
-    warnings: list[Finding] = []
-    limit_m_s = platform.limits.speed_m_s if platform is not None else None
-    if source.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
-        plan = load_plan(source)
-        if suffix in MISSION_SUFFIXES:
-            return to_mission(plan, source.stem, str(source), limit_m_s)
-    else:
-        mission = load_mission(str(source), Surroundings.of(platform))
-        if suffix in MISSION_SUFFIXES:
-            return write_mission(mission), []
-        plan, warnings = from_mission(mission, str(source))
+    if source.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        return exported(load_mission(str(source), Surroundings.of(platform)), suffix, str(source))
+    plan = load_plan(source)
+    if suffix in MISSION_SUFFIXES:
+        limit_m_s = platform.limits.speed_m_s if platform is not None else None
+        return to_mission(plan, source.stem, str(source), limit_m_s)
     if suffix in PLAN_SUFFIXES:
-        return write_plan(plan), warnings
-    if plan.fence or plan.rally:
-        message = "the fence and rally points have no place in a file of waypoints"
-        warnings.append(Finding(file=str(source), message=message, hint="convert it to .plan", is_warning=True))
-    return write_wpl(plan), warnings
+        return write_plan(plan), []
+    return write_wpl(plan), lost_in_waypoints(plan, str(source))
 
 
 def _platform(name: str | None) -> Platform | None:

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
+from hashlib import blake2s
 from typing import Annotated, Any, Final, Literal
 
 import msgspec
@@ -176,6 +178,12 @@ class Mission:
 def attempts(options: ItemFile) -> int:
     """How often an item is started at most: once, and its retries."""
     return 1 + (options.retries or (1 if options.on_failure is Policy.RETRY else 0))
+
+
+@lru_cache(maxsize=16)
+def digest_of(text: str) -> str:
+    """A short digest of a mission's text, by which a station tells whether the platform holds the one it knows."""
+    return blake2s(text.encode(), digest_size=6).hexdigest()
 
 
 def where_of(target: str) -> Where:

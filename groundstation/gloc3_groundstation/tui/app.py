@@ -19,7 +19,13 @@ from gloc3_groundstation.tui.help import help_for
 from gloc3_groundstation.tui.in_view import InView
 from gloc3_groundstation.tui.keys import GENERAL_KEYS
 from gloc3_groundstation.tui.palette import StationCommands
-from gloc3_groundstation.tui.questions import ABORT_QUESTION, LEAVE_QUESTION, EmergencyQuestion, Question
+from gloc3_groundstation.tui.questions import (
+    ABORT_QUESTION,
+    LEAVE_QUESTION,
+    UNSAVED_QUESTION,
+    EmergencyQuestion,
+    Question,
+)
 from gloc3_groundstation.tui.screen import LookAt, StationScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import THEMES, offer_themes
@@ -69,12 +75,13 @@ class StationApp(App[End | None]):
         super().__init__(ansi_color=True if is_monochrome else None)
         self.desk: Final = desk
         self._configuration = configuration
+        desk.missions.recent = configuration.session.missions
         self._is_monochrome = is_monochrome
         self._in_view = InView(platform, configuration.session.platform)
         self._waiting_for = waiting_for
         self._is_starting = is_starting
         self._is_closing = is_closing
-        self._has_begun = False
+        self._has_begun = desk.plan is None  # what is opened later is brought over when the operator says so
         self._was_possible: object = None
 
     def on_mount(self) -> None:
@@ -99,7 +106,8 @@ class StationApp(App[End | None]):
         """What is to be found again next time."""
         screen = self.base.row.name if self.base is not None else self._configuration.session.screen
         theme = self._configuration.theme if self._is_monochrome else cast("ThemeName", self.theme)
-        session = replace(self._configuration.session, platform=self._in_view.name, screen=screen)
+        last = self._configuration.session
+        session = replace(last, platform=self._in_view.name, screen=screen, missions=self.desk.missions.recent)
         return replace(self._configuration, theme=theme, session=session)
 
     # --- what is shown ---
@@ -221,12 +229,15 @@ class StationApp(App[End | None]):
         self.push_screen(EmergencyQuestion(platform.name), chosen)
 
     def action_leave(self) -> None:
-        """Closes; asks first while this station holds control of an armed vehicle."""
-        armed = self.desk.armed_in_our_control()
-        if not armed:
+        """Closes; asks first while this station holds control of an armed vehicle, or a mission is not saved."""
+        armed, draft = self.desk.armed_in_our_control(), self.desk.missions.draft
+        questions = [LEAVE_QUESTION.format(", ".join(armed))] if armed else []
+        if draft is not None and self.desk.missions.has_unsaved:
+            questions.append(UNSAVED_QUESTION.format(draft.name))
+        if not questions:
             self.exit(None)
         else:
-            self.confirm(LEAVE_QUESTION.format(", ".join(armed)), "quit", lambda: self.exit(None))
+            self.confirm("\n\n".join(questions), "quit", lambda: self.exit(None))
 
     def action_interrupt(self) -> None:
         """Closes at once, asking nothing: Ctrl-C, or a signal to the process."""

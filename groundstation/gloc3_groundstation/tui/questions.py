@@ -14,6 +14,7 @@ ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled, th
 LEAVE_QUESTION: Final = (
     "{} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."
 )
+UNSAVED_QUESTION: Final = "{} has changes that are not saved. They are put beside the station's own files."
 
 
 class Question(ModalScreen[bool]):

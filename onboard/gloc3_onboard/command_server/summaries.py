@@ -1,18 +1,23 @@
 """The vehicle and the mission at a glance, for the stations."""
 
 import math
-from functools import lru_cache
-from hashlib import blake2s
+from typing import Final
 
 from gloc3.ci import MissionSummary, VehicleSummary
 from gloc3.frames import TangentPlane, yaw_of
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.formats.from_mission import fence_areas
-from gloc3.mission.model import GEO
+from gloc3.mission.model import GEO, digest_of
+from gloc3.mission.states import ActionState
 from gloc3.platform import Platform
 from gloc3.vehicle import GeoArea, GeoFence
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.motion import local_frame
+
+REASONS_MAX: Final = 6
+"""Tasks and actions whose reason is told at most."""
+REASON_MAX: Final = 120
+"""Characters of a reason that are told."""
 
 
 def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
@@ -21,9 +26,12 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
         return MissionSummary(name="", digest="", state="")
     states = {target: str(state) for target, state in executor.states().items()}
     progress = {target: round(share, 2) for target, share in executor.progress().items()}
+    reasons = _reasons(executor)
     program = executor.mission
     if program is None:
-        return MissionSummary(name="", digest="", state="", tasks=states, progress=progress, policy=executor.policy)
+        return MissionSummary(
+            name="", digest="", state="", tasks=states, progress=progress, policy=executor.policy, reasons=reasons
+        )
     return MissionSummary(
         name=program.mission.name,
         digest=digest_of(program.mission.text),
@@ -32,7 +40,15 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
         tasks=states,
         progress=progress,
         policy=executor.policy,
+        reasons=reasons,
     )
+
+
+def _reasons(executor: MissionExecutor) -> dict[str, str]:
+    """Why tasks and actions failed, or wait for something else than their turn; short, since all of it goes by radio."""
+    items = [item for program in executor.board.programs.values() for item in program.items() if item.reason]
+    told = [item for item in items if item.state in (ActionState.FAILED, ActionState.WAITING)]
+    return {item.target: item.reason[:REASON_MAX] for item in told[:REASONS_MAX]}
 
 
 def geofence_of(executor: MissionExecutor | None) -> GeoFence:
@@ -45,12 +61,6 @@ def geofence_of(executor: MissionExecutor | None) -> GeoFence:
         for area in fence_areas(mission.geofence)
     ]
     return GeoFence(digest=digest_of(mission.text), areas=areas)
-
-
-@lru_cache(maxsize=8)
-def digest_of(text: str) -> str:
-    """A short digest of a mission's text."""
-    return blake2s(text.encode(), digest_size=6).hexdigest()
 
 
 def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> VehicleSummary:

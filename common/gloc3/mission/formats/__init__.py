@@ -13,6 +13,8 @@ from gloc3.mission.formats.plan_source import MAX_BYTES
 from gloc3.mission.formats.plan_writer import write_plan
 from gloc3.mission.formats.to_mission import to_mission
 from gloc3.mission.formats.wpl import read_wpl, write_wpl
+from gloc3.mission.model import Mission
+from gloc3.mission.writer import write_mission
 
 PLAN_SUFFIXES: Final = (".plan",)
 WPL_SUFFIXES: Final = (".waypoints", ".txt", ".wpl", ".mission")
@@ -20,6 +22,7 @@ MISSION_SUFFIXES: Final = (".yaml", ".yml")
 
 __all__ = [
     "Plan",
+    "exported",
     "from_mission",
     "load_plan",
     "mission_text",
@@ -68,3 +71,37 @@ def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, 
             raise InputError([finding]) from error
     text, warnings = to_mission(load_plan(path), path.stem, str(path), speed_limit_m_s)
     return str(path), text, warnings
+
+
+def exported(mission: Mission, suffix: str, file: str) -> tuple[str, list[Finding]]:
+    """A mission as a file of another kind.
+
+    Args:
+        mission: what was read.
+        suffix: of the file that is made.
+        file: what the findings call the mission.
+
+    Returns:
+        The text, and warnings about what the other kind of file cannot carry.
+
+    Raises:
+        InputError: it cannot be expressed there; with the reasons.
+    """
+    if suffix in MISSION_SUFFIXES:
+        return write_mission(mission), []
+    known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
+    if suffix not in known:
+        hint = f"known: {', '.join(known)}"
+        raise InputError([Finding(file=file, message=f"unknown kind of file {suffix!r}", hint=hint)])
+    plan, warnings = from_mission(mission, file)
+    if suffix in PLAN_SUFFIXES:
+        return write_plan(plan), warnings
+    return write_wpl(plan), [*warnings, *lost_in_waypoints(plan, file)]
+
+
+def lost_in_waypoints(plan: Plan, file: str) -> list[Finding]:
+    """What of a plan a file of waypoints cannot carry."""
+    if not (plan.fence or plan.rally):
+        return []
+    message = "the fence and rally points have no place in a file of waypoints"
+    return [Finding(file=file, message=message, hint="convert it to .plan", is_warning=True)]

@@ -1,29 +1,310 @@
-"""The mission of the vehicle in view, task by task."""
+"""The mission: its order as a graph with live states, its text with what is wrong in it, and the keys that steer it."""
 
+from typing import ClassVar, Final
+
+from textual import on
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.timer import Timer
+from textual.widgets import TextArea
 
-from gloc3_groundstation.tui.keys import MISSION_KEYS
+from gloc3.ci import MissionSummary, Verb
+from gloc3.mission.states import ActionState
+from gloc3_groundstation.missions.outline import Outline
+from gloc3_groundstation.missions.verbs import legal_verbs
+from gloc3_groundstation.tui.dialogues.single_action import SingleAction
+from gloc3_groundstation.tui.graph_panel import GraphPanel
+from gloc3_groundstation.tui.mission_files import MissionFiles
+from gloc3_groundstation.tui.mission_text import MissionText
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import ABORT_QUESTION, Question
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
-from gloc3_groundstation.tui.views.mission import mission_lines, mission_title
+from gloc3_groundstation.tui.views.mission_detail import (
+    detail_lines,
+    detail_title,
+    nothing_lines,
+    position_line,
+    text_line,
+)
+from gloc3_groundstation.tui.views.mission_graph import mission_graph
+
+CHECKED_AFTER_S: Final = 0.4
+"""After the last key that changed the text it is checked."""
+ITEM_ABORT_QUESTION: Final = "Abort {} on {}?\nIt is cancelled; then the mission's on_failure policy may be flown."
 
 
 class MissionScreen(StationScreen):
-    """Tasks and actions with their states, and the keys that steer them."""
+    """Graph or text of the mission on the vehicle in view, or of the one at hand."""
 
-    HELP = """The mission that is loaded on the vehicle in view: its tasks in order, each with its actions.
+    HELP = """The mission as a graph: each box is a task, in the order in which they run from left to right; in it stand
+    its actions. Those in one lane follow each other, those in lanes side by side may run at the same time. The cursor
+    is on the whole mission, a task or an action, and the keys that pause, resume, skip, retry and abort mean that one.
 
     Start streams the mission at hand first, if that has not been done. Pause ends every motion in a hold; resume goes
-    on from there. Abort cancels all actions, then flies the mission's on_failure policy."""
-    BINDINGS = MISSION_KEYS
+    on from there. Skip leaves out what is named, and what comes after it runs. Abort cancels, then flies the mission's
+    on_failure policy.
+
+    The text is checked while it is typed, for the vehicle in view. Plans of QGroundControl and waypoints become mission
+    YAML when they are opened; saved under a name that ends in .plan or .waypoints it is exported, and what such a file
+    cannot carry is said before. Single actions are asked for beside the mission."""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("s", "app.move('start')", "Start", tooltip="the mission; it is streamed first if need be"),
+        Binding("p", "steer('pause')", "Pause", tooltip="what the cursor is on: the mission, a task or an action"),
+        Binding("r", "steer('resume')", "Resume"),
+        Binding("k", "steer('skip')", "Skip", tooltip="leaves it out; what comes after it runs"),
+        Binding("t", "steer('retry')", "Try again", tooltip="what has failed"),
+        Binding("a", "steer('abort')", "Abort", tooltip="cancels it, then flies on_failure; asks first"),
+        Binding("o", "open", "Open", tooltip="a mission file, a plan, waypoints or an example"),
+        Binding("e", "text", "Edit", tooltip="the text of the mission at hand, and what is wrong in it"),
+        Binding("u", "app.move('stream')", "Upload", tooltip="streams the mission at hand"),
+        Binding("d", "single", "Do", tooltip="a single action, beside the mission"),
+        Binding("m", "other", "Other", tooltip="the mission on the vehicle, or the one at hand"),
+        Binding("w", "save_as", "Write as", tooltip="saves under another name, or exports (.plan, .waypoints)"),
+        Binding("n", "new", "New", show=False, tooltip="begins a new mission"),
+        Binding("c", "app.move('control')", "Control", tooltip="asks for control of the vehicle in view"),
+        Binding("ctrl+@,ctrl+space", "hold", "HOLD", key_display="^space", tooltip="while typing too"),
+        Binding("escape", "graph", "Graph", tooltip="back from the text"),
+        Binding("ctrl+s", "save", "Save", key_display="^s"),
+        Binding("ctrl+n", "finding(1)", "Next finding", key_display="^n"),
+        Binding("ctrl+b", "finding(-1)", "Finding before", key_display="^b"),
+    ]
+    AUTO_FOCUS = "#graph"
+
+    _is_text = False
+    _shown: str = ""
+    """What the operator wants to see: `loaded`, `at hand`, or empty for what matters most."""
+    _timer: Timer | None = None
+    _is_checking = False
+    _was_possible: object = None
 
     def body(self) -> ComposeResult:
-        """One panel."""
-        yield Panel(id="mission")
+        """Graph and detail; text and findings."""
+        yield Panel(id="position", classes="plain line", can_focus=False)
+        yield GraphPanel(id="graph", classes="plain")
+        yield Panel(id="detail", can_focus=False)
+        yield MissionText(id="text")
 
     def look(self, view: View) -> None:
-        """Fills it."""
-        mission = self.panel("mission")
-        lines = mission_lines(view.platform, view.plan, view.now_s, mission.width - 1)
-        mission.show(lines, mission_title(view.platform, view.now_s))
+        """Fills what is shown."""
+        missions, draft = self.desk.missions, self.desk.missions.draft
+        name = view.platform.name if view.platform is not None else None
+        told, outline = self._mission(view)
+        is_loaded = told is not None
+        is_at_hand = missions.is_at_hand(told)
+        if not self._is_text:
+            line = position_line(draft, view.platform, self.size.width, is_loaded=is_loaded, is_at_hand=is_at_hand)
+        else:
+            line = text_line(draft)
+        self.panel("position").show([line])
+        if self._is_text and draft is not None:
+            text = self.query_one(MissionText)
+            text.look(draft, is_checking=self._is_checking, is_wide=self.has_class("-wide"))
+        else:
+            self._look_at_graph(view, told, outline)
+        if not missions.is_checked_for(name) and not self._is_checking:
+            self._check()
+        if view.platform is not None and missions.lacks_order(view.platform):
+            self.do(missions.learn(view.platform.name))
+        possible = (self._verbs(), self._is_text, draft is not None, is_loaded, is_at_hand, self._target)
+        if possible != self._was_possible:
+            self._was_possible = possible
+            self.refresh_bindings()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offers what makes sense: on the graph what is legal for the item under the cursor, in the text what edits."""
+        draft = self.desk.missions.draft
+        if action in ("graph", "finding", "save", "hold"):
+            is_possible = draft is not None and not draft.is_fixed if action == "save" else True
+            return is_possible or None if self._is_text else False
+        if self._is_text and action in ("steer", "open", "text", "single", "other", "save_as", "new"):
+            return False
+        match action:
+            case "steer":
+                return Verb(str(parameters[0])) in self._verbs() or None
+            case "text" | "save_as":
+                return draft is not None or None
+            case "single":
+                return (self.view is not None and self.view.platform is not None) or None
+            case "other":
+                return self._has_other() or None
+        return True
+
+    # --- which mission is shown ---
+
+    @property
+    def _target(self) -> str:
+        return self.query_one(GraphPanel).chosen if self._is_there else ""
+
+    def _mission(self, view: View) -> tuple[MissionSummary | None, Outline | None]:
+        """The states and the order that are shown: those of the vehicle's mission, or no states and that at hand."""
+        missions = self.desk.missions
+        held = view.platform.mission.value if view.platform is not None and view.platform.mission is not None else None
+        draft = missions.draft
+        is_under_way = held is not None and held.state in (ActionState.RUNNING, ActionState.PAUSED)
+        has_commands = held is not None and bool(held.tasks)
+        is_wanted = self._shown == "loaded" if self._shown else is_under_way
+        if held is not None and has_commands and (is_wanted or draft is None or missions.is_at_hand(held)):
+            return held, missions.outline(held)
+        return None, draft.outline if draft is not None else None
+
+    def _has_other(self) -> bool:
+        view, missions = self.view, self.desk.missions
+        held = view.platform.mission if view is not None and view.platform is not None else None
+        is_held = held is not None and bool(held.value.tasks)
+        return is_held and missions.draft is not None and not missions.is_at_hand(held.value if held else None)
+
+    def _verbs(self) -> frozenset[Verb]:
+        if self.view is None or self._is_text:
+            return frozenset()
+        told, _ = self._mission(self.view)
+        return legal_verbs(told, self._target)
+
+    # --- graph ---
+
+    def _look_at_graph(self, view: View, told: MissionSummary | None, outline: Outline | None) -> None:
+        graph, detail = self.query_one(GraphPanel), self.panel("detail")
+        self.set_class(outline is None, "-nothing")
+        timed = view.platform.mission if view.platform is not None else None
+        is_stale = told is not None and timed is not None and timed.is_stale(view.now_s)
+        if outline is None:
+            graph.show_lines(nothing_lines(self.desk.missions.draft, view.platform, self.desk.missions.recent))
+            return
+        graph.show_graph(mission_graph(outline, told, graph.width, is_stale=is_stale))
+        lines = detail_lines(outline, told, graph.chosen, detail.width - 1)
+        detail.show(lines, detail_title(outline, graph.chosen))
+        detail.styles.height = max(3, min(len(lines) + 1, self.query_one("#body").size.height // 2))
+
+    @on(GraphPanel.Moved)
+    def tell(self) -> None:
+        """Tells what is under the cursor."""
+        self.look_again()
+
+    def action_steer(self, verb: str) -> None:
+        """Does something to what the cursor is on; before an abort the operator is asked."""
+        platform = self.view.platform if self.view is not None else None
+        if platform is None:
+            return
+        name, target = platform.name, self._target
+
+        def steer() -> None:
+            self.do(self.desk.missions.steer(name, Verb(verb), target))
+
+        if verb != Verb.ABORT:
+            steer()
+            return
+        question = ITEM_ABORT_QUESTION.format(target, name) if target else ABORT_QUESTION.format(name)
+        self.app.push_screen(Question(question, "abort"), lambda answer: steer() if answer else None)
+
+    def action_other(self) -> None:
+        """Shows the other mission."""
+        if self.view is not None:
+            told, _ = self._mission(self.view)
+            self._shown = "at hand" if told is not None else "loaded"
+            self.look_again()
+
+    def action_single(self) -> None:
+        """Asks for a single action."""
+        if self.view is not None and self.view.platform is not None:
+            self._shown = "loaded"
+            self.app.push_screen(SingleAction(self.desk.missions, self.view.platform.name))
+
+    # --- text ---
+
+    def action_text(self) -> None:
+        """Shows the text of the mission at hand, at the first thing that is wrong in it."""
+        draft = self.desk.missions.draft
+        if draft is None:
+            return
+        self._is_text = True
+        self.add_class("-text")
+        self.look_again()
+        text = self.query_one(MissionText)
+        text.editor.focus()
+        if draft.errors:
+            self.call_after_refresh(text.point_at, 0)
+        self.refresh_bindings()
+
+    def action_graph(self) -> None:
+        """Back to the graph."""
+        self._is_text = False
+        self.remove_class("-text")
+        if self.desk.missions.has_unsaved:
+            self._shown = "at hand"
+        self.query_one(GraphPanel).focus()
+        self.look_again()
+        self.refresh_bindings()
+
+    def action_hold(self) -> None:
+        """The emergency key as it is while typing; the app takes it first, and it stands in the line of keys."""
+
+    def action_finding(self, step: int) -> None:
+        """Goes from finding to finding."""
+        self.query_one(MissionText).go_on(step)
+
+    @on(TextArea.Changed, "#editor")
+    def typed(self, event: TextArea.Changed) -> None:
+        """Takes the text over; it is checked when nothing more is typed for a moment."""
+        draft = self.desk.missions.draft
+        if draft is None or draft.is_fixed or event.text_area.text == draft.text:
+            return
+        self.desk.missions.edit(event.text_area.text)
+        self._is_checking = True
+        if self._timer is not None:
+            self._timer.stop()
+        self._timer = self.set_timer(CHECKED_AFTER_S, self._check)
+        self.look_again()
+
+    def _check(self) -> None:
+        """Checks the mission at hand, on a thread: a long one takes a while."""
+        self._is_checking = True
+
+        async def check() -> None:
+            self._is_checking = not await self.desk.missions.check(self._vehicle())
+            self.look_again()
+
+        self.run_worker(check(), exclusive=True, group="check", exit_on_error=True)
+
+    # --- open and save ---
+
+    def action_open(self) -> None:
+        """Opens another mission; what is not saved is asked about first."""
+        self._files.choose(lambda file: self.do(self.open(file)))
+
+    def action_new(self) -> None:
+        """Begins a new mission."""
+
+        def begin() -> None:
+            self.desk.missions.begin(self._vehicle())
+            self.query_one(MissionText).forget()
+            self.action_text()
+
+        self._files.when_saved(begin)
+
+    def action_save(self) -> None:
+        """Saves where it came from."""
+        self._files.save(self.look_again)
+
+    def action_save_as(self) -> None:
+        """Saves under another name, or exports."""
+        self._files.save_as(self.look_again)
+
+    async def open(self, file: str) -> None:
+        """Opens a file; one with errors is shown as text, at the first of them."""
+        missions = self.desk.missions
+        if not await missions.open(file, self._vehicle()) or missions.draft is None:
+            self.look_again()
+            return
+        self.query_one(MissionText).forget()
+        self._shown, self._is_checking = "at hand", False
+        if missions.draft.errors:
+            self.action_text()
+        else:
+            self.action_graph()
+
+    @property
+    def _files(self) -> MissionFiles:
+        return MissionFiles(self.app, self.desk.missions, self._vehicle)
+
+    def _vehicle(self) -> str | None:
+        return self.view.platform.name if self.view is not None and self.view.platform is not None else None

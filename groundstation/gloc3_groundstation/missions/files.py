@@ -1,0 +1,112 @@
+"""Folders and mission files, for the one who looks for a mission to open."""
+
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.mission.examples import example_missions
+from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES
+
+LISTED_MAX: Final = 2000
+"""Entries of a folder that are listed."""
+KINDS: Final = {
+    **dict.fromkeys(MISSION_SUFFIXES, "mission"),
+    **dict.fromkeys(PLAN_SUFFIXES, "QGroundControl plan"),
+    **dict.fromkeys(WPL_SUFFIXES, "waypoints"),
+}
+
+
+class Group(StrEnum):
+    """Where an entry comes from."""
+
+    RECENT = "opened lately"
+    EXAMPLE = "examples"
+    FOLDER = "folder"
+
+
+class Entry(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that can be opened."""
+
+    group: Group
+    name: str
+    path: str
+    kind: str
+    """In words; `folder` for one that is gone into."""
+    size: int = 0
+    """Bytes."""
+
+    @property
+    def is_folder(self) -> bool:
+        """Whether opening it lists it."""
+        return self.kind == "folder"
+
+
+class Listing(msgspec.Struct, frozen=True, kw_only=True):
+    """A folder's missions and folders."""
+
+    folder: str
+    entries: tuple[Entry, ...] = ()
+    problem: str = ""
+    """Why it could not be listed."""
+
+
+def listing(folder: Path) -> Listing:
+    """The folders, then the files that can be opened, by name; the folder above comes first."""
+    above = [Entry(group=Group.FOLDER, name="..", path=str(folder.parent), kind="folder")]
+    if folder.parent == folder:
+        above = []
+    try:
+        found = sorted(_entries(folder), key=lambda entry: (not entry.is_folder, entry.name.lower(), entry.name))
+    except OSError as error:
+        return Listing(folder=str(folder), entries=tuple(above), problem=(error.strerror or str(error)).lower())
+    problem = f"only the first {LISTED_MAX} are listed" if len(found) > LISTED_MAX else ""
+    return Listing(folder=str(folder), entries=(*above, *found[:LISTED_MAX]), problem=problem)
+
+
+def start_entries(recent: Sequence[str]) -> tuple[Entry, ...]:
+    """What can be opened without looking for it: missions opened lately that are still there, and the examples."""
+    examples = example_missions()
+    lately = [
+        Entry(group=Group.RECENT, name=Path(name).name, path=name, kind=KINDS.get(Path(name).suffix, "mission"))
+        for name in recent
+        if name not in examples and _is_file(Path(name))
+    ]
+    return (
+        *lately,
+        *(Entry(group=Group.EXAMPLE, name=name, path=name, kind="example") for name in examples),
+    )
+
+
+def matching(entries: Sequence[Entry], typed: str) -> tuple[Entry, ...]:
+    """The entries whose name holds what was typed, those that begin with it first."""
+    wanted = typed.strip().lower()
+    if not wanted:
+        return tuple(entries)
+    kept = [entry for entry in entries if wanted in entry.name.lower() and entry.name != ".."]
+    return tuple(
+        sorted(kept, key=lambda entry: (entry.group is Group.FOLDER, not entry.name.lower().startswith(wanted)))
+    )
+
+
+def _entries(folder: Path) -> Iterator[Entry]:
+    for path in folder.iterdir():
+        if path.name.startswith("."):
+            continue
+        try:
+            if path.is_dir():
+                yield Entry(group=Group.FOLDER, name=path.name, path=str(path), kind="folder")
+            elif path.suffix in KINDS and path.is_file():
+                size = path.stat().st_size
+                yield Entry(group=Group.FOLDER, name=path.name, path=str(path), kind=KINDS[path.suffix], size=size)
+        except OSError:
+            continue
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

@@ -1,0 +1,180 @@
+"""Forms for the arguments of an action: typed fields with unit, bounds and default, and what was typed as values."""
+
+import re
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.component_description import FieldLine, fields_of
+from gloc3.document import parse
+from gloc3.errors import Gloc3Error, InputError
+from gloc3.mission.arguments import Arguments, argument_kinds
+from gloc3.platform import Capability, Platform
+
+UNITS: Final = {"_m_s": "m/s", "_m_s2": "m/s²", "_m": "m", "_s": "s", "_deg": "°"}
+PAIRS: Final = {"waypoints_m": "waypoints", "position_m": "position", "at_m": "at"}
+"""Arguments in a local frame, and those that stand for them in frame geo."""
+
+
+class Shape(StrEnum):
+    """How a field is typed."""
+
+    VALUE = "value"
+    POSITION = "position"
+    POSITIONS = "positions"
+
+
+class Field(msgspec.Struct, frozen=True, kw_only=True):
+    """One argument."""
+
+    name: str
+    label: str
+    unit: str = ""
+    shape: Shape = Shape.VALUE
+    hint: str = ""
+    """What is typed, with its bounds."""
+    doc: str = ""
+    default: str = ""
+    """As it would be typed; empty where a value must be given, or nothing is the default."""
+    is_required: bool = False
+    choices: tuple[str, ...] = ()
+    """The values that are possible, where they are few."""
+
+
+class Form(msgspec.Struct, frozen=True, kw_only=True):
+    """All arguments of a capability."""
+
+    capability: str
+    doc: str
+    fields: tuple[Field, ...]
+    claims: tuple[str, ...] = ()
+
+
+class FormError(Gloc3Error):
+    """What was typed is no value; `field` is the argument's name, empty where all of them together are meant."""
+
+    def __init__(self, field: str, reason: str) -> None:
+        super().__init__(reason)
+        self.field: Final = field
+
+
+def capabilities(platform: Platform | None) -> Mapping[str, Capability]:
+    """What can be asked for, by name: of the platform, or (its file is not here) all that is known."""
+    if platform is not None:
+        return platform.capabilities
+    return {name: Capability(arguments=name, performed_by="") for name in argument_kinds() if name != "wait"}
+
+
+def form_for(capability: str, row: Capability, *, is_geo: bool) -> Form:
+    """The form of a capability.
+
+    Args:
+        capability: its name.
+        row: what the platform says of it.
+        is_geo: positions are latitude, longitude and height; otherwise x, y and height in a local frame.
+    """
+    kind = argument_kinds().get(row.arguments)
+    if kind is None:
+        return Form(capability=capability, doc="its arguments are not known here", fields=(), claims=row.claims)
+    unwanted = set(PAIRS) if is_geo else set(PAIRS.values())
+    shown = [line for line in fields_of(kind) if line.name not in unwanted]
+    fields = [_field(line, row.options.get(line.name, ()), is_geo=is_geo) for line in shown]
+    fields.sort(key=lambda field: not field.is_required)
+    return Form(capability=capability, doc=_first_line(kind), fields=tuple(fields), claims=row.claims)
+
+
+def arguments_of(form: Form, row: Capability, typed: Mapping[str, str]) -> dict[str, Any]:
+    """The arguments as in a mission file; what was left empty has its default.
+
+    Raises:
+        FormError: something does not fit; with the field.
+    """
+    found: dict[str, Any] = {}
+    for field in form.fields:
+        text = typed.get(field.name, "").strip()
+        if not text:
+            if field.is_required:
+                raise FormError(field.name, f"{field.label} must be given")
+            continue
+        found[field.name] = _value(field, text)
+    kind = argument_kinds().get(row.arguments, Arguments)
+    try:
+        msgspec.convert(found, kind)
+    except msgspec.ValidationError as error:
+        message, _, path = str(error).partition(" - at `$")
+        name = re.match(r"\.?(\w*)", path)
+        raise FormError(name.group(1) if name else "", _plain(message)) from None
+    return found
+
+
+def _field(line: FieldLine, options: tuple[str, ...], *, is_geo: bool) -> Field:
+    suffix = max((one for one in UNITS if line.name.endswith(one)), key=len, default="")
+    name, place = line.name, "latitude, longitude, height" if is_geo else "x, y, height"
+    shape, hint = Shape.VALUE, line.bounds
+    if name in ("waypoints_m", "waypoints"):
+        shape, hint = Shape.POSITIONS, f"{place}; {place}; …"
+    elif name in (*PAIRS, *PAIRS.values()):
+        shape, hint = Shape.POSITION, place.removesuffix(", height") if name in ("at_m", "at") else place
+    elif name == "heading":
+        hint = f"along, hold, degrees, or {{look_at: [{place}]}}"
+    choices = options or tuple(re.findall(r"'([^']*)'", line.type)) if name != "heading" else ()
+    default = "" if line.default is None else str(line.default)
+    return Field(
+        name=name,
+        label=name.removesuffix(suffix).replace("_", " "),
+        unit=UNITS.get(suffix, "") if shape is Shape.VALUE else "",
+        shape=shape,
+        hint=" | ".join(choices) if choices else hint.replace(">= ", "≥ ").replace("<= ", "≤ "),
+        doc=_plain_doc(line.doc) if shape is Shape.VALUE and name != "heading" else "",
+        default=default or (choices[0] if len(choices) == 1 else ""),
+        is_required=line.is_required or (shape is not Shape.VALUE and name not in ("at_m", "at")),
+        choices=choices,
+    )
+
+
+def _value(field: Field, text: str) -> Any:
+    """What was typed, read as in a mission file; positions need no brackets."""
+    match field.shape:
+        case Shape.POSITION:
+            return _position(field, text)
+        case Shape.POSITIONS if not text.startswith("["):
+            return [_position(field, part) for part in text.split(";") if part.strip()]
+    try:
+        return parse(f"value: {text}", field.name).value["value"]
+    except InputError as error:
+        raise FormError(field.name, error.findings[0].message) from None
+
+
+def _position(field: Field, text: str) -> list[float]:
+    parts = text.strip().strip("[]").replace(",", " ").split()
+    wanted = 2 if field.name in ("at_m", "at") else 3
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        raise FormError(field.name, f"{text.strip()!r} is no position: {wanted} numbers") from None
+    if len(numbers) != wanted:
+        raise FormError(field.name, f"{text.strip()!r}: {len(numbers)} numbers where {wanted} are needed")
+    return numbers
+
+
+def _plain(message: str) -> str:
+    words = {
+        "`float`": "a number",
+        "`int`": "a whole number",
+        "`str`": "text",
+        "`array`": "a list",
+        "`object`": "a mapping",
+    }
+    for technical, plain in words.items():
+        message = message.replace(technical, plain)
+    return message[:1].lower() + message[1:]
+
+
+def _plain_doc(doc: str) -> str:
+    return doc.replace("`", "").replace("None for", "empty for").replace("None:", "empty:")
+
+
+def _first_line(kind: type[Arguments]) -> str:
+    return (kind.__doc__ or "").strip().partition("\n")[0].partition(";")[0]

@@ -1,0 +1,153 @@
+"""What of a mission is drawn and told: its tasks and actions with their order, without positions."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+import msgspec
+
+from gloc3.ci import MissionSummary
+from gloc3.mission.checker import Report
+from gloc3.mission.estimate import Estimate
+from gloc3.mission.model import Action, ItemFile, Mission, Task, digest_of
+from gloc3.mission.show import summary
+from gloc3.platform import Capability
+
+COMMANDS: Final = "command-"
+"""How the platform calls the tasks of single actions that were asked for."""
+
+
+class Step(msgspec.Struct, frozen=True, kw_only=True):
+    """An action."""
+
+    target: str
+    """`TASK.ACTION`."""
+    name: str
+    what: str = ""
+    """Its capability and arguments in a few words."""
+    after: tuple[str, ...] = ()
+    """The names of the actions of its task that come before it."""
+    until: str = ""
+    """The action with whose end it ends."""
+    terms: tuple[str, ...] = ()
+    """What else is said of it: deadline, policy, retries, claims."""
+    capability: str = ""
+    claims: tuple[str, ...] = ()
+    duration_s: float | None = None
+    """By the estimate; None where there is none."""
+
+
+class Stage(msgspec.Struct, frozen=True, kw_only=True):
+    """A task."""
+
+    name: str
+    steps: tuple[Step, ...]
+    after: tuple[str, ...] = ()
+    """The tasks that come before it."""
+    terms: tuple[str, ...] = ()
+
+
+class Outline(msgspec.Struct, frozen=True, kw_only=True):
+    """A mission."""
+
+    title: str
+    stages: tuple[Stage, ...]
+    digest: str = ""
+    """Of its text."""
+    terms: tuple[str, ...] = ()
+    """Its policies."""
+    duration_s: float | None = None
+    is_ordered: bool = True
+    """False where only the names are known: the platform has told its states, and nobody its order yet."""
+
+    def stage(self, name: str) -> Stage | None:
+        """A task by name."""
+        return next((stage for stage in self.stages if stage.name == name), None)
+
+    def step(self, target: str) -> Step | None:
+        """An action by `TASK.ACTION`."""
+        return next((step for stage in self.stages for step in stage.steps if step.target == target), None)
+
+    def targets(self) -> tuple[str, ...]:
+        """All tasks, each followed by its actions."""
+        return tuple(target for stage in self.stages for target in (stage.name, *(one.target for one in stage.steps)))
+
+
+def outline_of(report: Report, capabilities: Mapping[str, Capability]) -> Outline | None:
+    """The outline of a mission that was read, whatever is wrong with it; None where nothing of it can be drawn."""
+    mission = report.mission
+    if mission is None or not mission.tasks:
+        return None
+    figures = report.estimate
+    policies = mission.policies
+    return Outline(
+        title=mission.name,
+        stages=tuple(_stage(task, mission, figures, capabilities) for task in mission.tasks.values()),
+        digest=digest_of(mission.text),
+        terms=(
+            f"on failure {policies.on_failure}",
+            f"link loss {policies.on_link_loss}",
+            f"low battery {policies.on_low_battery}",
+            f"pose lost {policies.on_pose_lost}",
+        ),
+        duration_s=figures.duration_s if figures is not None else None,
+    )
+
+
+def told_outline(mission: MissionSummary, known: Outline | None) -> Outline:
+    """The outline of what a platform tells the states of.
+
+    Args:
+        mission: what the platform tells.
+        known: the outline of the loaded mission, where that is known.
+    """
+    names: dict[str, list[str]] = {}
+    for target in mission.tasks:
+        task, _, action = target.partition(".")
+        names.setdefault(task, []).extend([action] if action else [])
+    stages = known.stages if known is not None else ()
+    listed = {stage.name for stage in stages}
+    others = [
+        Stage(name=task, steps=tuple(Step(target=f"{task}.{action}", name=action) for action in actions))
+        for task, actions in names.items()
+        if task not in listed
+    ]
+    if known is not None:
+        return msgspec.structs.replace(known, stages=(*stages, *others))
+    is_ordered = all(stage.name.startswith(COMMANDS) for stage in others)
+    return Outline(title=mission.name, stages=tuple(others), digest=mission.digest, is_ordered=is_ordered)
+
+
+def _stage(task: Task, mission: Mission, figures: Estimate | None, capabilities: Mapping[str, Capability]) -> Stage:
+    return Stage(
+        name=task.name,
+        after=tuple(name for name in task.options.after if name in mission.tasks),
+        terms=tuple(_terms(task.options)),
+        steps=tuple(_step(task, action, figures, capabilities) for action in task.actions.values()),
+    )
+
+
+def _step(task: Task, action: Action, figures: Estimate | None, capabilities: Mapping[str, Capability]) -> Step:
+    target = f"{task.name}.{action.name}"
+    claims = capabilities[action.capability].claims if action.capability in capabilities else ()
+    part = figures.actions.get(target) if figures is not None else None
+    terms = [*_terms(action.options), *([f"claims {', '.join(claims)}"] if claims else [])]
+    return Step(
+        target=target,
+        name=action.name,
+        what=summary(action),
+        after=tuple(name for name in action.options.after if name in task.actions),
+        until=action.options.until or "",
+        terms=tuple(terms),
+        capability=action.capability,
+        claims=claims,
+        duration_s=part.end_s - part.start_s if part is not None else None,
+    )
+
+
+def _terms(options: ItemFile) -> Iterator[str]:
+    if options.deadline_s is not None:
+        yield f"deadline {options.deadline_s:g} s"
+    if options.on_failure is not None:
+        yield f"on failure {options.on_failure}"
+    if options.retries:
+        yield f"{options.retries} retries"

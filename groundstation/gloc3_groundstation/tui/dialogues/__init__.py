@@ -1,0 +1,1 @@
+"""Dialogues over a screen that ask for more than yes or no."""

@@ -1,0 +1,128 @@
+"""The dialogue that saves or exports a mission: a file's name, and what that kind of file cannot carry."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input
+
+from gloc3.errors import Refused
+from gloc3_groundstation.missions.files import KINDS
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.panel import Panel
+
+Lost = Callable[[Path], tuple[str, ...]]
+"""Tells what a file could not carry; raises `Refused` where it cannot be written at all."""
+Objection = Callable[[Path], str]
+"""Tells why a file should not be written without another word."""
+
+
+Write = Callable[[Path], str]
+"""Writes a file; returns why it could not, or nothing."""
+
+
+class SaveMission(ModalScreen[bool]):
+    """Writes a file, and closes with whether it did."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", "Close")]
+
+    def __init__(self, suggested: Path, lost: Lost, objection: Objection, write: Write) -> None:
+        """A dialogue.
+
+        Args:
+            suggested: the file to begin with.
+            lost: what would be lost.
+            objection: what speaks against it.
+            write: writes it.
+        """
+        super().__init__()
+        self._suggested = suggested
+        self._lost = lost
+        self._objection = objection
+        self._write = write
+        self._warned_of = ""
+
+    def compose(self) -> ComposeResult:
+        """The name, and what is to be said of it."""
+        with Vertical(classes="sheet save"):
+            yield Input(str(self._suggested), id="name", select_on_focus=False)
+            yield Panel(id="said", classes="plain", can_focus=False)
+
+    def on_mount(self) -> None:
+        """Says what this is and how to leave it."""
+        sheet = self.query_one(Vertical)
+        sheet.border_title = "save the mission, or export it"
+        sheet.border_subtitle = "enter writes   esc leaves it"
+
+    def on_resize(self) -> None:
+        """Breaks the lines anew."""
+        self.call_after_refresh(self._tell)
+
+    @on(Input.Changed, "#name")
+    def typed(self) -> None:
+        """Tells of another file."""
+        self._warned_of = ""
+        self._tell()
+
+    @on(Input.Submitted, "#name")
+    def write(self) -> None:
+        """Writes, unless something speaks against it and has not been read yet."""
+        path = self._path()
+        if path is None or self._refusal(path):
+            return
+        if self._objection(path) and self._warned_of != str(path):
+            self._warned_of = str(path)
+            self._tell()
+            return
+        problem = self._write(path)
+        if problem:
+            said = self.query_one("#said", Panel)
+            said.show(_said(f"It was not written: {problem}", Tone.BAD, said.width))
+        else:
+            self.dismiss(True)
+
+    def _path(self) -> Path | None:
+        value = self.query_one(Input).value.strip()
+        return Path(value).expanduser() if value else None
+
+    def _refusal(self, path: Path) -> str:
+        if path.suffix not in KINDS:
+            return f"the name's ending tells the kind of file: {', '.join(KINDS)}"
+        if path.is_dir() or not path.absolute().parent.is_dir():
+            return f"{path} is a folder" if path.is_dir() else f"there is no folder {path.absolute().parent}"
+        try:
+            self._lost(path)
+        except Refused as refusal:
+            return str(refusal)
+        return ""
+
+    def _tell(self) -> None:
+        said = self.query_one("#said", Panel)
+        path = self._path()
+        if path is None:
+            said.show([(Span("a name is needed", Tone.DIM),)])
+            return
+        refusal = self._refusal(path)
+        if refusal:
+            said.show(_said(refusal, Tone.BAD, said.width))
+            return
+        lines: list[Line] = [(Span(f"written as: {KINDS[path.suffix]}", Tone.DIM),)]
+        lost = self._lost(path)
+        if lost:
+            lines += [EMPTY, (Span("This kind of file cannot carry all of it:", Tone.WARN),)]
+            for one in lost:
+                lines += _said(f"- {one}", Tone.TEXT, said.width)
+        objection = self._objection(path)
+        if objection:
+            again = ": enter again overwrites it" if self._warned_of == str(path) else ""
+            lines += [EMPTY, *_said(f"{objection}{again}", Tone.WARN, said.width)]
+        said.show(lines)
+
+
+def _said(text: str, tone: Tone, width: int) -> list[Line]:
+    return [(Span(row, tone),) for row in wrapped(text, max(20, width))]

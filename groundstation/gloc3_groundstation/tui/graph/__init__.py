@@ -1,0 +1,1 @@
+"""Partial orders drawn with box characters: layers from left to right, wires between them, rails inside a box."""

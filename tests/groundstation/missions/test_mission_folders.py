@@ -1,0 +1,28 @@
+"""What the dialogue that opens missions lists."""
+
+from pathlib import Path
+
+from gloc3_groundstation.missions.files import Group, listing, matching, start_entries
+
+
+def test_a_folder_lists_folders_then_missions_and_nothing_else(tmp_path: Path) -> None:
+    for name in ("b.yaml", "A.plan", "wp.waypoints", ".hidden.yaml", "notes.md"):
+        (tmp_path / name).write_text("x" * 3000)
+    (tmp_path / "sub").mkdir()
+    found = listing(tmp_path)
+    assert [entry.name for entry in found.entries] == ["..", "sub", "A.plan", "b.yaml", "wp.waypoints"]
+    assert [entry.kind for entry in found.entries][1:3] == ["folder", "QGroundControl plan"]
+    assert found.entries[2].size == 3000
+    assert [entry.name for entry in matching(found.entries, "B")] == ["b.yaml", "sub"]
+    gone = listing(tmp_path / "none")
+    assert gone.problem
+    assert [entry.name for entry in gone.entries] == [".."]
+    assert ".." not in [entry.name for entry in listing(Path("/")).entries]
+
+
+def test_what_was_opened_lately_and_is_still_there_comes_first(tmp_path: Path) -> None:
+    (tmp_path / "here.yaml").write_text("")
+    entries = start_entries((str(tmp_path / "here.yaml"), str(tmp_path / "gone.yaml"), "hop"))
+    assert [entry.name for entry in entries] == ["here.yaml", "hop", "inspection", "patrol"]
+    assert entries[0].group is Group.RECENT
+    assert [entry.name for entry in matching(entries, "pat")] == ["patrol"]

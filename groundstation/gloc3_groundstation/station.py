@@ -10,6 +10,7 @@ from gloc3.messages import Envelope, Severity
 from gloc3_groundstation import fleet as reducers
 from gloc3_groundstation.command_client import CommandClient
 from gloc3_groundstation.snapshots import Fleet
+from gloc3_groundstation.watcher import Watcher
 
 HELLO_EVERY_S: Final = 3.0
 
@@ -24,6 +25,8 @@ class Station:
         """A station; see `CommandClient` for the arguments."""
         self.fleet = Fleet()
         self.client: Final = CommandClient(exchange, loop, station, boot)
+        self.watcher: Final = Watcher(exchange, loop, self.client)
+        """Looks at topics of platforms, for as long as somebody in the station does."""
         self.now_s: Final[Callable[[], float]] = loop.time
         self.started_s: Final = loop.time()
         self.round_trip_s: Callable[[str], float | None] = lambda _: None
@@ -68,6 +71,7 @@ class Station:
             unsubscribe()
         for task in list(self._tasks):
             task.cancel()
+        self.watcher.close()
         self.client.close()
 
     def _take(self, envelope: Envelope[Any]) -> None:

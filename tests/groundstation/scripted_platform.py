@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import msgspec
+from msgspec.structs import astuple
 
 from gloc3.ci import (
     AnyBody,
@@ -18,6 +19,7 @@ from gloc3.ci import (
     ControlState,
     Health,
     Hello,
+    ListTopics,
     LoadMission,
     MissionSummary,
     Outcome,
@@ -28,9 +30,11 @@ from gloc3.ci import (
     TableRow,
     VehicleSummary,
     Verb,
+    Watch,
 )
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.messages import Envelope, Message, Severity
+from gloc3.watch import TopicEntry
 
 ROWS = [
     TableRow("autopilot", "SS", 20.0, True, ""),
@@ -95,6 +99,9 @@ class ScriptedPlatform:
         self.mission = MissionSummary(name="", digest="", state="")
         self.control = ControlState(holder="")
         self.states = {row.name: Health.QUIET if row.standby_for else Health.WORKING for row in ROWS}
+        self.topics: list[TopicEntry] = []
+        self.watched = Watch()
+        """What is looked at."""
         self._replies: dict[tuple[str, int, int], CiReply] = {}
         exchange.subscribe(f"{name}/ci/request", self._take)
 
@@ -178,12 +185,26 @@ class ScriptedPlatform:
                 if known is None:
                     return reply_to(request, Outcome.UNKNOWN)
                 return reply_to(request, known.outcome, known.reason, known.text)
+            case ListTopics():
+                return reply_to(request, result={"topics": [list(astuple(entry)) for entry in self.topics]})
+            case Watch():
+                self.watched = request.body
+                refused = {
+                    want.topic: "there is no such topic" for want in request.body.wants if want.topic == "nothing"
+                }
+                return reply_to(request, result={"lease_s": 8.0, "refused": refused})
             case _:
                 pass
         return reply_to(request)
 
 
-def reply_to(request: CiRequest, outcome: Outcome = Outcome.ACCEPTED, reason: str = "", text: str = "") -> CiReply:
+def reply_to(
+    request: CiRequest,
+    outcome: Outcome = Outcome.ACCEPTED,
+    reason: str = "",
+    text: str = "",
+    result: dict[str, Any] | None = None,
+) -> CiReply:
     return CiReply(
         sender=request.sender,
         boot=request.boot,
@@ -191,6 +212,7 @@ def reply_to(request: CiRequest, outcome: Outcome = Outcome.ACCEPTED, reason: st
         outcome=outcome,
         reason=reason,
         text=text,
+        result=result or {},
     )
 
 

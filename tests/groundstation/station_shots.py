@@ -7,8 +7,10 @@ from typing import get_args
 
 from gloc3.ci import ControlState
 from gloc3_groundstation.configuration import Configuration, ThemeName
+from gloc3_groundstation.tui.list_panel import ListPanel
 from gloc3_groundstation.tui.screens.table import SCREENS
 
+from .looked_at import Viewer
 from .scripted_platform import ScriptedPlatform
 from .station_scene import LINKS, Scene, ScriptedLinks, scene, shoot
 
@@ -25,11 +27,14 @@ async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: The
         await here.until("title", "HOLD")
         await here.pilot.pause(0.1)
         await here.trouble_in_flight()
+        viewer = Viewer(here.exchange, here.platform)
         for row in SCREENS:
             if not screens or row.name in screens:
                 await here.go(row.key)
                 if row.name == "fleet":
                     await _several(here)
+                if row.name == "sensors":
+                    await shoot_sensors(here, viewer, out / f"{tag}_picture")
                 here.app.look()
                 await here.pilot.pause()
                 shoot(here.app, out / f"{tag}_{row.name}")
@@ -56,6 +61,22 @@ async def _several(here: Scene) -> None:
     here.platform.control = ControlState(holder="255", requested_by="254")
     here.platform.say("control", here.platform.control)
     await here.press("m")
+
+
+async def shoot_sensors(here: Scene, viewer: Viewer, picture: Path) -> None:
+    """Looks at a camera, of which there is a picture of its own, then at a pose."""
+    await here.until("topics", "pose")
+    for topic in ("camera/ground", "pose"):
+        here.app.screen.query_one("#topics", ListPanel).point_at(topic)
+        await here.wait(lambda topic=topic: topic in [want.topic for want in here.platform.watched.wants])  # type: ignore[misc]
+        viewer.tell_activity()
+        viewer.fly(30.0)
+        await here.pilot.pause(0.5)
+        here.app.look()
+        await here.pilot.pause()
+        if topic == "camera/ground":
+            shoot(here.app, picture)
+    here.app.screen.query_one("#fields", ListPanel).point_at("position_ned_m")
 
 
 if __name__ == "__main__":

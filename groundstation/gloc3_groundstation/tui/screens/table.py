@@ -8,11 +8,13 @@ from gloc3_groundstation.tui.screens.fleet import FleetScreen
 from gloc3_groundstation.tui.screens.health import HealthScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.overview import OverviewScreen
+from gloc3_groundstation.tui.screens.sensors import SensorsScreen
 
 SCREENS: Final = (
     ScreenRow("overview", "1", "Overview", "is everything all right?", OverviewScreen),
     ScreenRow("health", "2", "Health", "every component, and where the data stops", HealthScreen),
     ScreenRow("mission", "3", "Mission", "what is flown: tasks, actions and their states", MissionScreen),
+    ScreenRow("sensors", "7", "Sensors", "any topic of the vehicle: values, plots, pictures", SensorsScreen),
     ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
     ScreenRow("fleet", "0", "Fleet", "all vehicles and links; orders for several; control", FleetScreen),
 )

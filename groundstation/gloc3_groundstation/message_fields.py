@@ -1,0 +1,96 @@
+"""A message as fields in its own order, each with its unit, as the names say it."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+UNITS: Final[Mapping[str, str]] = {
+    "_rad_s2": "rad/s²",
+    "_rad_s": "rad/s",
+    "_m_s2": "m/s²",
+    "_m_s": "m/s",
+    "_n_m": "N m",
+    "_rad": "rad",
+    "_deg": "°",
+    "_percent": "%",
+    "_hz": "Hz",
+    "_kg": "kg",
+    "_pa": "Pa",
+    "_m": "m",
+    "_s": "s",
+    "_n": "N",
+    "_v": "V",
+    "_a": "A",
+    "_w": "W",
+}
+"""Endings of names, the longer ones first."""
+GEO: Final = ("geo", "origin_geo")
+LONG: Final = 8
+"""More items than this are counted, not shown."""
+DEEPEST: Final = 6
+
+
+class Field(NamedTuple):
+    """One value, or a short row of numbers that belong together."""
+
+    path: str
+    """Such as `position_ned_m` or `items.clamped`."""
+    depth: int
+    label: str
+    """The last part of the path, without its unit."""
+    value: Any
+    unit: str
+    is_group: bool = False
+    """It has no value of its own; its fields follow."""
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The value as numbers; empty where it has none."""
+        if isinstance(self.value, list | tuple):
+            return tuple(float(item) for item in self.value if _is_number(item))
+        return (float(self.value),) if _is_number(self.value) else ()
+
+
+def fields_of(message: Any) -> list[Field]:
+    """All fields of a message; a structure is followed by its own fields, one level deeper."""
+    plain = msgspec.to_builtins(message, builtin_types=(bytes,), enc_hook=str)
+    return list(_walk(plain, "", 0)) if isinstance(plain, dict) else []
+
+
+def numbers_of(message: Any) -> dict[str, tuple[float, ...]]:
+    """The fields that can be plotted, by path."""
+    return {field.path: numbers for field in fields_of(message) if (numbers := field.numbers)}
+
+
+def _walk(values: Mapping[Any, Any], path: str, depth: int) -> Iterator[Field]:
+    for name, value in values.items():
+        label, unit = split_unit(str(name))
+        place = f"{path}.{name}" if path else str(name)
+        is_tree = isinstance(value, dict) and value and depth < DEEPEST
+        yield Field(place, depth, label, None if is_tree else _short(value), unit, bool(is_tree))
+        if is_tree:
+            yield from _walk(value, place, depth + 1)
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """A field's name without its unit, and the unit: `speed_m_s` is `speed` in `m/s`."""
+    for ending, unit in UNITS.items():
+        if name.endswith(ending) and len(name) > len(ending):
+            return name.removesuffix(ending), unit
+    return name, ""
+
+
+def _short(value: Any) -> Any:
+    """A value that has room in a line."""
+    if isinstance(value, bytes):
+        return f"{len(value):,} bytes"
+    if isinstance(value, list | tuple):
+        if len(value) > LONG or any(isinstance(item, dict | list | tuple) for item in value):
+            return f"{len(value)} items"
+        return list(value)
+    return value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)

@@ -32,6 +32,7 @@ from gloc3.vehicle import (
     Manoeuvre,
     MotionGrant,
     MotionLimits,
+    ObstacleScan,
     Pose,
     Setpoint,
     TakeOver,
@@ -43,6 +44,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "autopilot": TopicRow(AutopilotState, 5.0),
     "autopilot_pose": TopicRow(AutopilotPose, 20.0),
     "height": TopicRow(HeightAboveGround, 20.0),
+    "obstacles": TopicRow(ObstacleScan, 5.0),
     "camera/*": TopicRow(Image, 5.0, is_logged=False),
     # processors
     "pose": TopicRow(Pose, 20.0, silent_after=3.0),

@@ -109,6 +109,17 @@ class Pose(Message, frozen=True):
     """Where the NED frame begins: latitude and longitude in degrees, altitude above mean sea level in metres."""
 
 
+class ObstacleScan(Message, frozen=True):
+    """What a range scanner has hit, once round."""
+
+    points_ne_m: list[tuple[float, float]]
+    """Where something was hit: metres north and east, in the NED frame of the pose."""
+    height_m: float = 0.0
+    """Height of the plane of the scan above the origin of that frame."""
+    is_valid: bool = True
+    reason: str = ""
+
+
 class Image(Message, frozen=True):
     """A camera's frame, passed by reference inside a process."""
 

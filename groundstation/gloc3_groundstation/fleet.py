@@ -15,8 +15,10 @@ from gloc3.ci import (
     Summary,
     VehicleSummary,
 )
+from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.messages import Envelope, Severity
 from gloc3.standard_topics import TOPICS
+from gloc3.vehicle import ObstacleScan
 from gloc3_groundstation.snapshots import Fleet, FleetEvent, LinkStatistics, PlatformSnapshot, Timed
 
 EVENTS_KEPT: Final = 500
@@ -25,8 +27,11 @@ SMOOTHING: Final = 0.05
 HEARD_TOPICS: Final = tuple(name for name in TOPICS if name.startswith("ci/") and name != "ci/request")
 """What a station listens to, below a platform's name."""
 
-_COUNTED: Final = frozenset(name for name in HEARD_TOPICS if TOPICS[name].rate_hz)
-"""The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped."""
+_COUNTED: Final = frozenset(name for name in HEARD_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
+"""The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped.
+
+The motion is left out by a slow link on purpose.
+"""
 
 
 def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
@@ -34,7 +39,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
 
     Args:
         fleet: what was known.
-        envelope: what came, on a topic `PLATFORM/ci/...`.
+        envelope: what came, on a topic `PLATFORM/ci/...`, or something that was asked for of another topic.
         now_s: the station's time.
     """
     reduce = _REDUCERS.get(type(envelope.payload))
@@ -42,6 +47,8 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
         return fleet
     name, _, topic = envelope.topic.partition("/")
     known, boot = fleet.get(name), envelope.source.boot
+    if not topic.startswith("ci/"):  # of another component, with a boot of its own
+        return fleet if known is None else with_platform(fleet, reduce(known, envelope.payload, now_s))
     if known is None:
         platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s)
         fleet = note(fleet, name, Severity.INFO, "is heard", now_s)
@@ -90,6 +97,7 @@ def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformS
         first_heard_s=platform.first_heard_s,
         heard_s=now_s,
         vehicle=platform.vehicle,
+        site=platform.site,
         link=replace(platform.link, sequences={}),
         autopilot=platform.autopilot,
         problems=platform.problems,
@@ -116,6 +124,20 @@ def _counted(link: LinkStatistics, topic: str, sequence: int) -> LinkStatistics 
 
 def _vehicle(platform: PlatformSnapshot, message: VehicleSummary, now_s: float) -> PlatformSnapshot:
     return replace(platform, vehicle=Timed(message, now_s))
+
+
+def _motion(platform: PlatformSnapshot, message: MotionSummary, now_s: float) -> PlatformSnapshot:
+    if platform.motion is not None and message.t_s < platform.motion.value.t_s:
+        return platform
+    return replace(platform, motion=Timed(message, now_s))
+
+
+def _site(platform: PlatformSnapshot, message: SiteSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, site=Timed(message, now_s))
+
+
+def _obstacles(platform: PlatformSnapshot, message: ObstacleScan, now_s: float) -> PlatformSnapshot:
+    return replace(platform, obstacles=Timed(message, now_s))
 
 
 def _mission(platform: PlatformSnapshot, message: MissionSummary, now_s: float) -> PlatformSnapshot:
@@ -150,6 +172,9 @@ def _heard(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float)
 
 _REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], PlatformSnapshot]]] = {
     VehicleSummary: _vehicle,
+    MotionSummary: _motion,
+    SiteSummary: _site,
+    ObstacleScan: _obstacles,
     MissionSummary: _mission,
     ControlState: _control,
     Summary: _summary,

@@ -15,8 +15,10 @@ from gloc3.ci import (
     Summary,
     VehicleSummary,
 )
+from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.messages import Kind, Message, Severity
 from gloc3.standard_topics import TOPICS
+from gloc3.vehicle import ObstacleScan
 
 M = TypeVar("M", bound=Message)
 
@@ -120,6 +122,9 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     heard_s: float
     """When anything came from it last."""
     vehicle: Timed[VehicleSummary] | None = None
+    motion: Timed[MotionSummary] | None = None
+    site: Timed[SiteSummary] | None = None
+    obstacles: Timed[ObstacleScan] | None = None
     mission: Timed[MissionSummary] | None = None
     control: Timed[ControlState] | None = None
     summary: Timed[Summary] | None = None

@@ -17,6 +17,7 @@ FROM_ELSEWHERE: Final = {
     "ci/request": "the stations, through their links",
     "ci/heard": "the links to the stations",
     "sim/*": "the flight harness",
+    "obstacles": "the range scanner of a platform that has one",
 }
 
 

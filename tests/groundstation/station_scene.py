@@ -178,6 +178,20 @@ async def scene(
             station.close()
 
 
+def _in_braille(text: re.Match[str]) -> str:
+    """A text with braille, each sign at its own place in a font that has it."""
+    x, length = (float(re.search(f'{name}="([0-9.]+)"', text[1])[1]) for name in (" x", "textLength"))  # type: ignore[index]
+    signs = text[2].replace("&#160;", " ").replace("&amp;", "&")
+    rest = re.sub(r' (x|textLength)="[0-9.]+"', "", f" {text[1]}")
+    found = []
+    for number, sign in enumerate(signs):
+        font = "DejaVu Sans" if "\u2800" <= sign <= "\u28ff" else "DejaVu Sans Mono"
+        place = x + length * number / len(signs)
+        if sign != " ":
+            found.append(f'<text{rest} x="{place:.2f}" style="font-family:{font}">{sign}</text>')
+    return "".join(found)
+
+
 def shoot(app: StationApp, path: Path) -> None:
     """Writes what the terminal shows as SVG, and as PNG beside it where the library cairo is installed."""
     svg = app.export_screenshot()
@@ -189,5 +203,5 @@ def shoot(app: StationApp, path: Path) -> None:
     svg = re.sub(r"@font-face \{.*?\}\s*(?=@|\.)", "", svg, flags=re.DOTALL)
     svg = svg.replace("Fira Code, monospace", "DejaVu Sans Mono").replace("Fira Code", "DejaVu Sans Mono")
     braille = r"<text ([^>]*)>([^<]*[\u2800-\u28ff][^<]*)</text>"
-    svg = re.sub(braille, r'<text \1 style="font-family:DejaVu Sans">\2</text>', svg)
+    svg = re.sub(braille, _in_braille, svg)
     cairosvg.svg2png(bytestring=svg.encode(), write_to=str(path.with_suffix(".png")), scale=1.2)

@@ -14,6 +14,7 @@ from gloc3.ci import EmergencyVerb
 from gloc3_groundstation.configuration import Configuration, ThemeName
 from gloc3_groundstation.desk import Desk, Move
 from gloc3_groundstation.flights import End
+from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.help import help_for
 from gloc3_groundstation.tui.in_view import InView
@@ -83,6 +84,8 @@ class StationApp(App[End | None]):
         self._is_closing = is_closing
         self._has_begun = desk.plan is None  # what is opened later is brought over when the operator says so
         self._was_possible: object = None
+        self._tracks = Tracks()
+        desk.station.listen(self._tracks.follow)
 
     def on_mount(self) -> None:
         """Begins to look at the fleet."""
@@ -136,6 +139,7 @@ class StationApp(App[End | None]):
             plan=self.desk.plan,
             alerts=self.desk.alerts(),
             round_trip_s=station.round_trip_s(platform.name) if platform is not None else None,
+            tracks=self._tracks,
             waiting_for=self._waiting_for(),
         )
 

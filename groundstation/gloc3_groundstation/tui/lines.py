@@ -23,6 +23,15 @@ class Tone(StrEnum):
     """A key to press."""
     CHOSEN = "chosen"
     """Where the operator is: the screen that is shown."""
+    FIRST = "first"
+    """The first of several things that are told apart, such as vehicles on a map; their names stand beside them."""
+    SECOND = "second"
+    THIRD = "third"
+    FOURTH = "fourth"
+    FIFTH = "fifth"
+    SIXTH = "sixth"
+    GROUND = "ground"
+    """Below the horizon."""
 
 
 class Span(NamedTuple):
@@ -31,6 +40,9 @@ class Span(NamedTuple):
     text: str
     tone: Tone = Tone.TEXT
 
+
+ONE_OF_MANY: Final = (Tone.FIRST, Tone.SECOND, Tone.THIRD, Tone.FOURTH, Tone.FIFTH, Tone.SIXTH)
+"""Things that are told apart have these in turn."""
 
 Line = tuple[Span, ...]
 
@@ -102,3 +114,15 @@ def fitted(parts: Sequence[tuple[int, Span]], width: int, gap: str = "   ") -> L
         least = max(rank for rank, _ in kept)
         kept.pop(max(index for index, (rank, _) in enumerate(kept) if rank == least))
     return joined([span for _, span in kept], gap)
+
+
+def changed_columns(before: Line, after: Line) -> tuple[int, int]:
+    """The columns from the first to behind the last in which two lines differ; each character has one column."""
+    old = [(letter, span.tone) for span in before for letter in span.text]
+    new = [(letter, span.tone) for span in after for letter in span.text]
+    shortest, longest = sorted((len(old), len(new)))
+    begin = next((column for column in range(shortest) if old[column] != new[column]), shortest)
+    if len(old) != len(new):
+        return begin, longest
+    end = next((column for column in range(longest, begin, -1) if old[column - 1] != new[column - 1]), begin)
+    return begin, end

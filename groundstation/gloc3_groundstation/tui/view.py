@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.desk import Move
+from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
@@ -27,6 +28,8 @@ class View(NamedTuple):
     alerts: Alerts = Alerts()
     round_trip_s: float | None = None
     """How long something to the vehicle in view and its answer are on their way; None while that is not known."""
+    tracks: Tracks = Tracks()
+    """What was before: it grows, so views of different moments share it."""
     waiting_for: str = "the link"
     """What is listened to."""
 

@@ -6,6 +6,7 @@ from gloc3_groundstation.tui.screen import ScreenRow
 from gloc3_groundstation.tui.screens.events import EventsScreen
 from gloc3_groundstation.tui.screens.fleet import FleetScreen
 from gloc3_groundstation.tui.screens.health import HealthScreen
+from gloc3_groundstation.tui.screens.map import MapScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.overview import OverviewScreen
 from gloc3_groundstation.tui.screens.sensors import SensorsScreen
@@ -14,6 +15,7 @@ SCREENS: Final = (
     ScreenRow("overview", "1", "Overview", "is everything all right?", OverviewScreen),
     ScreenRow("health", "2", "Health", "every component, and where the data stops", HealthScreen),
     ScreenRow("mission", "3", "Mission", "what is flown: tasks, actions and their states", MissionScreen),
+    ScreenRow("map", "4", "Map", "where the vehicles are, have been and should be", MapScreen),
     ScreenRow("sensors", "7", "Sensors", "any topic of the vehicle: values, plots, pictures", SensorsScreen),
     ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
     ScreenRow("fleet", "0", "Fleet", "all vehicles and links; orders for several; control", FleetScreen),

@@ -1,0 +1,118 @@
+"""The plane of the map, and where each vehicle's own frame lies on it.
+
+The map is level at the origin of the frame of the vehicle in view: metres north and east of it. Other vehicles are
+placed by their frame's origin on Earth, or by its name where that is not known.
+"""
+
+from math import cos, hypot, radians, sin
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.ci_motion import SiteSummary
+from gloc3.frames import GeoPoint, TangentPlane, Vector3
+from gloc3_groundstation.snapshots import PlatformSnapshot
+
+Plane = NDArray[np.float64]
+"""Rows of metres north and east on the map."""
+
+FARTHEST_M = 100_000.0
+"""Vehicles farther away are not on one map: it is flat, and the Earth is not."""
+
+
+class Place(NamedTuple):
+    """How a vehicle's frame (x, y, height) lies on the map."""
+
+    cosine: float = 1.0
+    """Of the bearing of x."""
+    sine: float = 0.0
+    north_m: float = 0.0
+    east_m: float = 0.0
+    up_m: float = 0.0
+
+    def plane(self, xy_m: Plane) -> Plane:
+        """Rows of x and y as rows of north and east."""
+        x, y = xy_m[:, 0], xy_m[:, 1]
+        return np.column_stack(
+            (x * self.cosine + y * self.sine + self.north_m, x * self.sine - y * self.cosine + self.east_m)
+        )
+
+    def point(self, position_m: Vector3) -> Vector3:
+        """x, y, height as north, east, height."""
+        x, y, height = position_m
+        return (
+            x * self.cosine + y * self.sine + self.north_m,
+            x * self.sine - y * self.cosine + self.east_m,
+            height + self.up_m,
+        )
+
+    def local(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """X and y of a place on the map."""
+        north, east = north_m - self.north_m, east_m - self.east_m
+        return north * self.cosine + east * self.sine, north * self.sine - east * self.cosine
+
+    def plane_of_ne(self, points_ne_m: Plane) -> Plane:
+        """Rows of metres north and east of the frame's own origin as rows of north and east on the map."""
+        moved: Plane = points_ne_m + np.array((self.north_m, self.east_m))
+        return moved
+
+    def from_ned(self, points_ned_m: Plane) -> Plane:
+        """Rows of NED at the frame's own origin as rows of north and east on the map."""
+        return self.plane_of_ne(points_ned_m[:, :2])
+
+
+class Ground:
+    """The map's plane for a vehicle in view."""
+
+    def __init__(self, platform: PlatformSnapshot | None) -> None:
+        site = _site(platform)
+        self.frame = site.frame if site is not None else _frame_name(platform)
+        """The name of the frame of the vehicle in view; empty without one."""
+        self.has_north = site is not None
+        """Whether it is known which way north is; without that, x of the frame is taken for it."""
+        self.site = site
+        self.origin = _origin(platform, site)
+        """Of the plane on Earth; None where that is not known."""
+        self.plane = TangentPlane(self.origin) if self.origin is not None else None
+        self._name = platform.name if platform is not None else ""
+
+    def __repr__(self) -> str:
+        return f"Ground({self._name!r}, {self.frame!r}, {self.origin!r})"
+
+    def place(self, platform: PlatformSnapshot) -> Place | None:
+        """Where a vehicle's frame lies; None where it is not known, or far away."""
+        site = _site(platform)
+        bearing_rad = radians(site.x_axis_bearing_deg) if site is not None else 0.0
+        turned = Place(cos(bearing_rad), sin(bearing_rad))
+        if platform.name == self._name:
+            return turned
+        origin = _origin(platform, site)
+        if self.plane is not None and origin is not None:
+            north, east, down = self.plane.ned_from_geo(*origin)
+            return turned._replace(north_m=north, east_m=east, up_m=-down) if hypot(north, east) < FARTHEST_M else None
+        frame = site.frame if site is not None else _frame_name(platform)
+        return turned if frame and frame == self.frame else None
+
+    def geo(self, north_m: float, east_m: float) -> GeoPoint | None:
+        """The place on Earth of a place on the map."""
+        return self.plane.geo_from_ned((north_m, east_m, 0.0)) if self.plane is not None else None
+
+
+def _site(platform: PlatformSnapshot | None) -> SiteSummary | None:
+    return platform.site.value if platform is not None and platform.site is not None else None
+
+
+def _frame_name(platform: PlatformSnapshot | None) -> str:
+    return platform.vehicle.value.frame if platform is not None and platform.vehicle is not None else ""
+
+
+def _origin(platform: PlatformSnapshot | None, site: SiteSummary | None) -> GeoPoint | None:
+    """Where a vehicle's frame begins on Earth: as it says, or else as follows from where it is in both."""
+    if site is not None and site.origin_geo is not None:
+        return GeoPoint(*site.origin_geo)
+    vehicle = platform.vehicle.value if platform is not None and platform.vehicle is not None else None
+    if vehicle is None or vehicle.geo is None or site is not None:
+        return None
+    x, y, height = vehicle.position_m
+    return TangentPlane(GeoPoint(*vehicle.geo)).geo_from_ned((-x, y, height))

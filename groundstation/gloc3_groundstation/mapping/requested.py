@@ -1,0 +1,121 @@
+"""What a mission asks for, as the map draws it: the way of each action, the waypoints with their numbers, the fence."""
+
+from functools import lru_cache
+from itertools import pairwise
+from math import dist
+from typing import NamedTuple
+
+import msgspec
+
+from gloc3.ci_motion import SiteSummary
+from gloc3.errors import InputError
+from gloc3.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.mission.estimate import estimate
+from gloc3.mission.fence import Fence
+from gloc3.mission.legs import Budget
+from gloc3.mission.model import GEO
+from gloc3.mission.reader import Surroundings, inspect_mission
+from gloc3.mission.structure import PartialOrder, structure_findings
+
+SAME_M = 0.05
+"""Points that are nearer to each other are one."""
+
+
+class Way(NamedTuple):
+    """What one action flies."""
+
+    target: str
+    """`TASK.ACTION`."""
+    points_ned_m: tuple[Vector3, ...]
+    starts_m: float
+    """How far along the whole path it begins."""
+    length_m: float
+
+
+class Waypoint(NamedTuple):
+    """A place that the mission names."""
+
+    number: int
+    """From 1, over the whole mission."""
+    target: str
+    position_ned_m: Vector3
+
+
+class Requested(msgspec.Struct, frozen=True):
+    """A mission's path and fence, in NED at the origin of the vehicle's frame."""
+
+    name: str
+    is_geo: bool
+    ways: tuple[Way, ...] = ()
+    """In an order in which they can be flown."""
+    waypoints: tuple[Waypoint, ...] = ()
+    fence: Fence | None = None
+
+    @property
+    def path_ned_m(self) -> tuple[Vector3, ...]:
+        """The whole path."""
+        points: list[Vector3] = []
+        for way in self.ways:
+            points += [point for point in way.points_ned_m if not points or dist(point, points[-1]) > SAME_M]
+        return tuple(points)
+
+    @property
+    def length_m(self) -> float:
+        """Of the whole path."""
+        return self.ways[-1].starts_m + self.ways[-1].length_m if self.ways else 0.0
+
+
+def requested(text: str, site: SiteSummary | None) -> Requested | None:
+    """What a mission asks for; None where it cannot be placed.
+
+    Args:
+        text: of the mission.
+        site: where the vehicle's frame lies, and home; None where that is not known: x is then north, home the origin.
+    """
+    if site is None:
+        return _requested(text, "", 0.0, None, None)
+    return _requested(text, site.frame, site.x_axis_bearing_deg, site.origin_geo, site.home_m)
+
+
+@lru_cache(maxsize=32)
+def _requested(
+    text: str,
+    frame_name: str,
+    bearing_deg: float,
+    origin_geo: tuple[float, float, float] | None,
+    home_m: Vector3 | None,
+) -> Requested | None:
+    origin = GeoPoint(*origin_geo) if origin_geo is not None else None
+    frame = LocalFrame(origin or GeoPoint(0.0, 0.0, 0.0), bearing_deg)
+    home_ned_m = frame.to_ned(home_m) if home_m is not None else (0.0, 0.0, 0.0)
+    surroundings = Surroundings(
+        frames={frame_name: frame} if frame_name else None,
+        origin=origin,
+        home_altitude_m=origin.altitude_m - home_ned_m[2] if origin is not None else None,
+    )
+    try:
+        reading = inspect_mission(text, "mission", surroundings)
+    except InputError:
+        return None
+    mission = reading.mission
+    if mission is None or (mission.frame != GEO and frame_name not in ("", mission.frame)):
+        return None
+    found = Requested(name=mission.name, is_geo=mission.frame == GEO, fence=mission.fence)
+    if structure_findings(reading):
+        return found
+    figures = estimate(mission, PartialOrder.of(mission), home_ned_m, Budget(home_ned_m=home_ned_m), None)
+    actions = mission.actions()
+    ways: list[Way] = []
+    waypoints: list[Waypoint] = []
+    along_m = 0.0
+    for target, part in figures.actions.items():
+        if not part.legs:
+            continue
+        points = [part.legs[0].start]
+        points += [leg.end for leg in part.legs if dist(leg.end, points[-1]) > SAME_M]
+        length_m = sum(dist(a, b) for a, b in pairwise(points))
+        ways.append(Way(target, tuple(points), along_m, length_m))
+        along_m += length_m
+        for position in getattr(actions[target].order, "waypoints_ned_m", ()):
+            waypoints.append(Waypoint(len(waypoints) + 1, target, position))
+    return msgspec.structs.replace(found, ways=tuple(ways), waypoints=tuple(waypoints))

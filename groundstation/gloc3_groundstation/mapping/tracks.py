@@ -1,0 +1,200 @@
+"""The past of every vehicle of the fleet: where it was and how it moved, followed from the changes of the fleet."""
+
+from collections.abc import Iterator
+from enum import IntEnum
+from math import hypot, nan
+from typing import Final
+
+import numpy as np
+
+from gloc3.ci import VehicleSummary
+from gloc3.ci_motion import MotionSummary
+from gloc3.mission.states import ActionState
+from gloc3_groundstation.mapping.history import History, Level, Series, Singles
+from gloc3_groundstation.mapping.trail import Trail
+from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
+
+SAMPLES_KEPT: Final = 2400
+"""As they came: ten minutes at 4 Hz."""
+LEVELS: Final = (Level(2.0, 1800), Level(30.0, 1000))
+"""An hour in steps of 2 s, and eight hours in steps of 30 s."""
+GAP_S: Final = 3.0
+"""Silence after which the way is not drawn through."""
+MOTION_SILENT_S: Final = 1.5
+"""Without motion for so long, the slower summary of the vehicle stands in for it."""
+DRIFT: Final = 2e-4
+"""How much faster than the station's clock a platform's may run."""
+
+
+class Channel(IntEnum):
+    """What is kept over time."""
+
+    X = 0
+    Y = 1
+    HEIGHT = 2
+    SPEED = 3
+    """Horizontal."""
+    CLIMB = 4
+    ROLL = 5
+    PITCH = 6
+    HEADING = 7
+    WANTED_X = 8
+    WANTED_Y = 9
+    WANTED_HEIGHT = 10
+    WANTED_SPEED = 11
+    WANTED_CLIMB = 12
+    WANTED_HEADING = 13
+    BATTERY_PERCENT = 14
+    BATTERY_V = 15
+    BATTERY_A = 16
+
+
+class Track:
+    """One vehicle's past."""
+
+    def __init__(self) -> None:
+        self.trail: Final = Trail()
+        self.history: Final = History(len(Channel), SAMPLES_KEPT, LEVELS)
+        self.started_s: float | None = None
+        """When its mission was started last; None if it never was."""
+        self.latest: Singles = np.full(len(Channel), nan, np.float32)
+        """The newest sample."""
+        self.latest_s: float | None = None
+        self._frame: object = None
+        self._ahead_s: float | None = None
+        self._motion_s = float("-inf")
+
+    @property
+    def bytes(self) -> int:
+        """The memory it takes."""
+        return self.trail.bytes + self.history.bytes
+
+    def series(self, channel: Channel, from_s: float, to_s: float, points: int) -> Series:
+        """A channel over a time on the station's clock."""
+        return self.history.series(channel, from_s, to_s, points)
+
+    def follow(self, before: PlatformSnapshot | None, after: PlatformSnapshot) -> None:
+        """Takes in what has changed."""
+        self._stay_in_frame(after)
+        if before is not None and before.boot != after.boot:
+            self._ahead_s = None
+        motion, vehicle = after.motion, after.vehicle
+        if motion is not None and (before is None or motion is not before.motion):
+            self._motion_s = motion.heard_s
+            self._take_motion(motion.value, self._when(motion.value.t_s, motion.heard_s), after)
+        elif (
+            vehicle is not None
+            and (before is None or vehicle is not before.vehicle)
+            and vehicle.heard_s - self._motion_s > MOTION_SILENT_S
+        ):
+            self._take_vehicle(vehicle.value, vehicle.heard_s)
+        self._see_mission(before, after)
+
+    def _stay_in_frame(self, platform: PlatformSnapshot) -> None:
+        """Begins anew where the positions are told in another frame than before."""
+        site = platform.site.value if platform.site is not None else None
+        if site is None:
+            return
+        frame = site.frame, site.origin_geo, site.x_axis_bearing_deg
+        if self._frame not in (None, frame):
+            self.trail.clear()
+            self.history.clear()
+        self._frame = frame
+
+    def _when(self, t_s: float, heard_s: float) -> float:
+        """The station's time of something that was so at a platform's time: as if all came as fast as the fastest."""
+        ahead_s = heard_s - t_s
+        if self._ahead_s is None or not -GAP_S < ahead_s - self._ahead_s < 10.0 * GAP_S:
+            self._ahead_s = ahead_s
+        self._ahead_s = min(ahead_s, self._ahead_s + DRIFT)
+        return t_s + self._ahead_s
+
+    def _take_motion(self, motion: MotionSummary, t_s: float, platform: PlatformSnapshot) -> None:
+        vx, vy, climb = motion.velocity_cm_s
+        wanted, speed = motion.setpoint_cm, motion.setpoint_velocity_cm_s
+        heading = motion.setpoint_heading_cdeg
+        percent = platform.vehicle.value.battery_percent if platform.vehicle is not None else -1
+        position = motion.position_cm if motion.is_pose_valid else (nan, nan, nan)
+        self._append(
+            t_s,
+            [
+                *position,
+                hypot(vx, vy) if motion.is_pose_valid else nan,
+                climb if motion.is_pose_valid else nan,
+                *motion.attitude_cdeg,
+                *((nan, nan, nan) if wanted is None else wanted),
+                nan if speed is None else hypot(*speed[:2]),
+                nan if speed is None else speed[2],
+                nan if heading is None else heading,
+                100.0 * percent if percent >= 0 else nan,
+                motion.battery_cv or nan,
+                motion.battery_ca if motion.battery_cv else nan,
+            ],
+        )
+
+    def _take_vehicle(self, vehicle: VehicleSummary, t_s: float) -> None:
+        row = [nan] * len(Channel)
+        if vehicle.is_pose_valid:
+            row[:3] = [100.0 * value for value in vehicle.position_m]
+            row[Channel.SPEED] = 100.0 * vehicle.speed_m_s
+        row[Channel.HEADING] = 100.0 * vehicle.heading_deg
+        if vehicle.battery_percent >= 0:
+            row[Channel.BATTERY_PERCENT] = 100.0 * vehicle.battery_percent
+        self._append(t_s, row)
+
+    def _append(self, t_s: float, hundredths: list[float]) -> None:
+        if self.latest_s is not None and t_s <= self.latest_s:
+            return
+        if self.latest_s is not None and t_s - self.latest_s > GAP_S:
+            self.history.append((t_s + self.latest_s) / 2.0, np.full(len(Channel), nan, np.float32))
+            self.trail.interrupt()
+        self.latest_s = t_s
+        values = self.latest = np.array(hundredths, np.float32) / np.float32(100.0)
+        self.history.append(t_s, values)
+        x, y, height = (value / 100.0 for value in hundredths[:3])
+        if x != x:
+            self.trail.interrupt()
+        else:
+            self.trail.add(t_s, (x, y, height))
+
+    def _see_mission(self, before: PlatformSnapshot | None, after: PlatformSnapshot) -> None:
+        mission = after.mission
+        was = before.mission if before is not None else None
+        if mission is None or mission is was or mission.value.state != ActionState.RUNNING:
+            return
+        if was is None or was.value.state not in (ActionState.RUNNING, ActionState.PAUSED):
+            self.started_s = mission.heard_s
+
+
+class Tracks:
+    """The tracks of a fleet, by the vehicle's name."""
+
+    def __init__(self) -> None:
+        self._tracks: dict[str, Track] = {}
+
+    def __iter__(self) -> Iterator[tuple[str, Track]]:
+        return iter(self._tracks.items())
+
+    def get(self, name: str) -> Track | None:
+        """A vehicle's track."""
+        return self._tracks.get(name)
+
+    @property
+    def bytes(self) -> int:
+        """The memory that they take."""
+        return sum(track.bytes for track in self._tracks.values())
+
+    def follow(self, before: Fleet, after: Fleet, now_s: float) -> None:
+        """Takes in a change of the fleet."""
+        if before.platforms is after.platforms:
+            return
+        known = before.platforms
+        for name in known.keys() - after.platforms.keys():
+            self._tracks.pop(name, None)
+        for name, platform in after.platforms.items():
+            was = known.get(name)
+            if was is not platform:
+                track = self._tracks.get(name)
+                if track is None:
+                    track = self._tracks[name] = Track()
+                track.follow(was, platform)

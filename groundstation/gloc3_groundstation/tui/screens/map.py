@@ -1,0 +1,223 @@
+"""The map of the vehicle in view and the others around it, with a profile of heights below."""
+
+from typing import ClassVar, Final
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+
+from gloc3_groundstation.mapping.ground import Ground
+from gloc3_groundstation.mapping.mission_texts import MissionTexts
+from gloc3_groundstation.mapping.progress import Progress
+from gloc3_groundstation.mapping.projection import Projection
+from gloc3_groundstation.mapping.requested import Requested, requested
+from gloc3_groundstation.tui.canvas import CELL
+from gloc3_groundstation.tui.canvas_panel import CanvasPanel
+from gloc3_groundstation.tui.keys import MISSION_KEYS
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.map import (
+    Chart,
+    extent,
+    is_within,
+    map_lines,
+    own_place,
+    position_of,
+    tone_of_vehicle,
+)
+from gloc3_groundstation.tui.views.map_facts import cursor_line, legend_lines, map_title, vehicle_lines
+from gloc3_groundstation.tui.views.profile import along_lines, time_lines
+
+STEP: Final = 0.125
+"""Of the map's width or height, that a key moves it by."""
+CALM: Final = 0.3
+"""While the vehicle is no farther from the middle than this share of the map, a map that follows it stands still."""
+
+
+class MapScreen(StationScreen):
+    """Plan view and height profile."""
+
+    HELP = """The path that is asked for (dashed), where the vehicles are and have been (each in its colour, with its
+    name), the fence, home, obstacles, and the ellipse in which the vehicle is with 95 %. The cross marks the setpoint.
+
+    The + in the middle is the cursor, and so is the mouse: its coordinates stand below the map, with distance and
+    bearing from the vehicle in view. The map shows everything until it is moved; z does so again."""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("f", "follow", "Follow", tooltip="keep the vehicle in view on the map"),
+        Binding("z", "fit", "Fit", tooltip="show everything"),
+        Binding("plus,equals_sign", "zoom(1)", "Zoom", key_display="+ -", tooltip="nearer and farther"),
+        Binding("minus,underscore", "zoom(-1)", "Farther", show=False),
+        Binding("left,h", "pan(-1, 0)", "Move", show=False, key_display="← ↓ ↑ →", tooltip="the map; also h j k l"),
+        Binding("right,l", "pan(1, 0)", "Right", show=False),
+        Binding("up,k", "pan(0, 1)", "Up", show=False),
+        Binding("down,j", "pan(0, -1)", "Down", show=False),
+        Binding("d", "profile", "Heights", tooltip="height profile: along the path, over time, none"),
+        Binding("o", "turn", "Turn", tooltip="turn the map by 90 degrees"),
+        *MISSION_KEYS,
+    ]
+    AUTO_FOCUS = "#map"
+    _projection = Projection(0.0, 0.0, 0.1, 0.0, 0, 0)
+    _is_fitting = True
+    _is_following = False
+    _profile: int | None = None
+    """0 along the path, 1 over time, 2 none; None until the operator has chosen: along the path where there is room."""
+    _pointed: tuple[int, int] | None = None
+    _fitted: tuple[object, ...] | None = None
+    """The vehicle, how many things there were, and the size of the map when everything was fitted last."""
+    _progress: tuple[tuple[object, ...], Progress] | None = None
+    _texts: MissionTexts | None = None
+
+    def body(self) -> ComposeResult:
+        """The map with what belongs to it below, and the vehicles beside it."""
+        with Horizontal():
+            with Vertical(id="chart"):
+                yield CanvasPanel(id="map")
+                yield Panel(id="cursor", classes="plain line", can_focus=False)
+                yield CanvasPanel(id="profile", can_focus=False)
+            with Vertical(id="around"):
+                yield Panel(id="vehicles", can_focus=False)
+                yield Panel(id="signs", can_focus=False)
+
+    def look(self, view: View) -> None:
+        """Draws it."""
+        panel, profile = self.query_one("#map", CanvasPanel), self.query_one("#profile", CanvasPanel)
+        width, height = panel.width, panel.size.height
+        if width <= 0 or height <= 0:
+            return
+        chart = self._chart(view, width, height)
+        panel.show(map_lines(chart, width, height), f"map: {map_title(chart)}")
+        place = (chart.projection.north_m, chart.projection.east_m)
+        if self._pointed is not None:
+            column, row = self._pointed
+            place = chart.projection.place(column * CELL[0] + 1.0, row * CELL[1] + 2.0)
+        self.panel("cursor").show([cursor_line(chart, place, self.panel("cursor").width)])
+        self._show_profile(chart, profile)
+        self.panel("vehicles").show(vehicle_lines(chart), "vehicles")
+        self.panel("signs").show(legend_lines(chart), "signs")
+
+    # --- keys ---
+
+    def action_follow(self) -> None:
+        """Keeps the vehicle in view on the map, or no longer."""
+        self._is_following, self._is_fitting = not self._is_following, False
+        self.look_again()
+
+    def action_fit(self) -> None:
+        """Shows everything."""
+        self._is_fitting, self._is_following = True, False
+        self._fitted = None
+        self.look_again()
+
+    def action_zoom(self, steps: int) -> None:
+        """Comes nearer, or goes away."""
+        self._is_fitting = False
+        self._projection = self._projection.zoomed(steps)
+        self.look_again()
+
+    def action_pan(self, right: int, up: int) -> None:
+        """Moves the map."""
+        self._is_fitting = self._is_following = False
+        self._pointed = None
+        self._projection = self._projection.moved(STEP * right, STEP * up)
+        self.look_again()
+
+    def action_turn(self) -> None:
+        """Turns the map."""
+        self._projection = self._projection._replace(up_deg=(self._projection.up_deg + 270.0) % 360.0)
+        self._fitted = None
+        self.look_again()
+
+    def action_profile(self) -> None:
+        """The next kind of profile."""
+        self._profile = (self._profile_kind + 1) % 3
+        self.look_again()
+
+    @on(CanvasPanel.Pointed, "#map")
+    def point(self, event: CanvasPanel.Pointed) -> None:
+        """The mouse is the cursor until the map is moved by key."""
+        self._pointed = event.column, event.row
+        if self.view is not None:
+            self.look(self.view)
+
+    # --- what is seen ---
+
+    def _chart(self, view: View, width: int, height: int) -> Chart:
+        if self._texts is None:
+            self._texts = MissionTexts(self.desk.station)
+        ground = Ground(view.platform)
+        text, is_loaded = self._texts.text_of(view.platform, view.plan)
+        if view.platform is not None and self._texts.lacks(view.platform, view.now_s):
+            self.do(self._texts.fetch(view.platform))
+        request = requested(text, ground.site) if text else None
+        projection = self._projection.sized(width * CELL[0], height * CELL[1])
+        chart = Chart(view, ground, projection, request, is_loaded, not self._pointed)
+        projection = self._framed(chart)
+        self._projection = projection
+        return chart._replace(projection=projection)
+
+    def _framed(self, chart: Chart) -> Projection:
+        """The part of the map that is to be seen."""
+        projection, platform = chart.projection, chart.view.platform
+        name = platform.name if platform is not None else ""
+        parts = extent(chart)
+        seen = name, len(parts), projection.width, projection.height
+        if self._is_fitting and (seen != self._fitted or not is_within(parts, projection)):
+            self._fitted = seen
+            return projection.fitted(parts)
+        position = position_of(platform) if platform is not None else None
+        if self._is_following and position is not None:
+            north, east, _ = own_place(chart).point(position)
+            x, y = projection.dot(north, east)
+            if (
+                abs(x - projection.width / 2.0) > CALM * projection.width
+                or abs(y - projection.height / 2.0) > CALM * projection.height
+            ):
+                return projection._replace(north_m=north, east_m=east)
+        return projection
+
+    @property
+    def _profile_kind(self) -> int:
+        return self._profile if self._profile is not None else 0 if self.has_class("-tall") else 2
+
+    def _show_profile(self, chart: Chart, panel: CanvasPanel) -> None:
+        kind, platform = self._profile_kind, chart.view.platform
+        panel.display = kind != 2
+        width, height = panel.width, panel.size.height
+        if kind == 2 or width < 20 or height < 3 or platform is None:
+            return
+        tone = tone_of_vehicle(chart.view.number - 1)
+        if kind == 0 and chart.request is not None and len(chart.request.path_ned_m) > 1:
+            progress = self._followed(chart, chart.request)
+            panel.show(along_lines(chart.request, progress, tone, width, height), "height m, along the path")
+        else:
+            lines = time_lines(chart.view.tracks, platform.name, tone, chart.view.now_s, width, height)
+            panel.show(lines, "height m, over time")
+
+    def _followed(self, chart: Chart, request: Requested) -> Progress | None:
+        """How far the vehicle in view has come since its mission was started."""
+        platform = chart.view.platform
+        track = chart.view.tracks.get(platform.name) if platform is not None else None
+        if platform is None or track is None or track.started_s is None or not chart.is_loaded:
+            return None
+        key = platform.name, request.path_ned_m, track.started_s
+        if self._progress is None or self._progress[0] != key:
+            self._progress = key, Progress(request.path_ned_m)
+            self._progress[1].until_s = track.started_s
+        progress = self._progress[1]
+        points = track.trail.points
+        points = points[points[:, 3] > progress.until_s]
+        if len(points):
+            place = own_place(chart)
+            plane = place.plane(points[:, :2])
+            rows = points.copy()
+            rows[:, :2], rows[:, 2] = plane, -points[:, 2]
+            progress.advance(rows, self._begun_m(chart, request))
+        return progress
+
+    def _begun_m(self, chart: Chart, request: Requested) -> float:
+        """Where on the path the action begins that is flown now."""
+        mission = chart.view.platform.mission if chart.view.platform is not None else None
+        running = mission.value.tasks if mission is not None else {}
+        return next((way.starts_m for way in request.ways if running.get(way.target) == "running"), 0.0)

@@ -1,0 +1,104 @@
+"""The map in the terminal: keys and mouse move it, it follows calmly, and it draws no more than has changed."""
+
+import pytest
+
+from gloc3.ci import ReadMission
+from gloc3_groundstation.mapping.projection import Projection
+from gloc3_groundstation.tui.canvas_panel import CanvasPanel
+from gloc3_groundstation.tui.screens.map import MapScreen
+
+from .flown import Flight
+from .station_scene import Scene, scene
+
+pytestmark = pytest.mark.sockets
+
+
+def shown_map(here: Scene) -> MapScreen:
+    assert isinstance(here.app.base, MapScreen)
+    return here.app.base
+
+
+def seen(here: Scene) -> Projection:
+    return shown_map(here)._projection
+
+
+async def test_the_map_is_moved_by_keys_and_fitted_again() -> None:
+    async with scene(plan=None, size=(120, 40)) as here:
+        flight = Flight(here)
+        flight.begin()
+        flight.fly(30.0)
+        await here.go("4")
+        await here.until("map", "heron")
+        await here.wait(lambda: "cargo hold inspection" in str(shown_map(here).query_one("#map").border_title))
+        assert here.asked(ReadMission)
+        await here.until("map", "5")
+        await here.pilot.pause(0.1)
+        here.app.look()
+        fitted = seen(here)
+        await here.press("plus", "plus")
+        await here.wait(lambda: seen(here).m_per_dot == pytest.approx(fitted.m_per_dot / 2.0))
+        await here.press("l", "up")
+        await here.wait(lambda: seen(here).east_m > fitted.east_m and seen(here).north_m > fitted.north_m)
+        await here.press("o")
+        await here.wait(lambda: seen(here).up_deg == 270.0)
+        await here.until("map", "→ N")
+        await here.press("o", "o", "o", "z")
+        await here.wait(lambda: seen(here) == fitted)
+        await here.until("cursor", "from heron")
+        kind = here.shown("profile")
+        await here.press("d")
+        await here.wait(lambda: here.shown("profile") != kind and "-5 min" in here.shown("profile"))
+        await here.press("d")
+        await here.wait(lambda: not shown_map(here).query_one("#profile").display)
+
+
+async def test_a_map_that_follows_stands_still_until_the_vehicle_is_far_from_its_middle() -> None:
+    async with scene(plan=None) as here:
+        flight = Flight(here)
+        flight.begin()
+        flight.fly(5.0)
+        await here.go("4")
+        await here.until("map", "heron")
+        await here.press("plus", "plus", "plus", "f")
+        await here.wait(lambda: shown_map(here)._is_following)
+        here.app.look()
+        begun, middles = seen(here), set()
+        for n in range(40):
+            flight.move(100.0 + n / 4.0, (0.25 * n, 0.0, -2.0), (1.0, 0.0, 0.0), 0.0)
+            flight.now_s += 0.25
+            here.app.look()
+            middles.add((seen(here).north_m, seen(here).east_m))
+        assert 1 < len(middles) <= 8
+        assert seen(here).m_per_dot == begun.m_per_dot
+        await here.press("left")
+        await here.wait(lambda: not shown_map(here)._is_following)
+
+
+async def test_the_mouse_is_the_cursor() -> None:
+    async with scene(plan=None) as here:
+        flight = Flight(here)
+        flight.begin()
+        flight.fly(5.0)
+        await here.go("4")
+        await here.until("map", "heron")
+        before = here.shown("cursor")
+        await here.pilot.hover("#map", offset=(10, 5))
+        await here.wait(lambda: here.shown("cursor") != before)
+
+
+async def test_of_a_line_that_changes_only_the_columns_that_differ_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with scene(plan=None) as here:
+        flight = Flight(here)
+        flight.begin()
+        flight.fly(20.0)
+        await here.go("4")
+        await here.until("map", "heron")
+        panel = shown_map(here).query_one("#map", CanvasPanel)
+        await here.pilot.pause(0.05)
+        drawn: list[int] = []
+        monkeypatch.setattr(panel, "refresh", lambda *regions, **_: drawn.extend(region.area for region in regions))
+        here.app.look()
+        assert drawn == []
+        flight.move(100.0, (4.0, 1.0, -2.0), (1.0, 0.0, 0.0), 0.0)
+        here.app.look()
+        assert 0 < sum(drawn) < panel.size.area / 4

@@ -8,13 +8,16 @@ Topics, below the platform's name: `ci/request` (station to platform), `ci/reply
 """
 
 from enum import StrEnum
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
 from gloc3.lci import State
 from gloc3.messages import Message, Severity
 from gloc3.watch import Want
+
+FORCE: Final = "force the command"
+"""In the reason of a refusal: the same would be carried out with `CommandComponent.is_forced`."""
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):

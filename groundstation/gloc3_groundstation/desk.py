@@ -10,6 +10,7 @@ from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState, allowed
 from gloc3_groundstation import alerts, flights
 from gloc3_groundstation.alerts import Alerts
+from gloc3_groundstation.component_desk import ComponentDesk
 from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.fleet_desk import FleetDesk, LinkKeeper
 from gloc3_groundstation.flights import End, Follower
@@ -59,6 +60,7 @@ class Desk:
         self.events: Final = events or EventsDesk(station)
         self.fleet: Final = FleetDesk(self, links)
         self.missions: Final = MissionDesk(station, plan)
+        self.components: Final = ComponentDesk(self)
         self.services: Final = services or ServicesDesk(station)
         self._streamed: dict[str, tuple[int, str]] = {}
         self._held_s: dict[str, float] = {}

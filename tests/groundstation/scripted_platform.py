@@ -9,9 +9,11 @@ from msgspec.structs import astuple
 
 from gloc3.ci import (
     AnyBody,
+    CallFunction,
     CiEvent,
     CiReply,
     CiRequest,
+    CommandComponent,
     ComponentLine,
     ComponentTable,
     ComponentTrouble,
@@ -31,8 +33,11 @@ from gloc3.ci import (
     VehicleSummary,
     Verb,
     Watch,
+    health_of,
 )
+from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange, Publisher
+from gloc3.lci import Command, State, transition
 from gloc3.messages import Envelope, Message, Severity
 from gloc3.watch import TopicEntry
 
@@ -178,6 +183,10 @@ class ScriptedPlatform:
             case Control():
                 self.control = ControlState(holder=request.sender)
                 self.say("control", self.control)
+            case CommandComponent(component=name, command=command):
+                return self._command(request, name, command)
+            case CallFunction(arguments=values):
+                return reply_to(request, result=values)
             case Steer(verb=Verb.START):
                 self.loop.call_soon(self.advance)
             case Query(boot=boot, sequence=sequence):
@@ -196,6 +205,16 @@ class ScriptedPlatform:
             case _:
                 pass
         return reply_to(request)
+
+    def _command(self, request: CiRequest, name: str, command: str) -> CiReply:
+        """Carries a command out by the LCI's own table."""
+        try:
+            to = transition(State(self.states[name].value), Command(command)).to
+        except Refused as reason:
+            return reply_to(request, Outcome.REFUSED, str(reason))
+        self.states[name] = health_of(to)
+        self.speak()
+        return reply_to(request, result={"state": to or "absent"})
 
 
 def reply_to(

@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from gloc3.ci import (
+    FORCE,
     AnyBody,
     CallFunction,
     CiReply,
@@ -328,7 +329,7 @@ class RequestHandler:
         if not users:
             return
         if not body.is_forced:
-            raise Refused(f"{', '.join(users)} needs {body.component}; pause or abort it first, or force the command")
+            raise Refused(f"{', '.join(users)} needs {body.component}; pause or abort it first, or {FORCE}")
         reason = f"taken away by {body.command}, forced"
         executor.taken_away(body.component, tuple(provides), reason, now_s)
 

@@ -1,55 +1,144 @@
-"""The health of the vehicle in view: every component, and one of them in full."""
+"""The health of the vehicle in view: where the data stops, every component, and what can be asked of one."""
 
+from collections.abc import Iterable
+from functools import partial
 from typing import Final
 
 from textual import on
 from textual.app import ComposeResult
+from textual.binding import Binding
 
+from gloc3.component import FunctionEntry
+from gloc3_groundstation.component_desk import arguments
+from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
+from gloc3_groundstation.tui.component_dialogues import FORCE_QUESTION, ComponentMenu, FunctionForm
+from gloc3_groundstation.tui.keys import MISSION_KEYS
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.screen import Command, StationScreen
 from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.chain import chain_lines, wiring_lines
 from gloc3_groundstation.tui.views.components import (
+    answer_lines,
     component_lines,
     component_rows,
     components_header,
     components_title,
-    health_counts,
 )
 
-AROUND: Final = 8
+AROUND: Final = 10
 """Lines that are left to what stands above and below the components."""
 
 
 class HealthScreen(StationScreen):
-    """Components from the samplers to the command interface, in the order of the data."""
+    """The chain, the components from the samplers to the command interface, and the one under the cursor in full."""
 
     HELP = """Every component of the vehicle in view in the order of the data: SS samples, DP processes, CC controls,
-    AD drives, CI commands. Rate is measured against nominal; load is the share of the period that a cycle takes; late
-    counts the cycles that did not end in time.
+    AD drives, CI commands. The chain above them breaks where a required component hands nothing on and no other does
+    it in its place: ● working, ◐ quiet, ○ standby or idle, ✕ faulty, · absent.
 
-    The component under the cursor is told in full below, with its last error."""
+    Rate is measured against nominal; load is the share of the period that a cycle takes; late counts the cycles that
+    did not end in time. The component under the cursor is told in full below, with its last error.
+
+    Enter offers the commands that its state allows, and its functions. What a running action needs is refused first;
+    then you are asked whether to force it."""
+    BINDINGS = [
+        Binding(
+            "k", "ask", "Command", key_display="enter", tooltip="what the component under the cursor can be told now"
+        ),
+        *MISSION_KEYS,
+    ]
     AUTO_FOCUS = "#components"
 
     def body(self) -> ComposeResult:
-        """The components, and the one under the cursor."""
-        yield Panel(id="counts", classes="plain line", can_focus=False)
+        """The chain, the components, and the one under the cursor."""
+        yield Panel(id="chain", classes="plain", can_focus=False)
         yield Panel(id="components_header", classes="plain line", can_focus=False)
         yield ListPanel(id="components", classes="plain")
         yield Panel(id="component")
 
     def look(self, view: View) -> None:
         """Fills the panels."""
-        components, component = self.query_one(ListPanel), self.panel("component")
-        self.panel("counts").show([health_counts(view.platform, view.now_s)])
+        components, component, chain = self.query_one(ListPanel), self.panel("component"), self.panel("chain")
+        platform, desk, name = view.platform, self.desk.components, components.chosen
+        wiring = desk.wiring(platform.name) if platform is not None else None
+        chain.show(chain_lines(platform, wiring, view.now_s, chain.width))
         self.panel("components_header").show([components_header(components.width)])
-        rows = component_rows(view.platform, view.now_s, components.width)
-        components.show_rows([Row(line, name) for name, line in rows], components_title(view.platform, view.now_s))
+        rows = component_rows(platform, view.now_s, components.width)
+        components.show_rows([Row(line, name) for name, line in rows], components_title(platform, view.now_s))
         components.styles.height = min(len(rows), self.query_one("#body").size.height - AROUND)
         name = components.chosen
-        component.show(component_lines(view.platform, name, view.now_s, component.width), name)
+        lines = component_lines(platform, name, view.now_s, component.width)
+        if platform is not None and name:
+            lines = [*answer_lines(desk.answer(platform.name, name), view.now_s, component.width), *lines]
+            lines += wiring_lines(wiring, name, component.width)
+        component.show(lines, name)
+
+    def commands(self) -> Iterable[Command]:
+        """The commands of the component under the cursor, by name."""
+        found = self._chosen()
+        if found is None:
+            return
+        platform, component = found
+        for command, effect in self.desk.components.commands(component).items():
+            yield Command(
+                f"{component.name}: {command}", effect, partial(self._command, platform.name, component.name, command)
+            )
+        for entry in self.desk.components.functions(platform.name, component):
+            run = partial(self._fill_in, platform.name, component.name, entry)
+            yield Command(f"{component.name}: {entry.name}…", entry.doc.partition("\n")[0], run)
 
     @on(ListPanel.Moved, "#components")
     def tell(self) -> None:
         """Tells the component under the cursor."""
         self.look_again()
+
+    @on(ListPanel.Chosen, "#components")
+    def action_ask(self) -> None:
+        """Offers what can be asked of the component under the cursor."""
+        found = self._chosen()
+        if found is None:
+            return
+        platform, component = found
+        commands = self.desk.components.commands(component)
+        functions = self.desk.components.functions(platform.name, component)
+
+        def chosen(name: str | None) -> None:
+            entry = next((entry for entry in functions if entry.name == name), None)
+            if entry is not None:
+                self._fill_in(platform.name, component.name, entry)
+            elif name is not None:
+                self._command(platform.name, component.name, name)
+
+        if commands:
+            title = f"{platform.name}: {component.name} is {component.health}"
+            self.app.push_screen(ComponentMenu(title, commands, functions), chosen)
+
+    def _command(self, platform: str, component: str, command: str) -> None:
+        self.do(self._carry_out(platform, component, command))
+
+    async def _carry_out(self, platform: str, component: str, command: str) -> None:
+        """Commands; asks whether to force what a running action does not allow."""
+        desk = self.desk.components
+        answer = await desk.command(platform, component, command)
+        if answer.can_be_forced:
+            question = FORCE_QUESTION.format(command, component, answer.text)
+            self.ask(question, "force it", lambda: self.do(desk.command(platform, component, command, is_forced=True)))
+        self.look_again()
+
+    def _fill_in(self, platform: str, component: str, entry: FunctionEntry) -> None:
+        """Asks for a function's arguments, and sends it."""
+
+        def filled(texts: dict[str, str] | None) -> None:
+            if texts is not None:
+                self.do(self.desk.components.call(platform, component, entry, texts))
+
+        self.app.push_screen(FunctionForm(component, entry, partial(arguments, entry)), filled)
+
+    def _chosen(self) -> tuple[PlatformSnapshot, ComponentSnapshot] | None:
+        platform = self.view.platform if self.view is not None else None
+        if platform is None or self.view is None:
+            return None
+        name = self.query_one(ListPanel).chosen
+        found = next((each for each in platform.components(self.view.now_s) if each.name == name), None)
+        return None if found is None else (platform, found)

@@ -3,8 +3,10 @@
 from typing import Final
 
 from gloc3.ci import Health
+from gloc3_groundstation import wording
+from gloc3_groundstation.component_desk import Answer
 from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.lines import Line, Span, Tone, wrapped
 from gloc3_groundstation.tui.tables import Column, Table
 
 SLOW_PERCENT: Final = 80
@@ -96,15 +98,14 @@ def component_lines(platform: PlatformSnapshot | None, name: str, now_s: float, 
     return lines
 
 
-def health_counts(platform: PlatformSnapshot | None, now_s: float) -> Line:
-    """How many components are in each state."""
-    components = platform.components(now_s) if platform is not None else ()
-    spans = [Span(" ")]
-    for health in Health:
-        count = sum(component.health is health for component in components)
-        if count:
-            spans += [Span(f"{count} {health}", HEALTH_TONES[health]), Span("   ")]
-    return tuple(spans) if len(spans) > 1 else EMPTY
+def answer_lines(answer: Answer | None, now_s: float, width: int) -> list[Line]:
+    """What became of what was asked of a component last."""
+    if answer is None:
+        return []
+    rows = wrapped(f"{answer.asked}: {answer.text}", width - 16)
+    ago = f" {wording.duration(now_s - answer.heard_s)} ago"
+    tone = Tone.GOOD if answer.is_accepted else Tone.BAD
+    return [(Span(f"{ago if n == 0 else '':<14}", Tone.DIM), Span(row, tone)) for n, row in enumerate(rows)]
 
 
 def _line(table: Table, component: ComponentSnapshot, kind: str) -> Line:

@@ -1,0 +1,117 @@
+"""The chain from samplers to command interface, drawn, with the place where the data stops."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from gloc3.ci import Health
+from gloc3_groundstation.data_chain import Stage, Wiring, stages
+from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, text_of
+from gloc3_groundstation.tui.views.components import HEALTH_TONES
+
+SIGNS: Final = {
+    Health.WORKING: "●",
+    Health.QUIET: "◐",
+    Health.STANDBY: "○",
+    Health.IDLE: "○",
+    Health.ABSENT: "·",
+    Health.FAULTY: "✕",
+    None: "?",
+}
+MOST_SIGNS: Final = 8
+"""A stage of more components is told in numbers."""
+
+
+def chain_lines(platform: PlatformSnapshot | None, wiring: Wiring | None, now_s: float, width: int) -> list[Line]:
+    """The drawing, and in a line what it says.
+
+    Args:
+        platform: the vehicle in view.
+        wiring: who hands what to whom; None where that is not known here.
+        now_s: the station's time.
+        width: columns.
+    """
+    components = platform.components(now_s) if platform is not None else ()
+    if not components:
+        return [EMPTY, EMPTY]
+    chain = stages(components)
+    is_stale = all(component.is_stale for component in components)
+    spans = [Span(" ")]
+    has_stopped = False
+    signs = MOST_SIGNS if width >= 76 else 0
+    for place, stage in enumerate(chain):
+        if place:
+            has_stopped = has_stopped or bool(chain[place - 1].stops)
+            arrow = " ─✕╌▷ " if chain[place - 1].stops else " ╌╌╌▷ " if has_stopped else " ───▶ "
+            spans.append(Span(arrow, Tone.STALE if is_stale else Tone.BAD if has_stopped else Tone.GOOD))
+        spans.append(Span(f"{stage.kind} ", Tone.STRONG if not stage.stops else Tone.BAD))
+        spans += _signs(stage, signs)
+    drawn = tuple(Span(span.text, Tone.STALE) for span in spans) if is_stale else tuple(spans)
+    return [drawn, _said(chain, wiring, components, width, is_stale=is_stale)]
+
+
+def wiring_lines(wiring: Wiring | None, name: str, width: int) -> list[Line]:
+    """What a component takes from whom, and gives to whom."""
+    if wiring is None:
+        return []
+    lines: list[Line] = []
+    for title, known in (("takes", wiring.takes(name)), ("gives", wiring.gives(name))):
+        said = "; ".join(_topic(topic, others, title) for topic, others in known.items())
+        if said:
+            lines.append((Span(f" {title} ", Tone.DIM), Span(cut(said, width - 8), Tone.DIM)))
+    return lines
+
+
+def _topic(topic: str, others: Sequence[str], title: str) -> str:
+    if not others:
+        return topic
+    return f"{topic} {'from' if title == 'takes' else 'to'} {', '.join(others)}"
+
+
+def _signs(stage: Stage, most: int) -> list[Span]:
+    if len(stage.components) > most:
+        well = sum(component.is_well for component in stage.components)
+        return [Span(f"{well}/{len(stage.components)}", Tone.GOOD if well == len(stage.components) else Tone.WARN)]
+    return [Span(SIGNS[each.health], _tone(each)) for each in stage.components]
+
+
+def _tone(component: ComponentSnapshot) -> Tone:
+    if component.health is None:
+        return Tone.STALE
+    return Tone.GOOD if component.is_well else HEALTH_TONES[component.health]
+
+
+def _said(
+    chain: Sequence[Stage],
+    wiring: Wiring | None,
+    components: Sequence[ComponentSnapshot],
+    width: int,
+    *,
+    is_stale: bool,
+) -> Line:
+    starved = wiring.starved(components) if wiring is not None else {}
+    stopped = next((stage for stage in chain if stage.stops), None)
+    if stopped is not None:
+        who = ", ".join(f"{each.name} is {each.health}" for each in stopped.stops)
+        said, tone = (
+            f" {'as last heard, ' * is_stale}the data stops at {stopped.kind}: {who}{_lacks(starved)}",
+            Tone.BAD,
+        )
+    elif starved:
+        said, tone = f" what is required works{_lacks(starved)}", Tone.WARN
+    elif all(component.is_well or component.health is None for component in components):
+        said, tone = " the data flows from end to end", Tone.GOOD
+    else:
+        unwell = ", ".join(each.name for each in components if not each.is_well and each.health is not None)
+        said, tone = f" the data flows; not required, and not well: {unwell}", Tone.WARN
+    line = (Span(cut(said, width - 1), Tone.STALE if is_stale else tone),)
+    return line if text_of(line).strip() else EMPTY
+
+
+def _lacks(starved: Mapping[str, str]) -> str:
+    if not starved:
+        return ""
+    by_topic: dict[str, list[str]] = {}
+    for name, topic in starved.items():
+        by_topic.setdefault(topic, []).append(name)
+    return "; " + "; ".join(f"no {topic} for {', '.join(names)}" for topic, names in by_topic.items())

@@ -50,6 +50,8 @@ def station(
     signing_key: Path | None = None,
     config: Path | None = None,
     no_record: Annotated[bool, FLAG] = False,
+    foxglove: Annotated[bool, FLAG] = False,
+    foxglove_port: int = 8765,
 ) -> int:
     """Watch and command vehicles.
 
@@ -74,6 +76,9 @@ def station(
             directory.
         no_record: Record nothing. Otherwise events, all that is heard (MCAP) and every MAVLink frame (.tlog) are kept
             in gloc3/station in the XDG state directory.
+        foxglove: Serve what the vehicles tell to Foxglove while it happens, to be looked at only: open a connection to
+            ws://127.0.0.1:8765 there. A topic is asked for while somebody looks at it.
+        foxglove_port: The port for that; 0 takes any free one.
     """
     if json and not headless:
         raise Refused("--json goes with --headless")
@@ -85,6 +90,8 @@ def station(
         raise Refused("--station-id must be from 200 to 255")
     if not headless and not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
         raise Refused("there is no terminal here; use --headless")
+    if not 0 <= foxglove_port <= 65535:
+        raise Refused("--foxglove-port must be from 0 to 65535")
     plan: Plan | None = None
     if mission is not None:
         try:
@@ -111,7 +118,17 @@ def station(
     except InputError as error:
         raise Refused(str(error)) from None
     record = None if no_record else default_root()
-    session = Session(link or configuration.links, own, platform, plan, configuration, problem, record, signing_key=key)
+    session = Session(
+        link or configuration.links,
+        own,
+        platform,
+        plan,
+        configuration,
+        problem,
+        record,
+        signing_key=key,
+        foxglove_port=foxglove_port if foxglove else None,
+    )
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None))
     return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write))

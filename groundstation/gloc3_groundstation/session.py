@@ -20,6 +20,7 @@ from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.headless import Headless
 from gloc3_groundstation.links import Links
+from gloc3_groundstation.live_view import LiveView
 from gloc3_groundstation.narration import Line
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.recording import Recording
@@ -44,6 +45,7 @@ class Session:
         record: Path | None = None,
         *,
         signing_key: bytes | None = None,
+        foxglove_port: int | None = None,
     ) -> None:
         """A run.
 
@@ -56,6 +58,7 @@ class Session:
             problem: why the configuration file could not be used; empty where it could.
             record: the folder in which the session is recorded, in a folder of its own; None for nowhere.
             signing_key: signs all links; None for links that are not signed.
+            foxglove_port: where Foxglove is served; None for nowhere.
         """
         self._urls = list(urls)
         self._system = system
@@ -64,6 +67,7 @@ class Session:
         self._configuration = configuration
         self._problem = problem
         self._signing_key = signing_key
+        self._foxglove_port = foxglove_port
         self._links = Links()
         self._record = record
         self._events: EventsDesk | None = None
@@ -162,6 +166,7 @@ class Session:
         vehicles = Vehicles(station, self._links.ways)
         folder = Path(self._configuration.downloads or ".").expanduser()
         self._services = ServicesDesk(station, vehicles.reach, folder)
+        view: LiveView | None = None
         try:
             if recording is not None:
                 recording.attach(exchange)
@@ -176,8 +181,11 @@ class Session:
                 tap=recording.frame if recording else lambda _: None,
                 signing_key=self._signing_key,
             )
+            view = self._serve_foxglove(station, exchange, loop, topics)
             yield station
         finally:
+            if view is not None:
+                view.close()
             vehicles.close()
             await self._services.close()
             station.close()
@@ -185,6 +193,17 @@ class Session:
             if recording is not None:
                 recording.close()
             store.close()
+
+    def _serve_foxglove(
+        self, station: Station, exchange: LocalExchange, loop: asyncio.AbstractEventLoop, topics: TopicTable
+    ) -> LiveView | None:
+        """Foxglove's view of the vehicles, if it was asked for."""
+        if self._foxglove_port is None:
+            return None
+        view = LiveView(station, exchange, loop, topics, Clock(loop).utc_offset_s)
+        url = view.open(self._foxglove_port)
+        station.note("", Severity.NOTICE, f"Foxglove is served, view only: {url}")
+        return view
 
     def _begin_recording(
         self, station: Station, loop: asyncio.AbstractEventLoop, topics: TopicTable

@@ -68,6 +68,13 @@ class Watcher:
         self.watches.look_away(viewer, except_from)
         self._run()
 
+    def list_topics(self, platform: str) -> None:
+        """Asks a platform for its topics, unless they are known or have just been asked for."""
+        now_s = self._loop.time()
+        if not self.watches.entries(platform) and now_s >= self._listing.get(platform, 0.0):
+            self._listing[platform] = now_s + LIST_AGAIN_S
+            self._start(self._list(platform))
+
     def listen(self, seen: Seen) -> Unsubscribe:
         """Is told everything that is seen."""
         self._seen.append(seen)
@@ -93,9 +100,7 @@ class Watcher:
         for platform, wanted in self.watches.due(now_s):
             self._start(self._ask(platform, wanted))
         for platform in self.watches.lists_due():
-            if now_s >= self._listing.get(platform, 0.0):
-                self._listing[platform] = now_s + LIST_AGAIN_S
-                self._start(self._list(platform))
+            self.list_topics(platform)
         next_s = self.watches.next_s()
         if next_s is not None:
             self._timer = self._loop.call_at(max(next_s, now_s + 1e-3), self._run)

@@ -197,7 +197,7 @@ class Watches:
 
     def listed(self, platform: str, entries: Sequence[TopicEntry]) -> None:
         """A platform has told its topics."""
-        self._platforms[platform].entries = tuple(entries)
+        self._platforms.setdefault(platform, _Platform()).entries = tuple(entries)
 
     def receive(self, envelope: Envelope[Any], now_s: float) -> Envelope[Any] | None:
         """Takes in what came on a topic `PLATFORM/watch/...`; the message that was looked at, if that is what came."""

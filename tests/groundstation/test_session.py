@@ -27,3 +27,16 @@ def test_ctrl_c_ends_it_with_a_word(plan: Plan | None, code: int, capsys: pytest
     assert asyncio.run(Session([URL], 255, None, plan).narrate(10.0, tell)) == code
     assert told[-1].text == "stopped"
     assert capsys.readouterr().err.count("\n") == len(told)
+
+
+@pytest.mark.sockets
+def test_foxglove_is_served_where_it_was_asked_for_and_the_place_is_told() -> None:
+    told: list[str] = []
+
+    def tell(line: Line) -> None:
+        told.append(line.text)
+        if "Foxglove" in line.text:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert asyncio.run(Session([URL], 255, None, None, foxglove_port=0).narrate(10.0, tell)) == 0
+    assert any(text.startswith("Foxglove is served, view only: ws://127.0.0.1:") for text in told)

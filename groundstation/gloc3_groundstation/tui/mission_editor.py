@@ -72,10 +72,10 @@ class MissionEditor(TextArea):
         return Strip([first, *segments[1:]], strip.cell_length)
 
     async def _on_key(self, event: Key) -> None:
-        """A new line begins below the one before; escape and tab leave the editor to the screen."""
+        """A new line begins below the one before, and escape is left to the screen; the rest is the text area's own."""
         if event.key == "escape":
-            return
-        if event.key == "enter" and not self.read_only:
+            event.prevent_default()
+        elif event.key == "enter" and not self.read_only:
             event.stop()
             event.prevent_default()
             row, column = self.cursor_location
@@ -84,5 +84,3 @@ class MissionEditor(TextArea):
             deeper = 2 if before.rstrip().endswith(":") else 0
             start, end = self.selection
             self.replace("\n" + " " * (indent + deeper), start, end, maintain_selection_offset=False)
-            return
-        await super()._on_key(event)

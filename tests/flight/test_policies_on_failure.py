@@ -23,6 +23,7 @@ def test_a_failed_action_that_continues_stays_failed_and_what_comes_after_runs(f
     fly_into_a_deadline(flight, "continue")
     flight.await_state("sweep.out", "failed")
     flight.await_state("sweep.side", "running", 1.0)
+    assert "deadline" in flight.mission.reasons["sweep.out"], "stations are told why"
     flight.await_state("mission", "done", 30.0)
     assert flight.state("sweep.out") == "failed"
     assert flight.position_m[1] == pytest.approx(3.0, abs=HOME_M)

@@ -12,6 +12,7 @@ from gloc3.ci import MissionSummary
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
+from gloc3.mission.model import digest_of
 from gloc3_groundstation.configuration import Configuration
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.flights import End
@@ -26,7 +27,23 @@ from gloc3_groundstation.tui.screens.table import SCREENS
 
 from .scripted_platform import TASKS, ScriptedPlatform
 
-PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+TEXT = """mission: cargo hold
+frame: hold
+on_failure: land
+tasks:
+  depart: {actions: {climb: {take_off: {height_m: 1.5}}}}
+  sweep:
+    after: [depart]
+    actions:
+      wall: {follow_waypoints: {waypoints_m: [[2, 1, 2], [12, 1, 2], [12, 5, 3]], speed_m_s: 0.5}}
+      photos: {record_images: {camera: ground, every_m: 0.5}, until: wall}
+  recover:
+    after: [sweep]
+    actions:
+      home: {return_home: {}}
+      down: {land: {}, after: [home]}
+"""
+PLAN = Plan(name="hold.yaml", title="cargo hold", text=TEXT)
 
 
 class ScriptedLinks:
@@ -130,7 +147,7 @@ class Scene(NamedTuple):
     async def trouble_in_flight(self) -> None:
         """Has the platform fly a mission, with a component that has failed, a gust and a battery that gets low."""
         self.platform.fly(is_armed=True, mode="OFFBOARD", landed="in_air", position_m=(4.2, 1.0, 2.0), speed_m_s=0.5)
-        self.platform.mission = MissionSummary(name="cargo hold", digest="d1", state="running", tasks=TASKS)
+        self.platform.mission = MissionSummary(name="cargo hold", digest=digest_of(TEXT), state="running", tasks=TASKS)
         done = dict.fromkeys(("depart", "depart__climb"), "done")
         running = dict.fromkeys(("sweep", "sweep__wall", "sweep__photos"), "running")
         self.platform.advance("running", {"sweep.wall": 0.42}, **done, **running)

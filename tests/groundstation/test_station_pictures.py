@@ -17,6 +17,7 @@ GOLDEN = Path(__file__).parent / "golden"
 PICTURES: dict[str, tuple[tuple[int, int], ThemeName, str, list[str]]] = {
     "overview": ((80, 24), "dark", "overview", []),
     "health": ((120, 40), "daylight", "health", ["down"]),
+    "mission": ((80, 24), "dark", "mission", ["down", "right", "down"]),
     "help": ((80, 24), "mono", "mission", ["question_mark"]),
 }
 """Name to size, theme, screen, and the keys that are pressed."""

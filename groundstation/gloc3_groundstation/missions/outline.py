@@ -111,6 +111,8 @@ def told_outline(mission: MissionSummary, known: Outline | None) -> Outline:
         for task, actions in names.items()
         if task not in listed
     ]
+    if known is not None and not others:
+        return known
     if known is not None:
         return msgspec.structs.replace(known, stages=(*stages, *others))
     is_ordered = all(stage.name.startswith(COMMANDS) for stage in others)

@@ -77,6 +77,8 @@ class MissionScreen(StationScreen):
     _timer: Timer | None = None
     _is_checking = False
     _was_possible: object = None
+    _drawn: object = None
+    """What the graph that is shown was made of."""
 
     def body(self) -> ComposeResult:
         """Graph and detail; text and findings."""
@@ -168,9 +170,13 @@ class MissionScreen(StationScreen):
         timed = view.platform.mission if view.platform is not None else None
         is_stale = told is not None and timed is not None and timed.is_stale(view.now_s)
         if outline is None:
+            self._drawn = None
             graph.show_lines(nothing_lines(self.desk.missions.draft, view.platform, self.desk.missions.recent))
             return
-        graph.show_graph(mission_graph(outline, told, graph.width, is_stale=is_stale))
+        drawn = (outline, told, graph.width, is_stale)
+        if drawn != self._drawn:
+            self._drawn = drawn
+            graph.show_graph(mission_graph(outline, told, graph.width, is_stale=is_stale))
         lines = detail_lines(outline, told, graph.chosen, detail.width - 1)
         detail.show(lines, detail_title(outline, graph.chosen))
         detail.styles.height = max(3, min(len(lines) + 1, self.query_one("#body").size.height // 2))

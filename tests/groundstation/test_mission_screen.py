@@ -100,6 +100,7 @@ async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_
         await open_typed(here, str(file))
         await here.until("findings", "✗ 14:21   no task 'nowhere' here")
         await here.wait(lambda: editor(here).cursor_location == (13, 20))
+        await here.until("keys", "^space HOLD")
         await here.press("ctrl+n")
         await here.wait(lambda: editor(here).cursor_location[0] == 20)
         await here.press("ctrl+n")

@@ -4,11 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.ci import MissionSummary
-from gloc3_groundstation.missions.draft import opened
+from gloc3.mission.examples import find_mission
+from gloc3_groundstation.missions.draft import Draft, checked, opened
 from gloc3_groundstation.missions.outline import Outline, Stage, Step, told_outline
 from gloc3_groundstation.tui.graph.order import layered, reduced
 from gloc3_groundstation.tui.graph.rails import NODE, rail_rows
 from gloc3_groundstation.tui.lines import Tone, text_of
+from gloc3_groundstation.tui.views.findings import finding_rows
 from gloc3_groundstation.tui.views.mission_detail import detail_lines
 from gloc3_groundstation.tui.views.mission_graph import Graph, mission_graph
 
@@ -114,3 +116,29 @@ def test_any_order_with_cycles_and_unknown_names_too_is_drawn_with_each_item_onc
     for spot in graph.spots:
         assert spot.x + spot.width <= max(graph.width, 80)
         assert spot.y < len(graph.lines)
+
+
+INSPECTION = find_mission("inspection").read_text()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    place=st.integers(0, len(INSPECTION) - 1),
+    removed=st.integers(0, 30),
+    put=st.sampled_from(["", "x", "[", "{}", ": ", "\n", "after: [wall]", "\x00", "99999999"]),
+)
+def test_whatever_is_typed_into_a_mission_is_drawn_or_has_findings(place: int, removed: int, put: str) -> None:
+    draft = checked(Draft(name="m", text=INSPECTION[:place] + put + INSPECTION[place + removed :]), None)
+    assert draft.outline is not None or draft.errors
+    if draft.outline is not None:
+        assert mission_graph(draft.outline, None, 80).lines
+    assert finding_rows(draft, 78)
+
+
+def test_a_task_without_a_usable_action_is_an_empty_box() -> None:
+    outline = Outline(title="m", stages=(Stage(name="fly", steps=()), stage("down", ("land", ()), after=("fly",))))
+    assert text(mission_graph(outline, None, 60)).splitlines()[2:] == [
+        " ╭ ○ fly ──────────────────╮   ╭ ○ down ─────────────────╮",
+        " │                         ├──▶│ ○ land                  │",
+        " ╰─────────────────────────╯   ╰─────────────────────────╯",
+    ]

@@ -63,7 +63,7 @@ def rail_rows(before: Before) -> list[RailRow]:
             drawn.append(("", _tie(lanes, opened, closes=False)))
         while lanes and not lanes[-1]:
             lanes.pop()
-    widest = max(len(cells) for _, cells in drawn)
+    widest = max((len(cells) for _, cells in drawn), default=0)
     if widest > MOST_LANES:
         return [RailRow(name, f"{NODE} ") for name in order]
     return [RailRow(name, _spelled(cells).ljust(2 * widest)) for name, cells in drawn]

@@ -20,6 +20,7 @@ from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.questions import ABORT_QUESTION, Question
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.chrome import Key
 from gloc3_groundstation.tui.views.mission_detail import (
     detail_lines,
     detail_title,
@@ -63,7 +64,6 @@ class MissionScreen(StationScreen):
         Binding("w", "save_as", "Write as", tooltip="saves under another name, or exports (.plan, .waypoints)"),
         Binding("n", "new", "New", show=False, tooltip="begins a new mission"),
         Binding("c", "app.move('control')", "Control", tooltip="asks for control of the vehicle in view"),
-        Binding("ctrl+@,ctrl+space", "hold", "HOLD", key_display="^space", tooltip="while typing too"),
         Binding("escape", "graph", "Graph", tooltip="back from the text"),
         Binding("ctrl+s", "save", "Save", key_display="^s"),
         Binding("ctrl+n", "finding(1)", "Next finding", key_display="^n"),
@@ -116,7 +116,7 @@ class MissionScreen(StationScreen):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offers what makes sense: on the graph what is legal for the item under the cursor, in the text what edits."""
         draft = self.desk.missions.draft
-        if action in ("graph", "finding", "save", "hold"):
+        if action in ("graph", "finding", "save"):
             is_possible = draft is not None and not draft.is_fixed if action == "save" else True
             return is_possible or None if self._is_text else False
         if self._is_text and action in ("steer", "open", "text", "single", "other", "save_as", "new"):
@@ -131,6 +131,11 @@ class MissionScreen(StationScreen):
             case "other":
                 return self._has_other() or None
         return True
+
+    def keys(self) -> list[Key]:
+        """The keys; in the text the emergency key is the one that works while typing."""
+        hold = [Key("^space", "HOLD", self._vehicle() is not None, True)] if self._is_text else []
+        return [*super().keys(), *hold]
 
     # --- which mission is shown ---
 
@@ -240,9 +245,6 @@ class MissionScreen(StationScreen):
         self.query_one(GraphPanel).focus()
         self.look_again()
         self.refresh_bindings()
-
-    def action_hold(self) -> None:
-        """The emergency key as it is while typing; the app takes it first, and it stands in the line of keys."""
 
     def action_finding(self, step: int) -> None:
         """Goes from finding to finding."""

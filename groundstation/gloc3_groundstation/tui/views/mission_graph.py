@@ -79,7 +79,7 @@ def mission_graph(outline: Outline, told: MissionSummary | None, width: int, *, 
         known = stage.after if outline.is_ordered else (last,) if last else ()
         before[stage.name] = known
         last = stage.name
-    layout = Layout(before, {name: len(found) + 2 for name, found in rows.items()})
+    layout = Layout(before, {name: _height(found) for name, found in rows.items()})
     natural = max((_natural(stage, rows[stage.name]) for stage in outline.stages), default=NARROWEST)
     least = max(NARROWEST, min(natural, WIDEST - 10))
     box = max(NARROWEST if layout.widest(width - 2) >= NARROWEST else least, min(layout.widest(width - 2), WIDEST))
@@ -126,7 +126,7 @@ def _draw_box(
     frame: Tone,
 ) -> None:
     x, y, width = place
-    canvas.box(x, y, width, len(rows) + 2, frame)
+    canvas.box(x, y, width, _height(rows), frame)
     state = told.tasks.get(stage.name, "") if told is not None else ""
     sign, tone = sign_of(state)
     word = f" {state} " if state else ""
@@ -174,6 +174,11 @@ def _draw_step(
 
 def _rails(stage: Stage) -> list[RailRow]:
     return rail_rows({step.name: step.after for step in stage.steps})
+
+
+def _height(rows: list[RailRow]) -> int:
+    """Lines of a box; one whose actions are all unusable has an empty line."""
+    return max(1, len(rows)) + 2
 
 
 def _natural(stage: Stage, rows: list[RailRow]) -> int:

@@ -8,17 +8,14 @@ from typing import Final
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
+from gloc3.exchange.link_budget import budget_of
 from gloc3.exchange.tunnel.happenings import Undelivered
-from gloc3.exchange.tunnel.pacing import LinkBudget
-from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, open_endpoint, parse_url
+from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.link.message import Address
 from gloc3.link.signing import Signing, timestamp
 from gloc3.topics import TopicTable
 from gloc3_groundstation.link import GivenUp, Link, Tap, Told
 from gloc3_groundstation.link_snapshot import LinkSnapshot
-
-NETWORK_BIT_S: Final = 2_000_000.0
-"""Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""
 
 MEASURE_EVERY_S: Final = 1.0
 MAX_REMEMBERED: Final = 256
@@ -235,11 +232,3 @@ class UndeliveredEverywhere:
             return False
         del self._certain[key]
         return True
-
-
-def budget_of(url: str) -> LinkBudget:
-    """What a link carries: a serial line its baud rate, a network what is usual."""
-    wanted = parse_url(url)
-    if wanted.scheme in SERIAL_SCHEMES:
-        return LinkBudget(rate_bit_s=float(wanted.baud))
-    return LinkBudget(rate_bit_s=NETWORK_BIT_S, bits_per_byte=8.0)

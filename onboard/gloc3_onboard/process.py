@@ -12,6 +12,7 @@ from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.errors import Refused, nearest
 from gloc3.exchange import LocalExchange
+from gloc3.exchange.link_budget import budget_of
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
@@ -107,6 +108,7 @@ class OnboardProcess:
                 self._exchange,
                 self._topics,
                 self._random.getrandbits(32),
+                budget_of(url),
             )
             self._stations.append(link)
             await self._open_link(url, link)

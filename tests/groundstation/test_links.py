@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from gloc3.ci import CiRequest, Hello, Outcome, Steer, Verb
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange
+from gloc3.exchange.link_budget import budget_of
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.link.codec import Encoder, Frame, Parser, message
@@ -21,7 +22,7 @@ from gloc3.messages import Envelope, Source
 from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
 from gloc3_groundstation.link import Link
-from gloc3_groundstation.links import Links, UndeliveredEverywhere, budget_of
+from gloc3_groundstation.links import Links, UndeliveredEverywhere
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 

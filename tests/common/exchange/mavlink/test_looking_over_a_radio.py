@@ -14,7 +14,7 @@ from tests.common.exchange.mavlink.ends import PLATFORM, RADIO_CONDITIONS, Platf
 
 from gloc3.ci import LoadMission, Steer, Summary, Verb
 from gloc3.clock import run_virtual
-from gloc3.exchange.tunnel.pacing import RADIO
+from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.link.memory import Conditions
 from gloc3.messages import Envelope, Source
 from gloc3.topics import TopicTable
@@ -70,17 +70,20 @@ POSE = Pose(position_ned_m=(1.0, 2.0, 3.0), velocity_ned_m_s=(0.1, 0.2, 0.3), ne
 def look(
     seed: int,
     conditions: Conditions,
-    duration_s: float = 60.0,
+    duration_s: float = 30.0,
     *,
     is_half_duplex: bool = False,
     size: int = WORST_PICTURE,
+    budget: LinkBudget = RADIO,
 ) -> Seen:
     """Looks at a picture once a second and at ten poses a second, beside the status of 20 components."""
-    return run_virtual(_look(seed, conditions, duration_s, is_half_duplex, size))
+    return run_virtual(_look(seed, conditions, duration_s, is_half_duplex, size, budget))
 
 
-async def _look(seed: int, conditions: Conditions, duration_s: float, is_half_duplex: bool, size: int) -> Seen:
-    station, platform, _ = pair_on(seed, conditions, is_half_duplex=is_half_duplex)
+async def _look(
+    seed: int, conditions: Conditions, duration_s: float, is_half_duplex: bool, size: int, budget: LinkBudget
+) -> Seen:
+    station, platform, _ = pair_on(seed, conditions, is_half_duplex=is_half_duplex, budget=budget)
     came = watched(station)
     platform.report(20)
     await asyncio.sleep(3.0)
@@ -138,6 +141,12 @@ def test_so_it_is_with_other_luck(seed: int) -> None:
         gaps_s = [later - earlier for earlier, later in pairwise([3.0, *seen.previews_s, 33.0])]
         assert max(gaps_s) <= 5.0, gaps_s
         assert seen.slowest_status_hz >= 1.0
+
+
+def test_a_radio_behind_a_network_that_is_taken_for_quick_carries_status_and_pictures_too() -> None:
+    seen = look(2, CLEAN, size=USUAL_PICTURE, budget=LinkBudget(rate_bit_s=2e6, bits_per_byte=8.0))
+    assert max(later - earlier for earlier, later in pairwise([3.0, *seen.previews_s, 33.0])) <= 5.0
+    assert seen.slowest_status_hz >= 1.0
 
 
 def test_what_somebody_looks_at_takes_no_more_than_its_share() -> None:

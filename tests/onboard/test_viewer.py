@@ -212,6 +212,14 @@ def test_two_stations_get_what_the_more_demanding_one_wants_and_one_that_leaves_
     assert leases.until_s == float("inf")
 
 
+def test_what_is_wanted_is_brought_back_to_what_can_be_served() -> None:
+    leases = Leases()
+    leases.grant("255", [Want("a", 0.0, -5, 0, 0), Want("b", 1e9, 10**9, 10**9, 10**9)], 0.0)
+    least, most = leases.demands()["a"], leases.demands()["b"]
+    assert least[:4] == (0.05, 8, 8, 1)
+    assert most[:4] == (20.0, 640, 480, 100)
+
+
 def test_more_stations_than_can_be_served_take_turns() -> None:
     leases = Leases()
     for number in range(MOST_STATIONS + 1):

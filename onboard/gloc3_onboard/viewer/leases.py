@@ -8,6 +8,11 @@ from gloc3.watch import LEASE_S, Want
 MOST_STATIONS: Final = 8
 MOST_WANTS: Final = 64
 """Of one station."""
+SLOWEST_HZ: Final = 0.05
+FASTEST_HZ: Final = 20.0
+SMALLEST: Final = 8
+"""Pixels of a preview, across and down."""
+LARGEST: Final = (640, 480)
 
 
 class Demand(NamedTuple):
@@ -44,7 +49,7 @@ class Leases:
         """
         self._leases.pop(station, None)
         if wants or is_listing:
-            self._leases[station] = _Lease(tuple(wants[:MOST_WANTS]), is_listing, now_s + LEASE_S)
+            self._leases[station] = _Lease(tuple(map(sensible, wants[:MOST_WANTS])), is_listing, now_s + LEASE_S)
         if len(self._leases) > MOST_STATIONS:
             del self._leases[min(self._leases, key=lambda name: self._leases[name].until_s)]
 
@@ -75,3 +80,14 @@ class Leases:
                     )
                 found[want.topic] = wanted
         return found
+
+
+def sensible(want: Want) -> Want:
+    """The same within what can be served."""
+    return Want(
+        want.topic,
+        max(SLOWEST_HZ, min(FASTEST_HZ, want.rate_hz)),
+        max(SMALLEST, min(LARGEST[0], want.width)),
+        max(SMALLEST, min(LARGEST[1], want.height)),
+        max(1, min(100, want.quality)),
+    )

@@ -102,3 +102,36 @@ async def test_of_a_line_that_changes_only_the_columns_that_differ_are_drawn(mon
         flight.move(100.0, (4.0, 1.0, -2.0), (1.0, 0.0, 0.0), 0.0)
         here.app.look()
         assert 0 < sum(drawn) < panel.size.area / 4
+
+
+async def test_charts_are_frozen_taken_back_in_time_and_let_go() -> None:
+    async with scene(plan=None) as here:
+        flight = Flight(here)
+        flight.begin()
+        flight.fly(50.0)
+        await here.go("5")
+        await here.until("charts", "height")
+        await here.until("attitude", "°")
+
+        def title() -> str:
+            here.app.look()
+            assert here.app.base is not None
+            return str(here.app.base.query_one("#charts", CanvasPanel).border_title)
+
+        assert title() == "last 1 min"
+        await here.press("minus")
+        await here.wait(lambda: title() == "last 2 min")
+        await here.press("f")
+        await here.wait(lambda: title() == "2 min, FROZEN 0 s ago")
+        frozen = here.shown("charts")
+        flight.now_s += 12.0
+        flight.move(80.0, (4.0, 1.0, -5.0), (1.0, 0.0, 0.0), 0.0)
+        assert title() == "2 min, FROZEN 12 s ago"
+        assert here.shown("charts").splitlines()[:-1] == frozen.splitlines()[:-1]
+        await here.until("attitude", "wanted 5.00")
+        await here.press("left")
+        await here.wait(lambda: title() == "2 min, FROZEN 42 s ago")
+        await here.press("z")
+        await here.wait(lambda: title() == "last 2 min")
+        await here.press("down", "down")
+        await here.wait(lambda: "height" not in here.shown("charts"))

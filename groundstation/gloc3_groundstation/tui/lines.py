@@ -32,6 +32,8 @@ class Tone(StrEnum):
     SIXTH = "sixth"
     GROUND = "ground"
     """Below the horizon."""
+    ON_GROUND = "on-ground"
+    """A sign before the ground."""
 
 
 class Span(NamedTuple):

@@ -3,6 +3,7 @@
 from typing import Final
 
 from gloc3_groundstation.tui.screen import ScreenRow
+from gloc3_groundstation.tui.screens.data import FlightDataScreen
 from gloc3_groundstation.tui.screens.events import EventsScreen
 from gloc3_groundstation.tui.screens.fleet import FleetScreen
 from gloc3_groundstation.tui.screens.health import HealthScreen
@@ -16,6 +17,7 @@ SCREENS: Final = (
     ScreenRow("health", "2", "Health", "every component, and where the data stops", HealthScreen),
     ScreenRow("mission", "3", "Mission", "what is flown: tasks, actions and their states", MissionScreen),
     ScreenRow("map", "4", "Map", "where the vehicles are, have been and should be", MapScreen),
+    ScreenRow("data", "5", "Data", "attitude, and what is against what should be over time", FlightDataScreen),
     ScreenRow("sensors", "7", "Sensors", "any topic of the vehicle: values, plots, pictures", SensorsScreen),
     ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
     ScreenRow("fleet", "0", "Fleet", "all vehicles and links; orders for several; control", FleetScreen),

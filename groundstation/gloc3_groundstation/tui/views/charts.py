@@ -74,7 +74,7 @@ def round_scale(low: float, high: float, least: float) -> Scale:
     room = (high - low) * HEADROOM + missing
     step = _step((high - low + 2.0 * room) / 4.0)
     begin, end = floor((low - room) / step + 1e-9) * step, ceil((high + room) / step - 1e-9) * step
-    if low > -room:
+    if low > -room / 4.0:
         begin = max(0.0, begin)
     return Scale(begin + 0.0, end + 0.0, _decimals(step))
 
@@ -106,10 +106,10 @@ def chart_lines(
         off = 3 if curve.is_dotted else 0
         points = _points(x, top, bottom)
         canvas.line(_parted(points, wrap / span * down) if wrap else points, curve.tone, on=1, off=off)
-    return [title, *with_axis(canvas.lines(), scale)]
+    return [title, *with_axis(canvas.lines(), scale, wrap)]
 
 
-def with_axis(rows: Sequence[Line], scale: Scale) -> list[Line]:
+def with_axis(rows: Sequence[Line], scale: Scale, wrap: float = 0.0) -> list[Line]:
     """Rows of a chart with the values at its edges, and half way where there is room."""
     last = len(rows) - 1
     labels = {0: scale.high, last: scale.low}
@@ -118,7 +118,7 @@ def with_axis(rows: Sequence[Line], scale: Scale) -> list[Line]:
     found = []
     for number, row in enumerate(rows):
         value = labels.get(number)
-        text = "" if value is None else f"{value:.{scale.decimals + (number not in (0, last))}f}"
+        text = "" if value is None else _label(value % wrap if wrap and value != wrap else value, scale.decimals)
         found.append(
             (Span(f"{cut(text, AXIS - 2):>{AXIS - 2}} ", Tone.DIM), Span("┤" if text else "│", Tone.DIM), *row)
         )
@@ -179,6 +179,11 @@ def _parted(points: Dots, wrap: float) -> Dots:
     """With a gap where a value goes round."""
     jumps = np.flatnonzero(np.abs(np.diff(points[:, 1])) > wrap / 2.0) + 1
     return np.insert(points, jumps, np.nan, axis=0)
+
+
+def _label(value: float, decimals: int) -> str:
+    """A value on the axis, with one decimal more where it is half way between."""
+    return f"{value:.{decimals if abs(round(value, decimals) - value) < 1e-9 else decimals + 1}f}"
 
 
 def _step(at_least: float) -> float:

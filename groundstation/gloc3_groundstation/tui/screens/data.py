@@ -1,0 +1,103 @@
+"""Flight data of the vehicle in view: horizon, values and strip charts."""
+
+from typing import ClassVar, Final
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal
+
+from gloc3_groundstation.mapping.tracks import Track
+from gloc3_groundstation.tui.canvas_panel import CanvasPanel
+from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.flight_data import (
+    CHARTS,
+    WINDOWS_S,
+    attitude_lines,
+    attitude_title,
+    charts,
+    charts_title,
+    shown_charts,
+)
+
+STEP: Final = 0.25
+"""Of the window, that a key moves it by."""
+
+
+class FlightDataScreen(StationScreen):
+    """What the vehicle does, against what it should do."""
+
+    HELP = """How the vehicle in view flies: its attitude with an artificial horizon, and charts of what is (line) against
+    what should be (dotted). Edges of the charts are round and follow the values; all of them show the same time.
+
+    f freezes the charts, to look at something; the vehicle's values beside them go on. ← and → go back and forth in
+    what is kept: every sample of the last ten minutes, lowest and highest of every 2 s for an hour, of every 30 s for
+    eight hours."""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("f", "freeze", "Freeze", tooltip="the charts, or let them go on"),
+        Binding("plus,equals_sign", "window(-1)", "Time", key_display="+ -", tooltip="shorter or longer, 10 s to 8 h"),
+        Binding("minus,underscore", "window(1)", "Longer", show=False),
+        Binding("left,h", "back(1)", "Back", key_display="← →", tooltip="go back and forth in time"),
+        Binding("right,l", "back(-1)", "Forth", show=False),
+        Binding("down,j", "scroll_charts(1)", "Charts", key_display="↑ ↓", tooltip="the charts below and above"),
+        Binding("up,k", "scroll_charts(-1)", "Up", show=False),
+        Binding("z", "live", "Live", show=False, tooltip="show now again"),
+    ]
+    AUTO_FOCUS = "#charts"
+    _window = 2
+    _first = 0
+    _frozen_s: float | None = None
+
+    def body(self) -> ComposeResult:
+        """Attitude and values; charts."""
+        with Horizontal():
+            yield CanvasPanel(id="attitude", can_focus=False)
+            yield CanvasPanel(id="charts")
+
+    def look(self, view: View) -> None:
+        """Draws it."""
+        attitude, panel = self.query_one("#attitude", CanvasPanel), self.query_one("#charts", CanvasPanel)
+        track = self._track(view)
+        title = attitude_title(view, track)
+        attitude.show(attitude_lines(view, track, attitude.width, attitude.size.height), title)
+        width, height = panel.width, panel.size.height
+        if width < 20 or height < 4:
+            return
+        self._first = max(0, min(self._first, len(CHARTS) - shown_charts(width, height)))
+        end_s, window_s = self._end_s(view), WINDOWS_S[self._window]
+        lines = charts(track, end_s, view.now_s, window_s, self._first, width, height)
+        panel.show(lines, charts_title(end_s, view.now_s, window_s, is_frozen=self._frozen_s is not None))
+
+    def action_freeze(self) -> None:
+        """Stops the charts, or lets them go on."""
+        if self.view is not None:
+            self._frozen_s = None if self._frozen_s is not None else self.view.now_s
+        self.look_again()
+
+    def action_live(self) -> None:
+        """Shows now again."""
+        self._frozen_s = None
+        self.look_again()
+
+    def action_window(self, step: int) -> None:
+        """Shows more or less time."""
+        self._window = max(0, min(len(WINDOWS_S) - 1, self._window + step))
+        self.look_again()
+
+    def action_back(self, steps: int) -> None:
+        """Goes back in time, or forth; at the end the charts go on by themselves."""
+        if self.view is not None:
+            end_s = self._end_s(self.view) - steps * STEP * WINDOWS_S[self._window]
+            self._frozen_s = None if end_s >= self.view.now_s else max(end_s, self.view.started_s)
+        self.look_again()
+
+    def action_scroll_charts(self, charts: int) -> None:
+        """Shows the charts below, or above."""
+        self._first += charts
+        self.look_again()
+
+    def _end_s(self, view: View) -> float:
+        return view.now_s if self._frozen_s is None else self._frozen_s
+
+    def _track(self, view: View) -> Track | None:
+        return view.tracks.get(view.platform.name) if view.platform is not None else None

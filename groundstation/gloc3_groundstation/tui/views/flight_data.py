@@ -1,0 +1,210 @@
+"""Flight data: attitude and the other values of now, and strip charts of what should be against what is."""
+
+from collections.abc import Sequence
+from math import isnan, sqrt
+from typing import Final, NamedTuple
+
+from gloc3_groundstation.mapping.history import Series
+from gloc3_groundstation.mapping.tracks import Channel, Track
+from gloc3_groundstation.tui.lines import Line, Span, Tone
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.charts import (
+    AXIS,
+    Curve,
+    Scale,
+    Window,
+    chart_lines,
+    chart_title,
+    duration,
+    scale_of,
+    time_axis,
+    window_at,
+)
+from gloc3_groundstation.tui.views.horizon import horizon_lines
+
+WINDOWS_S: Final = (10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 7200.0, 28800.0)
+"""The times that a chart can show."""
+CHART_LINES: Final = 5
+"""Of a chart, with its title; it grows where there is room."""
+MOST_LINES: Final = 12
+TWO_COLUMNS: Final = 130
+"""From this width on charts stand side by side."""
+OLD_S: Final = 2.5
+SURE: Final = 2.0
+"""Standard deviations of an uncertainty that is told."""
+
+
+class ChartRow(NamedTuple):
+    """A chart, as data."""
+
+    name: str
+    unit: str
+    channel: Channel
+    decimals: int
+    least: float
+    """The axis covers at least so much."""
+    wanted: Channel | None = None
+    """What it should be."""
+    second: tuple[str, Channel] | None = None
+    """Another channel in the same chart, with its name."""
+    wrap: float = 0.0
+
+
+CHARTS: Final = (
+    ChartRow("height", "m", Channel.HEIGHT, 2, 1.0, Channel.WANTED_HEIGHT),
+    ChartRow("speed", "m/s", Channel.SPEED, 2, 1.0, Channel.WANTED_SPEED),
+    ChartRow("heading", "°", Channel.HEADING, 0, 20.0, Channel.WANTED_HEADING, wrap=360.0),
+    ChartRow("climb", "m/s", Channel.CLIMB, 2, 0.5, Channel.WANTED_CLIMB),
+    ChartRow("x", "m", Channel.X, 2, 1.0, Channel.WANTED_X),
+    ChartRow("y", "m", Channel.Y, 2, 1.0, Channel.WANTED_Y),
+    ChartRow("roll", "°", Channel.ROLL, 1, 10.0, second=("pitch", Channel.PITCH)),
+    ChartRow("battery", "V", Channel.BATTERY_V, 2, 1.0),
+    ChartRow("current", "A", Channel.BATTERY_A, 1, 5.0),
+    ChartRow("battery", "%", Channel.BATTERY_PERCENT, 0, 10.0),
+)
+
+
+def shown_charts(width: int, height: int) -> int:
+    """How many charts there is room for."""
+    rows = max(1, (height - 1) // CHART_LINES)
+    return min(len(CHARTS), rows * (2 if width >= TWO_COLUMNS else 1))
+
+
+def charts(
+    track: Track | None, end_s: float, now_s: float, window_s: float, first: int, width: int, height: int
+) -> list[Line]:
+    """As many charts as there is room for.
+
+    Args:
+        track: of the vehicle; None while nothing is known of it.
+        end_s: the time up to which they show; now, or when they were frozen.
+        now_s: the time.
+        window_s: how much time they show.
+        first: the first chart that is shown.
+        width: columns.
+        height: lines.
+    """
+    if track is None:
+        return [(Span(" nothing is known of this vehicle yet", Tone.STALE),)]
+    columns = 2 if width >= TWO_COLUMNS else 1
+    each = (width - 3 * (columns - 1)) // columns
+    rows = CHARTS[first : first + shown_charts(width, height)]
+    lines_each = -(-len(rows) // columns)
+    size = max(3, min(MOST_LINES, (height - 1) // max(1, lines_each)))
+    window = window_at(end_s, window_s, each - AXIS)
+    stacks = []
+    for column in range(columns):
+        stack: list[Line] = []
+        for row in rows[column * lines_each : (column + 1) * lines_each]:
+            stack += chart(row, track, window, each, size)
+        stacks.append([*stack, time_axis(window, now_s if end_s < now_s else window.to_s, each)] if stack else [])
+    if columns == 1:
+        return stacks[0]
+    longest = max(len(stack) for stack in stacks)
+    blank: Line = (Span(" " * each),)
+    left, right = ([*stack, *[blank] * (longest - len(stack))] for stack in stacks)
+    return [(*one, Span("   "), *other) for one, other in zip(left, right, strict=True)]
+
+
+def chart(row: ChartRow, track: Track, window: Window, width: int, height: int) -> list[Line]:
+    """One chart: dotted what should be, as a line what is."""
+    points = 2 * (width - AXIS)
+    curves: list[Curve] = []
+    about = track.series(row.channel, *window, points).last if row.wrap else None
+    values: list[tuple[str, str, Tone]] = []
+    if row.wanted is not None:
+        wanted = Curve("wanted", track.series(row.wanted, *window, points), Tone.TEXT, is_dotted=True)
+        curves.append(wanted)
+        values.append(("wanted", _told(wanted.series.last, row.decimals), Tone.TEXT))
+    if row.second is not None:
+        name, channel = row.second
+        second = Curve(name, track.series(channel, *window, points), Tone.SECOND)
+        curves.append(second)
+        values.append((name, _told(second.series.last, row.decimals), Tone.SECOND))
+    own = Curve("", track.series(row.channel, *window, points), Tone.FIRST)
+    curves.append(own)
+    values.insert(0, ("" if row.second is None else row.name, _told(own.series.last, row.decimals), Tone.FIRST))
+    scale = scale_of(curves, window, row.least)
+    if about is not None:
+        near = [curve._replace(series=_around(curve.series, about, row.wrap)) for curve in curves]
+        scale = scale_of(near, window, row.least)
+        if scale.high - scale.low <= row.wrap / 2.0:
+            curves = near
+        else:  # all round: from north to north
+            scale = Scale(0.0, row.wrap, 0)
+    title = chart_title(row.name, row.unit, values, width)
+    return chart_lines(title, curves, window, scale, width, height, row.wrap)
+
+
+def _around(series: Series, about: float, wrap: float) -> Series:
+    """Directions as near to one of them as they are, so that they do not jump at north."""
+    half = wrap / 2.0
+    lows, highs = ((values - about + half) % wrap + about - half for values in (series.lows, series.highs))
+    return series._replace(lows=lows, highs=highs)
+
+
+def charts_title(end_s: float, now_s: float, window_s: float, *, is_frozen: bool) -> str:
+    """How much time is shown, and whether it stands still."""
+    span = duration(window_s)
+    return f"{span}, FROZEN {duration(max(0.0, now_s - end_s))} ago" if is_frozen else f"last {span}"
+
+
+def attitude_lines(view: View, track: Track | None, width: int, height: int) -> list[Line]:
+    """The horizon, and the values of now."""
+    if track is None or track.latest_s is None:
+        return [(Span(" nothing is known yet", Tone.STALE),)]
+    latest, is_old = track.latest, view.now_s - track.latest_s >= OLD_S
+    values = {channel: float(latest[channel]) for channel in Channel}
+    facts = _facts(view, values)
+    lines: list[Line] = []
+    room = height - len(facts) - 1
+    if not isnan(values[Channel.ROLL]) and room >= 3:
+        size = min(room, 11 if width < 40 else 15)
+        size -= 1 - size % 2
+        lines += horizon_lines(values[Channel.ROLL], values[Channel.PITCH], width, size, is_stale=is_old)
+        lines.append(())
+    for name, spans in facts:
+        toned = tuple(Span(span.text, Tone.STALE) for span in spans) if is_old else spans
+        lines.append((Span(f" {name:<8}", Tone.DIM), *toned))
+    return lines
+
+
+def attitude_title(view: View, track: Track | None) -> str:
+    """The vehicle, and how old its values are where they are old."""
+    name = view.platform.name if view.platform is not None else "flight data"
+    if track is None or track.latest_s is None or view.now_s - track.latest_s < OLD_S:
+        return name
+    return f"{name}, {duration(view.now_s - track.latest_s)} ago"
+
+
+def _facts(view: View, values: dict[Channel, float]) -> Sequence[tuple[str, Line]]:
+    def told(channel: Channel, decimals: int, unit: str) -> Span:
+        return Span(_told(values[channel], decimals) + unit, Tone.STRONG)
+
+    def wanted(channel: Channel, decimals: int) -> Span:
+        value = values[channel]
+        return Span("" if isnan(value) else f"  wanted {_told(value, decimals)}", Tone.DIM)
+
+    motion = view.platform.motion.value if view.platform is not None and view.platform.motion is not None else None
+    covariance = motion.covariance_cm2 if motion is not None else None
+    facts: list[tuple[str, Line]] = [
+        ("roll", (told(Channel.ROLL, 1, "°"), Span("  pitch ", Tone.DIM), told(Channel.PITCH, 1, "°"))),
+        ("heading", (told(Channel.HEADING, 0, "°"), wanted(Channel.WANTED_HEADING, 0))),
+        ("height", (told(Channel.HEIGHT, 2, " m"), wanted(Channel.WANTED_HEIGHT, 2))),
+        ("climb", (told(Channel.CLIMB, 2, " m/s"),)),
+        ("speed", (told(Channel.SPEED, 2, " m/s"), wanted(Channel.WANTED_SPEED, 2))),
+        ("x, y", (told(Channel.X, 2, ""), Span("  "), told(Channel.Y, 2, " m"))),
+    ]
+    if motion is not None and covariance is not None:
+        across_m = SURE * sqrt(max(covariance[0], covariance[2])) / 100.0
+        up_m = SURE * motion.height_std_cm / 100.0
+        facts.append(("sure to", (Span(f"{across_m:.2f} m"), Span(f"  height {up_m:.2f} m", Tone.DIM))))
+    level = told(Channel.BATTERY_PERCENT, 0, " %")
+    voltage, current = values[Channel.BATTERY_V], values[Channel.BATTERY_A]
+    supply = "" if isnan(voltage) else f"  {voltage:.2f} V  {_told(current, 1)} A"
+    facts.append(("battery", (level, Span(supply, Tone.DIM))))
+    return facts
+
+
+def _told(value: float | None, decimals: int) -> str:
+    return "?" if value is None or isnan(value) else f"{round(value, decimals) + 0.0:.{decimals}f}"

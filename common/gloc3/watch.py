@@ -95,6 +95,8 @@ class TopicActivity(Message, frozen=True):
     """Messages in ten seconds."""
     ages: list[int]
     """Tenths of a second since the last; -1 where none was heard since somebody looks."""
+    stations: tuple[str, ...] = ()
+    """Who looks at the list."""
 
 
 def pack(envelope: Envelope[Any], message: Message, rate_hz: float, stations: tuple[str, ...] = ()) -> Sample:

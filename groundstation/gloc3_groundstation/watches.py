@@ -86,6 +86,16 @@ class _Platform:
         self.activity: TopicActivity | None = None
         self.problem = ""
         self.tracks: dict[str, _Track] = {}
+        self.last: dict[str, tuple[int, int]] = {}
+        """Of each topic of samples: the viewer's boot, and the last sequence."""
+
+    def is_news(self, envelope: Envelope[Any]) -> bool:
+        """Whether a sample has not come already, by another link."""
+        boot, sequence = self.last.get(envelope.topic, (0, -1))
+        if envelope.source.boot == boot and envelope.sequence <= sequence:
+            return False
+        self.last[envelope.topic] = envelope.source.boot, envelope.sequence
+        return True
 
     def wanted(self) -> Watch:
         """What all viewers want together."""
@@ -203,7 +213,7 @@ class Watches:
         """Takes in what came on a topic `PLATFORM/watch/...`; the message that was looked at, if that is what came."""
         name, _, topic = envelope.topic.partition("/")
         platform = self._platforms.get(name)
-        if platform is None:
+        if platform is None or not platform.is_news(envelope):
             return None
         if topic == ACTIVITY:
             platform.activity = envelope.payload

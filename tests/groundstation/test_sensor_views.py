@@ -46,7 +46,7 @@ def test_a_topic_that_has_fallen_silent_looks_so_and_one_that_speaks_now_and_the
 def test_topics_are_found_by_name_type_and_component() -> None:
     for wanted, name in (("INTERN", "components/pose/internal"), ("image", "camera/ground"), ("limiter", "setpoint")):
         assert [key for key, _ in topic_rows(TOPICS, None, wanted, 40)] == [name]
-    assert "nix" in text_of(no_topics_line(TOPICS, "nix", ""))
+    assert "asked for by its name" in text_of(no_topics_line(TOPICS, "nix", ""))
     assert "no viewer" in text_of(no_topics_line([], "", "it has no viewer"))
 
 

@@ -3,10 +3,12 @@
 import pytest
 
 from gloc3.ci import Watch
+from gloc3.vehicle import ObstacleScan
 from gloc3_groundstation.tui.list_panel import ListPanel
 from gloc3_groundstation.tui.picture_panel import PicturePanel
 
 from .looked_at import Viewer
+from .scripted_platform import ScriptedPlatform
 from .station_scene import Scene, scene
 
 pytestmark = pytest.mark.sockets
@@ -74,3 +76,31 @@ async def test_topics_are_found_while_one_types_and_the_rate_is_changed_by_a_key
         assert here.platform.watched.wants[0].rate_hz == 5.0
         await here.press("minus")
         await here.wait(lambda: here.platform.watched.wants[0].rate_hz == 2.0)
+
+
+async def test_a_topic_that_is_not_listed_is_asked_for_by_its_name_and_a_wrong_one_is_refused_in_words() -> None:
+    async with scene() as here:
+        viewer = Viewer(here.exchange, here.platform)
+        here.platform.speak()
+        await here.go("7")
+        await here.until("topics", "autopilot")
+        await here.press("slash", *"nothing", "enter")
+        await here.wait(lambda: watched(here) == ["nothing"])
+        await here.until("sight", "there is no such topic")
+        await here.press("escape", "slash", *"obstacles", "enter")
+        await here.wait(lambda: watched(here) == ["obstacles"])
+        scan = ObstacleScan(points_ne_m=[(0.0, 0.0), (4.0, 3.0), (4.0, -3.0)])
+        viewer.show("obstacles", scan, 1.0)
+        await here.until("plot", "3 points, 6.0 m east by 4.0 m north")
+
+
+async def test_leaving_the_vehicle_leaves_its_topics_too() -> None:
+    async with scene() as here:
+        Viewer(here.exchange, here.platform)
+        other = ScriptedPlatform(here.exchange, "egret", 8)
+        here.platform.speak()
+        other.speak()
+        await here.go("7")
+        await here.wait(lambda: bool(here.platform.watched.wants))
+        await here.press("v")
+        await here.wait(lambda: here.platform.watched == Watch() and other.watched.is_listing)

@@ -1,5 +1,6 @@
 """What a station asks platforms to show it, and what it keeps of what comes: a machine without I/O."""
 
+from itertools import count
 from typing import Any
 
 import pytest
@@ -23,13 +24,16 @@ def watches() -> Watches:
     return Watches(TopicTable(TOPICS).types)
 
 
-def sample(topic: str, message: Message, t_s: float, name: str = "heron", **changes: Any) -> Envelope[Any]:
+COUNT = count()
+
+
+def sample(topic: str, message: Message, t_s: float, name: str = "heron") -> Envelope[Any]:
     envelope: Envelope[Any] = Envelope(
         f"{name}/{topic}", Source(name, "somebody", 3), 0, t_s, "ned", type_name(type(message)), message
     )
     packed = pack(envelope, message, 20.0, ("255",))
     return Envelope(
-        f"{name}/watch/sample/{topic}", Source(name, "viewer", 9), 0, t_s, "", type_name(type(packed)), packed
+        f"{name}/watch/sample/{topic}", Source(name, "viewer", 9), next(COUNT), t_s, "", type_name(type(packed)), packed
     )
 
 
@@ -96,6 +100,17 @@ def test_a_sample_is_the_message_as_it_was_published_and_its_numbers_are_kept_fo
     assert series[-1][0] == pytest.approx(now_s)
     assert series[-1][1] == (1.0 + step,)
     assert watches.sight("heron", "height", now_s + 20.0).rate_hz < 2.0, "what does not come any more has no rate"
+
+
+def test_a_sample_that_comes_by_two_links_counts_once(watches: Watches) -> None:
+    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.due(0.0)
+    first, second = sample("height", height(1.0), 0.0), sample("height", height(2.0), 0.2)
+    assert watches.receive(first, 0.1) is not None
+    assert watches.receive(first, 0.15) is None
+    assert watches.receive(second, 0.3) is not None
+    assert watches.receive(first, 0.4) is None, "a slower link brings what is older"
+    assert len(watches.series("heron", "height", "height_m")) == 2
 
 
 def test_samples_that_others_look_at_are_not_kept(watches: Watches) -> None:

@@ -1,19 +1,25 @@
 """The viewer: samples of what somebody looks at, at the rate that is wanted, for as long as the lease is renewed."""
 
+import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from gloc3.clock import Clock, VirtualLoop
 from gloc3.deployment import ComponentRow
 from gloc3.exchange import Publisher
 from gloc3.lci import State
-from gloc3.messages import Envelope
+from gloc3.log.reader import LogReader
+from gloc3.messages import Envelope, Source
 from gloc3.platform import load_platform
+from gloc3.record import Recorder
 from gloc3.testing import PLATFORM, Bench
 from gloc3.topics import TopicTable
-from gloc3.vehicle import HeightAboveGround, Image
+from gloc3.vehicle import HeightAboveGround, Image, ObstacleScan
 from gloc3.watch import LEASE_S, Preview, Sample, TopicActivity, Want, unpack
+from gloc3.wire import type_name
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_onboard.viewer.leases import MOST_STATIONS, Leases
@@ -180,6 +186,29 @@ def test_an_image_without_a_picture_says_why(scene: Scene) -> None:
     assert not preview.is_valid
     assert preview.reason == "no frame for 1.0 s"
     assert preview.data == b""
+
+
+def test_a_scan_of_a_recorded_flight_is_shown_whole(scene: Scene, tmp_path: Path) -> None:
+    loop = VirtualLoop()
+    recorder = Recorder(tmp_path / "log.mcap", Clock(loop), TABLE, {})
+    points = [(5.0 * math.cos(0.0175 * n), 8.0 * math.sin(0.0175 * n)) for n in range(360)]
+    name = type_name(ObstacleScan)
+    for number in range(3):
+        scan = ObstacleScan(points_ne_m=points[number:], height_m=1.5)
+        recorder.record(Envelope("x/obstacles", Source("x", "laser", 1), number, float(number), "ned", name, scan))
+    recorder.close()
+    loop.close()
+    reader = LogReader(tmp_path / "log.mcap", TABLE.types)
+    recorded = [entry.envelope.payload for entry in reader.entries("obstacles")]
+    reader.close()
+    scene.ask(Want("obstacles", 5.0))
+    scene.bench.run(0.1)
+    for scan in recorded:
+        scene.bench.send("obstacles", scan)
+        scene.bench.run(0.5)
+    assert scene.messages() == recorded
+    assert len(recorded[0].points_ne_m) == 360
+    assert {e.topic for _, e in scene.seen} == {f"{PLATFORM}/watch/large/obstacles"}
 
 
 def test_the_list_tells_how_every_topic_speaks_while_somebody_looks_at_it(scene: Scene) -> None:

@@ -59,9 +59,9 @@ class Leases:
             del self._leases[station]
 
     @property
-    def is_listing(self) -> bool:
-        """Whether somebody looks at the list of topics."""
-        return any(lease.is_listing for lease in self._leases.values())
+    def listing(self) -> tuple[str, ...]:
+        """The stations that look at the list of topics."""
+        return tuple(station for station, lease in self._leases.items() if lease.is_listing)
 
     def demands(self) -> dict[str, Demand]:
         """Topic to what is wanted of it."""

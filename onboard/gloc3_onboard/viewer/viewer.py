@@ -156,7 +156,7 @@ class Viewer(CommandInterface[NoSettings]):
         for tap, meter in self._listed:
             rates.append(round(10.0 * meter.rate_hz(tap.count, now_s)))
             ages.append(round(10.0 * max(0.0, now_s - tap.latest.t_s)) if tap.latest is not None else -1)
-        return TopicActivity(rates=rates, ages=ages)
+        return TopicActivity(rates=rates, ages=ages, stations=self._leases.listing)
 
     def _follow_demand(self, now_s: float) -> None:
         """Listens to what is wanted now, and to nothing else."""
@@ -170,10 +170,10 @@ class Viewer(CommandInterface[NoSettings]):
             else:
                 watched.demand = demand
                 watched.due_s = min(watched.due_s, now_s + 1.0 / demand.rate_hz)
-        if self._leases.is_listing and not self._listed:
+        if self._leases.listing and not self._listed:
             self._listed = [(self._taps.open(entry.name), RateMeter(now_s)) for entry in self._catalogue.entries]
             self._listed_due_s = now_s + ACTIVITY_PERIOD_S
-        elif not self._leases.is_listing and self._listed:
+        elif not self._leases.listing and self._listed:
             for tap, _ in self._listed:
                 tap.close()
             self._listed = []

@@ -43,7 +43,7 @@ from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.messages import Envelope
 from gloc3.topics import TopicTable
-from gloc3.watch import Sample
+from gloc3.watch import Sample, TopicActivity
 from gloc3.wire import VersionsDiffer, WireError
 
 MAX_SENDERS: Final = 64
@@ -113,6 +113,8 @@ class TunnelEndpoint:
         if way.is_reliable:
             self._submit(envelope, now_s)
             return
+        if way.is_view and not self._lookers(envelope.payload):
+            return  # who looks at it is on another link
         count = self._published.get(envelope.topic, 0)
         self._published[envelope.topic] = count + 1
         if count % way.every == 0:
@@ -295,10 +297,15 @@ class TunnelEndpoint:
         elif isinstance(payload, CiRequest):
             peer = self._peers.named(envelope.topic.partition("/")[0])
         elif isinstance(payload, Sample):
-            return [looker for name in payload.stations if (looker := self._peers.named(name)) is not None]
+            return self._lookers(payload)
         else:
             return list(self._peers)
         return None if peer is None else [peer]
+
+    def _lookers(self, payload: Sample | TopicActivity) -> list[Peer]:
+        """Those here who look at a sample."""
+        peers = (self._peers.named(name) for name in payload.stations)
+        return [peer for peer in peers if peer is not None and peer.is_alive]
 
     def _house(self, now_s: float) -> None:
         """Somebody new is here: perhaps a message waits for him."""

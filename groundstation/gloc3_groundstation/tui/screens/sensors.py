@@ -47,6 +47,8 @@ class SensorsScreen(StationScreen):
     asked for, and sampled onboard at the rate that is shown, as far as the link affords it; when this screen is left,
     nothing more is sent.
 
+    What is typed and fits no topic of the list is asked for by its full name, such as components/pose/status.
+
     Hz is how often a topic speaks on the vehicle, “of” its nominal rate. Tab goes to the fields: the numbers under the
     cursor are plotted. Pictures are made small onboard, and larger where the link carries them."""
     BINDINGS = [
@@ -96,7 +98,7 @@ class SensorsScreen(StationScreen):
         watches = self.desk.station.watcher.watches
         entries, name = watches.entries(platform.name), platform.name
         rows = topic_rows(entries, watches.activity(name), self._filter, topics.width)
-        nothing = Row(no_topics_line(entries, self._filter, watches.problem(name)))
+        nothing = Row(no_topics_line(entries, self._filter, watches.problem(name)), self._filter if entries else "")
         topics.show_rows([Row(line, key) for key, line in rows] or [nothing])
         if topics.chosen != self._topic:
             self._topic, self._since_s = topics.chosen, view.now_s

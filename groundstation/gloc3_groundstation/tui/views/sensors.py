@@ -68,7 +68,7 @@ def topic_rows(
 def no_topics_line(entries: Sequence[TopicEntry], wanted: str, problem: str) -> Line:
     """Why no topic is shown."""
     if entries:
-        return (Span(f" No topic fits “{wanted}”; esc shows all.", Tone.DIM),)
+        return (Span(f" “{wanted}” is not in the list; asked for by its name.", Tone.DIM),)
     if problem:
         return (Span(f" {problem}", Tone.WARN),)
     return (Span(" Asking which topics there are…", Tone.DIM),)

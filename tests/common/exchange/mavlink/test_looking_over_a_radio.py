@@ -252,6 +252,21 @@ def test_a_picture_goes_only_to_the_station_that_looks() -> None:
     assert run_virtual(fly(("254", "255")))[0] >= 2
 
 
+def test_samples_do_not_go_over_a_link_on_which_nobody_looks() -> None:
+    async def fly(stations: tuple[str, ...]) -> int:
+        station, platform, _ = pair_on(1, CLEAN)
+        await asyncio.sleep(3.0)
+        looked = Looked(platform, 1, stations)
+        looked.show(1.0, True)
+        looked.show(10.0, False)
+        await asyncio.sleep(5.0)
+        station.close()
+        return platform.counters.view_bytes
+
+    assert run_virtual(fly(("254",))) == 0
+    assert run_virtual(fly(("254", "255"))) > 5000
+
+
 def test_a_picture_that_gets_no_further_is_given_up() -> None:
     async def fly() -> tuple[list[int], int]:
         station, platform, link = pair_on(1, CLEAN)

@@ -25,10 +25,12 @@ _ARMED: Final = 128
 _LANDED: Final = {1: "on_ground", 2: "in_air", 3: "taking_off", 4: "landing"}
 """MAV_LANDED_STATE."""
 _HEADING_UNKNOWN: Final = 65_535
-_IDS: Final = frozenset(
+WANTED: Final = frozenset(
     codec.shape(name).id
-    for name in ("HEARTBEAT", "SYS_STATUS", "EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT", "VFR_HUD", "SYSTEM_TIME")
+    for name in ("SYS_STATUS", "EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT", "VFR_HUD", "SYSTEM_TIME")
 )
+"""What tells of the vehicle beside its heartbeat."""
+_IDS: Final = WANTED | {codec.shape("HEARTBEAT").id}
 
 
 class AutopilotWatch:
@@ -53,6 +55,7 @@ class AutopilotWatch:
         self._place_s = 0.0
         self._speed_m_s = 0.0
         self._sequence: int | None = None
+        self._heard: set[int] = set()
         self._jumps: deque[tuple[float, bool]] = deque(maxlen=DOUBLED_JUMPS)
 
     def take(self, frame: Frame, now_s: float) -> None:
@@ -61,6 +64,7 @@ class AutopilotWatch:
         self.heard_s = now_s
         if frame.message_id not in _IDS:
             return
+        self._heard.add(frame.message_id)
         message = frame.decode()
         if message is None:
             return
@@ -80,6 +84,11 @@ class AutopilotWatch:
                 self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
             case "SYSTEM_TIME":
                 self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
+
+    @property
+    def missing(self) -> list[int]:
+        """Those of the wanted messages that have not come."""
+        return sorted(WANTED - self._heard)
 
     def is_doubled(self, now_s: float) -> bool:
         """Whether two vehicles speak under this address: its time since boot jumps to and fro."""

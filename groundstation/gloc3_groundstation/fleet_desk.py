@@ -102,7 +102,9 @@ class FleetDesk:
     # --- control of one vehicle ---
 
     def control_verbs(self, platform: PlatformSnapshot) -> frozenset[ControlVerb]:
-        """What can be asked about control of a vehicle now."""
+        """What can be asked about control of a vehicle now; nothing of one without a companion of ours."""
+        if not platform.has_companion:
+            return frozenset()
         state = platform.control.value if platform.control is not None else None
         if state is None or state.holder != self._station.id:
             taken = {ControlVerb.TAKE_OVER} if state is not None and state.holder else set()

@@ -1,12 +1,25 @@
 """What an operator does with a vehicle's parameters: fetch, edit, compare with a file, write what differs, save."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 from gloc3.errors import Refused
 from gloc3_groundstation.service_jobs import Begin, Service
 from gloc3_groundstation.services.parameter_table import DiffKind, ParameterDiff, ParameterTable
 from gloc3_groundstation.services.parameters import ParameterService, WriteReport
 from gloc3_groundstation.services.progress import OnProgress
+
+FORCE = "!"
+"""Behind a value: it is set beyond the bounds that the firmware describes."""
+
+
+class Judged(NamedTuple):
+    """What is to be thought of a value that was typed."""
+
+    value: float = 0.0
+    is_forced: bool = False
+    reason: str = ""
+    """Why it is not taken; empty where it is."""
 
 
 class ParameterDesk:
@@ -116,3 +129,19 @@ def told(report: WriteReport, file: str) -> str:
     if report.refused:
         words += f"; {len(report.refused)} not: " + "; ".join(report.refused.values())
     return words
+
+
+def judge(table: ParameterTable, name: str, typed: str) -> Judged:
+    """What was typed for a parameter; one beyond its bounds is taken with an exclamation mark behind it."""
+    text = typed.strip()
+    is_forced = text.endswith(FORCE)
+    try:
+        value = table.parse(name, text.removesuffix(FORCE))
+        table.check(name, value, force=True)
+    except Refused as error:
+        return Judged(reason=str(error))
+    try:
+        table.check(name, value, force=is_forced)
+    except Refused as error:
+        return Judged(reason=f"{error}; {text}{FORCE} sets it all the same")
+    return Judged(value=value, is_forced=is_forced)

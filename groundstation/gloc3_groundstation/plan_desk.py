@@ -5,6 +5,7 @@ from pathlib import Path
 import msgspec
 
 from gloc3.errors import Refused
+from gloc3.link.codec import enum_name
 from gloc3.mission.formats.items import Plan
 from gloc3_groundstation.service_jobs import Begin, Service
 from gloc3_groundstation.services.plan_items import PlanDifference
@@ -109,3 +110,9 @@ class PlanDesk:
             return "mission, fence and rally points are off the vehicle"
 
         self._begin(Service.PLANS, "clearing the plan", work, is_change=True)
+
+
+def command_name(command: int) -> str:
+    """A mission item's command as a person reads it: `nav waypoint`."""
+    name = enum_name("MAV_CMD", command)
+    return f"command {command}" if name.isdigit() else name.removeprefix("MAV_CMD_").lower().replace("_", " ")

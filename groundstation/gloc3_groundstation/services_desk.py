@@ -56,3 +56,13 @@ class ServicesDesk:
             await desk.close()
         self._desks.clear()
         await self._garage.close()
+
+
+def reached(desk: ServicesDesk, name: str) -> tuple[VehicleDesk | None, str]:
+    """What is at hand of a vehicle; None, and why, where it cannot be reached or none is in view."""
+    if not name:
+        return None, "no vehicle is heard yet"
+    try:
+        return desk.vehicle(name), ""
+    except Refused as error:
+        return None, str(error)

@@ -72,6 +72,11 @@ class VehicleDesk:
         return self.facts.is_armed
 
     @property
+    def now_s(self) -> float:
+        """The station's time."""
+        return self._station.now_s()
+
+    @property
     def rates(self) -> RateTable:
         """Which messages come now."""
         return self._services.rates.table
@@ -91,7 +96,7 @@ class VehicleDesk:
 
         async def work(tell: OnProgress) -> str:
             self.logs = await self._services.logs.list(tell)
-            return f"{len(self.logs)} logs" if self.logs else "the vehicle has no logs"
+            return counted(len(self.logs), "log") if self.logs else "the vehicle has no logs"
 
         self.begin(Service.LOGS, "listing the logs", work)
 
@@ -171,7 +176,7 @@ class VehicleDesk:
     async def _look_into(self, path: str) -> str:
         self.listing = await self._services.files.list(path)
         folders = sum(entry.is_folder for entry in self.listing.entries)
-        return f"{folders} folders, {len(self.listing.entries) - folders} files"
+        return f"{counted(folders, 'folder')}, {counted(len(self.listing.entries) - folders, 'file')}"
 
     # --- calibration ---
 
@@ -220,3 +225,8 @@ class VehicleDesk:
 
     def _note(self, outcome: Outcome) -> None:
         self._station.note(self.name, Severity.NOTICE if outcome.is_good else Severity.ERROR, outcome.text)
+
+
+def counted(count: int, what: str) -> str:
+    """`1 log`, `2 logs`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"

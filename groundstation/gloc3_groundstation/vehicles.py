@@ -7,15 +7,16 @@ vehicles may have the same one. One that is heard on several links is one vehicl
 import asyncio
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from msgspec.structs import replace
 
 from gloc3.errors import Refused
 from gloc3.exchange.base import Unsubscribe
-from gloc3.link.codec import Frame, shape
+from gloc3.link.codec import Frame, message, shape
 from gloc3.link.flight_modes import autopilot_name, type_name
 from gloc3.link.heartbeat import AUTOPILOT_INVALID
+from gloc3.link.interval import SET_MESSAGE_INTERVAL
 from gloc3.link.message import Address
 from gloc3.messages import Severity
 from gloc3_groundstation import fleet as reducers
@@ -31,6 +32,9 @@ PATIENCE_S: Final = 3.0
 """A vehicle without our companion is shown after so long; its companion's word comes sooner."""
 MORE_PATIENCE_S: Final = 8.0
 """The same where a companion is heard that has not said whether it is one of ours."""
+ASKED_TIMES: Final = 4
+ASK_EVERY_S: Final = 5.0
+TOLD_HZ: Final = 1.0
 MOST_VEHICLES: Final = 64
 _COMPANION: Final = 191
 _HEARTBEAT: Final = shape("HEARTBEAT").id
@@ -45,7 +49,15 @@ class HearsVehicles(Wire, Protocol):
 
 
 Way = tuple[int, int, int]
-"""How a vehicle is reached: number of the link from 0, system and component of its autopilot."""
+"""How a vehicle is reached: number of the link from 1, system and component of its autopilot."""
+
+
+class _Line(NamedTuple):
+    """A link that is open."""
+
+    url: str
+    link: HearsVehicles
+    unlisten: Unsubscribe
 
 
 class Vehicles:
@@ -61,7 +73,9 @@ class Vehicles:
         self._station = station
         self._links = links
         self._loop = asyncio.get_running_loop()
-        self._heard: list[Unsubscribe] = []
+        self._lines: dict[int, _Line] = {}
+        """By number, in the order in which they were opened."""
+        self._opened = 0
         self._watches: dict[Way, AutopilotWatch] = {}
         self._companions: set[tuple[int, int]] = set()
         """Links and systems on which a companion is heard."""
@@ -69,6 +83,8 @@ class Vehicles:
         """Links and systems to the platform whose companion speaks there."""
         self._names: dict[Way, str] = {}
         """Which vehicle is reached by which way."""
+        self._asked: dict[Way, tuple[int, float]] = {}
+        """How often a vehicle was asked for what it does not tell by itself, and when last."""
         self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
 
     def reach(self, name: str) -> tuple[Wire, Address]:
@@ -78,17 +94,16 @@ class Vehicles:
             Refused: no link hears it.
         """
         way = self._way(name)
-        links = self._links()
-        if way is None or way[0] >= len(links):
+        if way is None:
             hint = "--link udpin://0.0.0.0:14550 listens where autopilots and telemetry routers send"
             raise Refused(f"no link of this station hears the autopilot of {name}; {hint}")
-        return links[way[0]][1], Address(way[1], way[2])
+        return self._lines[way[0]].link, Address(way[1], way[2])
 
     def close(self) -> None:
         """Hears nothing more."""
         self._timer.cancel()
-        for unlisten in self._heard:
-            unlisten()
+        for line in self._lines.values():
+            line.unlisten()
 
     # --- what is heard ---
 
@@ -98,8 +113,8 @@ class Vehicles:
         if watch is None:
             if frame.message_id != _HEARTBEAT:
                 return
-            message = frame.decode()
-            if message is None or message.autopilot == AUTOPILOT_INVALID:
+            beat = frame.decode()
+            if beat is None or beat.autopilot == AUTOPILOT_INVALID:
                 if frame.component == _COMPANION:
                     self._companions.add((number, frame.system))
                 return
@@ -113,12 +128,63 @@ class Vehicles:
     def _look(self) -> None:
         self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
         links = self._links()
-        for number in range(len(self._heard), len(links)):
-            self._heard.append(links[number][1].listen(partial(self._take, number)))
-        for number, (_, link) in enumerate(links):
-            for name, address in link.platforms():
+        for number, line in list(self._lines.items()):
+            if not any(link is line.link for _, link in links):
+                self._forget(number)
+        for url, link in links:
+            if not any(link is line.link for line in self._lines.values()):
+                self._opened += 1
+                self._lines[self._opened] = _Line(url, link, link.listen(partial(self._take, self._opened)))
+        for number, line in self._lines.items():
+            for name, address in line.link.platforms():
                 self._platforms[number, address.system] = name
         self._station.change(self._settled)
+        for name in dict.fromkeys(self._names.values()):
+            known, best = self._station.fleet.get(name), self._way(name)
+            if known is not None and not known.has_companion and best is not None:
+                self._ask(best)
+
+    def _ask(self, way: Way) -> None:
+        """Asks a bare vehicle for what it does not tell by itself, as radios' default streams leave it out."""
+        now_s, (times, last_s) = self._station.now_s(), self._asked.get(way, (0, float("-inf")))
+        missing = self._watches[way].missing
+        if not missing or times >= ASKED_TIMES or now_s < last_s + ASK_EVERY_S:
+            return
+        self._asked[way] = times + 1, now_s
+        link = self._lines[way[0]].link
+        for number in missing:
+            params = {"param1": float(number), "param2": 1e6 / TOLD_HZ}
+            link.send(
+                message(
+                    "COMMAND_LONG",
+                    target_system=way[1],
+                    target_component=way[2],
+                    command=SET_MESSAGE_INTERVAL,
+                    **params,
+                )
+            )
+
+    def _forget(self, number: int) -> None:
+        """A link was closed: vehicles that were heard there alone are no longer shown, or have lost their autopilot."""
+        self._lines.pop(number).unlisten()
+        ways = [way for way in self._watches if way[0] == number]
+        before = {self._names[way] for way in ways if way in self._names}
+        for way in ways:
+            del self._watches[way]
+            self._names.pop(way, None)
+        gone = before - set(self._names.values())
+
+        def without(fleet: Fleet, now_s: float) -> Fleet:
+            del now_s
+            for name in sorted(gone):
+                known = fleet.get(name)
+                if known is not None and known.has_companion:
+                    fleet = reducers.with_platform(fleet, replace(known, autopilot=None, problems=()))
+                else:
+                    fleet = reducers.without(fleet, name)
+            return fleet
+
+        self._station.change(without)
 
     def _settled(self, fleet: Fleet, now_s: float) -> Fleet:
         """The fleet with every autopilot where it belongs."""
@@ -154,7 +220,7 @@ class Vehicles:
         firmware = FIRMWARES.get(watch.autopilot)
         base = f"{firmware.lower() if firmware else 'autopilot'}-{system}"
         taken = {*self._names.values(), *fleet.platforms}
-        name = base if base not in taken else f"{base}@{number + 1}"
+        name = base if base not in taken else f"{base}@{number}"
         return name if name not in taken else f"{name}.{way[2]}"
 
     def _shown(self, fleet: Fleet, name: str, way: Way, now_s: float) -> Fleet:
@@ -162,7 +228,7 @@ class Vehicles:
         number, system, component = way
         watch, known = self._watches[way], fleet.get(name)
         autopilot = AutopilotSnapshot(
-            link=self._links()[number][0],
+            link=self._lines[number].url,
             system=system,
             component=component,
             firmware=autopilot_name(watch.autopilot),
@@ -213,10 +279,10 @@ class Vehicles:
             )
             found.append(Problem(what="firmware", severity=Severity.WARNING, text=text))
         if watch.is_doubled(now_s):
-            text = f"two vehicles share system id {system} on {self._links()[number][0]}: both obey; {_IDS_HINT}"
+            text = f"two vehicles share system id {system} on {self._lines[number].url}: both obey; {_IDS_HINT}"
             found.append(Problem(what="system id", severity=Severity.ERROR, text=text))
         others = [
-            f"{owner} on {self._links()[other[0]][0]}"
+            f"{owner} on {self._lines[other[0]].url}"
             for other, owner in self._names.items()
             if owner != name and other[1] == system and now_s - self._watches[other].beat_s < BEATS_WITHIN_S
         ]

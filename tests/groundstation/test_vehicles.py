@@ -7,11 +7,12 @@ from typing import Any, TypeVar
 
 import pytest
 
+from gloc3.ci import EmergencyVerb
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
-from gloc3.link.codec import Encoder, message
+from gloc3.link.codec import Encoder, Parser, message
 from gloc3.link.memory import MemoryLink
 from gloc3.link.message import Address
 from gloc3.messages import Severity
@@ -84,8 +85,6 @@ class Scene:
         tunnel.bridge(there, TOPICS, name)
 
         def take(data: bytes) -> None:
-            from gloc3.link.codec import Parser
-
             for frame in Parser(is_datagram=True).receive(data):
                 decoded = frame.decode()
                 if decoded is not None:
@@ -152,8 +151,6 @@ def test_a_bare_vehicle_gets_no_commands_and_says_so() -> None:
         Autopilot(scene.memories[0], PX4)
         await scene.pass_s(4.0)
         desk = Desk(scene.station)
-        from gloc3.ci import EmergencyVerb
-
         assert desk.moves(scene.platform("px4-1")) == frozenset()
         assert not await desk.emergency("px4-1", EmergencyVerb.HOLD)
         assert not desk.was_just_held("px4-1")
@@ -265,5 +262,46 @@ def test_an_unknown_autopilot_says_what_is_the_matter() -> None:
         await scene.pass_s(5.0)
         (problem,) = scene.platform("autopilot-9").problems
         assert problem.text.startswith("unknown autopilot (smartap), neither PX4 nor ArduPilot: parameters, files")
+
+    over(play)
+
+
+def test_a_bare_vehicle_is_asked_a_few_times_for_what_it_does_not_tell() -> None:
+    async def play(scene: Scene) -> None:
+        asked: list[tuple[int, float, float]] = []
+
+        def take(data: bytes) -> None:
+            for frame in Parser(is_datagram=True).receive(data):
+                decoded = frame.decode()
+                if decoded is not None and decoded.name == "COMMAND_LONG":
+                    asked.append((decoded.command, decoded.param1, decoded.param2))
+
+        scene.memories[0].b.on_data = take
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(60.0)
+        assert len(asked) == 4 * 4
+        assert set(asked) == {(511, 1.0, 1e6), (511, 33.0, 1e6), (511, 74.0, 1e6), (511, 245.0, 1e6)}
+
+    over(play)
+
+
+def test_a_link_that_is_closed_takes_its_bare_vehicles_with_it_and_a_platform_loses_its_autopilot() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(1.5)
+        Autopilot(scene.memories[1], ARDUPILOT, system=2)
+        tunnel = scene.companion(0)
+        await scene.pass_s(6.0)
+        assert list(scene.station.fleet.platforms) == ["heron", "ardupilot-2"]
+        gone = scene.links[:]
+        scene.links.clear()
+        await scene.pass_s(1.0)
+        assert list(scene.station.fleet.platforms) == ["heron"]
+        assert scene.platform("heron").autopilot is None
+        scene.links.append(gone[1])
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["heron", "ardupilot-2"]
+        scene.links.append(gone[0])
+        tunnel.close()
 
     over(play)

@@ -11,6 +11,7 @@ from gloc3_groundstation.tui.screens.map import MapScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.overview import OverviewScreen
 from gloc3_groundstation.tui.screens.sensors import SensorsScreen
+from gloc3_groundstation.tui.screens.services import ServicesScreen
 
 SCREENS: Final = (
     ScreenRow("overview", "1", "Overview", "is everything all right?", OverviewScreen),
@@ -18,6 +19,7 @@ SCREENS: Final = (
     ScreenRow("mission", "3", "Mission", "what is flown: tasks, actions and their states", MissionScreen),
     ScreenRow("map", "4", "Map", "where the vehicles are, have been and should be", MapScreen),
     ScreenRow("data", "5", "Data", "attitude, and what is against what should be over time", FlightDataScreen),
+    ScreenRow("services", "6", "Services", "the autopilot's parameters, plans, logs, files, rates", ServicesScreen),
     ScreenRow("sensors", "7", "Sensors", "any topic of the vehicle: values, plots, pictures", SensorsScreen),
     ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
     ScreenRow("fleet", "0", "Fleet", "all vehicles and links; orders for several; control", FleetScreen),

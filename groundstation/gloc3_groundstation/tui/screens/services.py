@@ -1,0 +1,135 @@
+"""The vehicle services: parameters, plans, logs, files, calibration and message rates of the vehicle in view."""
+
+from collections.abc import Iterable
+from typing import ClassVar, Final
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.widgets import ContentSwitcher, Input
+
+from gloc3_groundstation.service_jobs import Service
+from gloc3_groundstation.services_desk import reached
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.screen import Command, StationScreen
+from gloc3_groundstation.tui.services.calibration import CalibrationPane
+from gloc3_groundstation.tui.services.files import FilesPane
+from gloc3_groundstation.tui.services.logs import LogsPane
+from gloc3_groundstation.tui.services.pane import ServicePane
+from gloc3_groundstation.tui.services.parameters import ParametersPane
+from gloc3_groundstation.tui.services.plans import PlansPane
+from gloc3_groundstation.tui.services.rates import RatesPane
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.services import job_lines, services_line, unreachable_lines
+
+PANES: Final[tuple[type[ServicePane], ...]] = (
+    ParametersPane,
+    PlansPane,
+    LogsPane,
+    FilesPane,
+    CalibrationPane,
+    RatesPane,
+)
+
+
+class ServicesScreen(StationScreen):
+    """One pane a service; what is under way goes on while another one is looked at."""
+
+    HELP = """The services of the autopilot in view: PX4 and ArduPilot, with or without a companion of ours aboard.
+    Tab, or the arrows left and right, choose a service.
+
+    Nothing is asked of the vehicle before a key says so. What is under way shows its progress below and goes on while
+    you look elsewhere; esc cancels it. Writing is confirmed while the vehicle is armed. A file of parameters is
+    compared with the vehicle first. ● was changed since the list was fetched, ≠ is not the firmware's default. A
+    download that was cut off goes on where it ended."""
+    AUTO_FOCUS = "#parameters_list"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "tab",
+            "service(1)",
+            "Service",
+            priority=True,
+            tooltip="the next service; → does the same, shift+tab and ← go back",
+        ),
+        Binding("right", "service(1)", "Next service", show=False, priority=True),
+        Binding("shift+tab,left", "service(-1)", "Service before", show=False, priority=True),
+        Binding("escape", "back", "Cancel", show=False, tooltip="what is under way, else leaves search or comparison"),
+    ]
+
+    _mood: object = None
+    """What the keys depended on when they were shown last."""
+
+    def body(self) -> ComposeResult:
+        """The line of services, the panes, and what is under way."""
+        yield Panel(id="services", classes="plain line", can_focus=False)
+        yield Panel(id="unreachable", classes="plain", can_focus=False)
+        with ContentSwitcher(initial=ServicePane.name_of(Service.PARAMETERS), id="service_panes"):
+            for pane in PANES:
+                yield pane()
+        yield Panel(id="job", classes="plain", can_focus=False)
+
+    def look(self, view: View) -> None:
+        """Fills the pane that is shown."""
+        pane = self.pane
+        name = view.platform.name if view.platform is not None else ""
+        vehicle, reason = reached(self.desk.services, name)
+        for each in self.query(ServicePane):
+            each.vehicle = vehicle
+        services, job = self.panel("services"), self.panel("job")
+        running = vehicle.jobs.running if vehicle is not None else {}
+        title = vehicle.facts.title if vehicle is not None else ""
+        services.show([services_line(pane.service, running, title, services.width)])
+        unreachable = self.panel("unreachable")
+        unreachable.display = vehicle is None
+        pane.display = vehicle is not None
+        if vehicle is None:
+            unreachable.show(unreachable_lines(reason, unreachable.width))
+            job.show([])
+            return
+        pane.fill(vehicle)
+        mood = pane.mood(vehicle)
+        if mood != self._mood:
+            self._mood = mood
+            self.refresh_bindings()
+        if self.focused is None and self.is_current:
+            pane.list.focus()
+        lines = job_lines(running.get(pane.service), vehicle.jobs.outcomes.get(pane.service), job.width)
+        job.styles.height = len(lines)
+        job.show(lines)
+
+    def commands(self) -> Iterable[Command]:
+        """The keys of the pane that is shown."""
+        return self.pane.commands()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leaves the arrows to a line that is being typed."""
+        if action == "service" and isinstance(self.focused, Input):
+            return False
+        return super().check_action(action, parameters)
+
+    @property
+    def pane(self) -> ServicePane:
+        """The pane that is shown."""
+        return self.query_one(f"#{self.query_one(ContentSwitcher).current}", ServicePane)
+
+    def action_service(self, step: int) -> None:
+        """Looks at the next service."""
+        order = list(Service)
+        chosen = order[(order.index(self.pane.service) + step) % len(order)]
+        self.query_one(ContentSwitcher).current = ServicePane.name_of(chosen)
+        self.look_again()
+        self.pane.list.focus()
+
+    def action_back(self) -> None:
+        """Cancels what is under way, else leaves what the pane has open."""
+        pane = self.pane
+        if isinstance(self.focused, Input):
+            pane.list.focus()
+            pane.leave()
+        elif pane.vehicle is None or not pane.vehicle.jobs.cancel(pane.service):
+            pane.leave()
+        self.look_again()
+
+    def on_screen_resume(self) -> None:
+        """Shows what happened meanwhile, with the keys of the pane that is shown."""
+        super().on_screen_resume()
+        self.pane.list.focus()

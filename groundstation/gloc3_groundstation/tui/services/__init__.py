@@ -1,0 +1,1 @@
+"""The panes of the services screen, one a file, and what they have in common."""

@@ -1,0 +1,55 @@
+"""Calibration of the vehicle's sensors: begun, followed step by step, confirmed, cancelled."""
+
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
+
+from gloc3_groundstation.service_jobs import Service
+from gloc3_groundstation.tui.lines import Span, Tone
+from gloc3_groundstation.tui.list_panel import Row
+from gloc3_groundstation.tui.services.pane import ServicePane
+from gloc3_groundstation.tui.views.service_calibration import calibration_lines, kind_line
+from gloc3_groundstation.vehicle_desk import CalibrationKind, Phase, VehicleDesk
+
+
+class CalibrationPane(ServicePane):
+    """See the module."""
+
+    service = Service.CALIBRATION
+    detail_lines = 1
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("b", "begin", "Begin", tooltip="calibrates what is under the cursor; enter does the same"),
+        Binding("y", "measure", "Measure", tooltip="the vehicle lies as it was asked to"),
+    ]
+
+    def fill(self, vehicle: VehicleDesk) -> None:
+        """What can be calibrated, and how far it is."""
+        state = vehicle.calibration
+        rows = [Row(kind_line(kind, state), kind.value) for kind in CalibrationKind]
+        self.show((Span(" sensor          state            what you do", Tone.DIM),), rows, "calibration")
+        self.tell(lambda width: calibration_lines(state, width), state.kind.value if state is not None else "")
+
+    def mood(self, vehicle: VehicleDesk) -> object:
+        """One key is there only while the vehicle waits for it."""
+        return vehicle.calibration.phase if vehicle.calibration is not None else None
+
+    def choose(self, key: str) -> None:
+        """Begins."""
+        if self.vehicle is not None:
+            self.vehicle.calibrate(CalibrationKind(key))
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offers to measure only where the vehicle waits for that."""
+        if action == "measure":
+            state = self.vehicle.calibration if self.vehicle is not None else None
+            return state is not None and state.phase is Phase.WAITING
+        return super().check_action(action, parameters)
+
+    def action_begin(self) -> None:
+        """Begins what is under the cursor."""
+        self.choose(self.list.chosen)
+
+    def action_measure(self) -> None:
+        """Confirms."""
+        if self.vehicle is not None:
+            self.vehicle.confirm_calibration()

@@ -1,0 +1,155 @@
+"""The base of the services' panes: a list with its header, one row in full, and what is asked before it is done."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.containers import Container
+
+from gloc3_groundstation.service_jobs import Service
+from gloc3_groundstation.tui.entry import Entry
+from gloc3_groundstation.tui.lines import Line
+from gloc3_groundstation.tui.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import Question
+from gloc3_groundstation.tui.screen import Command
+from gloc3_groundstation.vehicle_desk import VehicleDesk
+
+
+class ServicePane(Container):
+    """One service of the vehicle in view.
+
+    An author writes `fill`, which is called only while the pane is shown and the vehicle can be reached, and the keys'
+    actions, which ask the vehicle's desk.
+    """
+
+    service: ClassVar[Service]
+    detail_lines: ClassVar[int] = 0
+    """Lines below the list, where the row under the cursor is told in full; 0 for none."""
+
+    def __init__(self) -> None:
+        super().__init__(id=self.name_of(self.service), classes="service")
+        self.vehicle: VehicleDesk | None = None
+        """Whose services these are; None while it cannot be reached."""
+
+    @staticmethod
+    def name_of(service: Service) -> str:
+        """The id of a service's pane."""
+        return service.name.lower()
+
+    def compose(self) -> ComposeResult:
+        """The list with its header, and the detail."""
+        yield Panel(id=f"{self.id}_header", classes="head", can_focus=False)
+        yield ListPanel(id=f"{self.id}_list", classes="plain rows")
+        if self.detail_lines:
+            yield Panel(id=f"{self.id}_detail", classes="detail")
+
+    def fill(self, vehicle: VehicleDesk) -> None:
+        """Shows what is at hand."""
+        raise NotImplementedError
+
+    def mood(self, vehicle: VehicleDesk) -> object:
+        """What its keys depend on; where it is another, they are shown anew."""
+        del vehicle
+        return None
+
+    def choose(self, key: str) -> None:
+        """Enter was pressed on a row."""
+
+    def leave(self) -> bool:
+        """Escape was pressed with nothing under way; tells whether the pane had something to leave."""
+        return False
+
+    def commands(self) -> Sequence[Command]:
+        """What the command palette offers: the pane's keys."""
+        found = []
+        for binding in (one for _, one in self._bindings if one.description):
+            title = f"{self.service}: {binding.description}"
+            found.append(Command(title, binding.tooltip, partial(self.run_action, binding.action)))
+        return found
+
+    # --- what a pane may call ---
+
+    @property
+    def list(self) -> ListPanel:
+        """Its list."""
+        return self.query_one(f"#{self.id}_list", ListPanel)
+
+    def show(self, header: Line, rows: Sequence[Row], title: str) -> None:
+        """Fills header and list."""
+        self.query_one(f"#{self.id}_header", Panel).show([header], title)
+        is_other = len(rows) != len(self.list.lines)
+        self.list.show_rows(rows)
+        if is_other and self.list.chosen:
+            self.list.point_at(self.list.chosen)
+
+    def tell(self, lines: Callable[[int], Sequence[Line]], title: str = "") -> None:
+        """Fills the detail; what is told is made for its width."""
+        detail = self.query_one(f"#{self.id}_detail", Panel)
+        detail.show(lines(max(20, detail.width)), title)
+
+    def ask(
+        self,
+        title: str,
+        work: Callable[[str], object],
+        *,
+        lines: Callable[[int], Sequence[Line]] | None = None,
+        value: str = "",
+        hint: str = "",
+        check: Callable[[str], str] = lambda _: "",
+    ) -> None:
+        """Asks for a text and does something with it."""
+
+        def answered(text: str | None) -> None:
+            if text is not None:
+                work(text)
+                self.look_again()
+
+        self.app.push_screen(Entry(title, lines, value=value, hint=hint, check=check), answered)
+
+    def ask_for_file(self, title: str, work: Callable[[Path], object], value: str = "") -> None:
+        """Asks for the name of a file here; names begin in the folder for downloads."""
+        vehicle = self.vehicle
+        if vehicle is None:
+            return
+
+        def check(text: str) -> str:
+            return "" if text.strip() else "type the name of a file"
+
+        hint = f"a file; names begin in {vehicle.folder.absolute()}"
+        self.ask(title, lambda text: work(vehicle.path(text)), value=value, hint=hint, check=check)
+
+    def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
+        """Asks before what can hurt."""
+
+        def answered(answer: bool | None) -> None:
+            if answer:
+                work()
+                self.look_again()
+
+        self.app.push_screen(Question(question, yes), answered)
+
+    def confirm_if_armed(self, question: str, yes: str, work: Callable[[], object]) -> None:
+        """Asks while the vehicle is armed; on the ground it is done at once."""
+        if self.vehicle is not None and self.vehicle.is_armed:
+            self.confirm(f"{self.vehicle.name} is ARMED. {question}", yes, work)
+        else:
+            work()
+            self.look_again()
+
+    def look_again(self) -> None:
+        """Shows at once what a key has changed."""
+        self.refresh_bindings()
+        if self.vehicle is not None and self.is_attached:
+            self.fill(self.vehicle)
+
+    @on(ListPanel.Moved)
+    def _moved(self) -> None:
+        self.look_again()
+
+    @on(ListPanel.Chosen)
+    def _chosen(self, event: ListPanel.Chosen) -> None:
+        self.choose(event.key)

@@ -1,0 +1,78 @@
+"""Plans on the autopilot: downloaded, opened from a file, uploaded, verified, saved and cleared."""
+
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
+
+from gloc3_groundstation.service_jobs import Service
+from gloc3_groundstation.tui.list_panel import Row
+from gloc3_groundstation.tui.services.pane import ServicePane
+from gloc3_groundstation.tui.views.service_plans import plan_rows, plans_header, plans_title
+from gloc3_groundstation.tui.views.services import hint_lines
+from gloc3_groundstation.vehicle_desk import VehicleDesk
+
+
+class PlansPane(ServicePane):
+    """See the module."""
+
+    service = Service.PLANS
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("f", "fetch", "Download", tooltip="mission, fence and rally points of the vehicle"),
+        Binding("o", "open", "Open file", tooltip="a .plan or a file of waypoints"),
+        Binding("u", "upload", "Upload", tooltip="the file at hand; it is read back and compared"),
+        Binding("y", "verify", "Verify", tooltip="compares the vehicle's plan with the file at hand"),
+        Binding("s", "save", "Save", tooltip="the vehicle's plan, to .plan or .waypoints"),
+        Binding(
+            "delete", "clear", "Clear", tooltip="takes mission, fence and rally points off the vehicle; asks first"
+        ),
+    ]
+
+    def fill(self, vehicle: VehicleDesk) -> None:
+        """The vehicle's plan and the file at hand."""
+        width = self.list.width
+        rows = [Row(line, key) for key, line in plan_rows(vehicle.plans, width)]
+        hints = hint_lines("f downloads the plan of the vehicle.", "o opens a .plan or a file of waypoints.")
+        self.show(plans_header(width), rows or [Row(line) for line in hints], plans_title(vehicle.plans))
+
+    def mood(self, vehicle: VehicleDesk) -> object:
+        """Some keys need a file at hand."""
+        return vehicle.plans.file is None
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Greys out what needs a file at hand."""
+        if action in ("upload", "verify"):
+            return True if self.vehicle is not None and self.vehicle.plans.file is not None else None
+        return super().check_action(action, parameters)
+
+    def action_fetch(self) -> None:
+        """Downloads."""
+        if self.vehicle is not None:
+            self.vehicle.plans.download()
+
+    def action_open(self) -> None:
+        """Opens a file."""
+        if self.vehicle is not None:
+            self.ask_for_file("open a plan", self.vehicle.plans.open)
+
+    def action_upload(self) -> None:
+        """Uploads the file at hand."""
+        plans = self.vehicle.plans if self.vehicle is not None else None
+        if plans is not None and plans.file is not None:
+            self.confirm_if_armed(f"Replace its plan by {plans.file.name}?", "upload it", plans.upload)
+
+    def action_verify(self) -> None:
+        """Compares with the file at hand."""
+        if self.vehicle is not None:
+            self.vehicle.plans.verify()
+
+    def action_save(self) -> None:
+        """Saves the vehicle's plan."""
+        if self.vehicle is not None:
+            self.ask_for_file("save the vehicle's plan as", self.vehicle.plans.save, f"{self.vehicle.name}.plan")
+
+    def action_clear(self) -> None:
+        """Clears, after a question: what is only on the vehicle is gone then."""
+        if self.vehicle is not None:
+            armed = " It is ARMED." if self.vehicle.is_armed else ""
+            question = f"Take mission, fence and rally points off {self.vehicle.name}?{armed}"
+            self.confirm(question, "clear them", self.vehicle.plans.clear)

@@ -1,0 +1,131 @@
+"""Message rates of the vehicle: what comes how often and what it costs, and asking for one more or less often."""
+
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.widgets import Input
+
+from gloc3_groundstation.service_jobs import Service
+from gloc3_groundstation.services.rates import RateRow, RateTable
+from gloc3_groundstation.tui.list_panel import Row
+from gloc3_groundstation.tui.services.pane import ServicePane
+from gloc3_groundstation.tui.views.service_lists import rate_line, rates_header, rates_title
+from gloc3_groundstation.tui.views.services import hint_lines
+from gloc3_groundstation.vehicle_desk import VehicleDesk
+
+LOOK_EVERY_S = 1.0
+FASTEST_HZ = 1000.0
+
+
+class RatesPane(ServicePane):
+    """See the module."""
+
+    service = Service.RATES
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("e", "set", "Rate", tooltip="asks for the message under the cursor at a rate; enter does the same"),
+        Binding("n", "name", "By name", tooltip="asks for a message that does not come yet"),
+        Binding("slash", "search", "Search", tooltip="by name"),
+        Binding("b", "busiest", "Busiest", tooltip="the most expensive first, or by name"),
+    ]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._text = ""
+        self._is_busiest = False
+        self._looked: tuple[float, VehicleDesk | None] = (float("-inf"), None)
+        self._table = RateTable()
+
+    def compose(self) -> ComposeResult:
+        """The search line above the list."""
+        yield Input(id="rates_search", placeholder="search: a part of the name", compact=True)
+        yield from super().compose()
+
+    def fill(self, vehicle: VehicleDesk) -> None:
+        """The table, measured anew once a second."""
+        if vehicle.now_s >= self._looked[0] + LOOK_EVERY_S or vehicle is not self._looked[1]:
+            self._looked, self._table = (vehicle.now_s, vehicle), vehicle.rates
+        width, found = self.list.width, self._table.find(self._text)
+        if self._is_busiest:
+            found = tuple(sorted(found, key=lambda row: -row.bytes_s))
+        rows = [Row(rate_line(row, width), _key(row)) for row in found]
+        rows = rows or [Row(line) for line in hint_lines("Nothing like that comes from the vehicle.")]
+        self.show(rates_header(width), rows, rates_title(self._table, len(found), self._text))
+
+    def choose(self, key: str) -> None:
+        """Asks for a rate."""
+        self._ask(key.partition(" ")[0])
+
+    def leave(self) -> bool:
+        """Leaves what was looked for."""
+        if not self._text:
+            return False
+        self.query_one(Input).value = self._text = ""
+        self.query_one(Input).display = False
+        self.list.focus()
+        self.look_again()
+        return True
+
+    def action_set(self) -> None:
+        """Asks for another rate of the message under the cursor."""
+        if self.list.chosen:
+            self.choose(self.list.chosen)
+
+    def action_name(self) -> None:
+        """Asks for the name of a message."""
+
+        def check(text: str) -> str:
+            return "" if text.strip() else "type the name of a message, as ATTITUDE, or its number"
+
+        self.ask("which message?", lambda text: self._ask(text.strip().upper()), hint="as ATTITUDE, or 30", check=check)
+
+    def action_search(self) -> None:
+        """Looks for some while typing."""
+        search = self.query_one(Input)
+        search.display = True
+        search.focus()
+
+    def action_busiest(self) -> None:
+        """Sorts by cost, or by name."""
+        self._is_busiest = not self._is_busiest
+        self.look_again()
+
+    def _ask(self, name: str) -> None:
+        vehicle = self.vehicle
+        if vehicle is None:
+            return
+
+        def work(text: str) -> None:
+            vehicle.request_rate(name, _rate(text))
+
+        hint = "in Hz; 0: not at all; empty: as often as the vehicle does by itself"
+        self.ask(f"{name}: how often?", work, hint=hint, check=_wrong)
+
+    @on(Input.Changed, "#rates_search")
+    def _typed(self, event: Input.Changed) -> None:
+        self._text = event.value.strip()
+        self.look_again()
+
+    @on(Input.Submitted, "#rates_search")
+    def _sought(self) -> None:
+        self.query_one(Input).display = bool(self._text)
+        self.list.focus()
+
+
+def _key(row: RateRow) -> str:
+    name = row.name if not row.name.startswith("message ") else str(row.message_id)
+    return f"{name} {row.source.system}/{row.source.component}"
+
+
+def _rate(text: str) -> float | None:
+    return float(text) if text.strip() else None
+
+
+def _wrong(text: str) -> str:
+    try:
+        rate_hz = _rate(text)
+    except ValueError:
+        return f"{text!r} is no number"
+    is_good = rate_hz is None or 0.0 <= rate_hz <= FASTEST_HZ
+    return "" if is_good else f"a rate is from 0 to {FASTEST_HZ:g} Hz"

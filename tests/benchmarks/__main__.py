@@ -3,12 +3,13 @@
 import sys
 from collections.abc import Callable
 
-from tests.benchmarks import footprint, parts, turnaround
+from tests.benchmarks import footprint, parts, terminal, turnaround
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
     "turnaround": turnaround.run,
     "footprint": footprint.run,
+    "terminal": terminal.run,
 }
 
 

@@ -23,6 +23,10 @@ from gloc3.messages import Envelope
 from gloc3.topics import TopicTable
 
 SMALLEST_WAIT_S: Final = 1e-3
+FEW_PEERS: Final = 8
+"""To so many what comes is worked off at once."""
+CROWD_WAIT_S: Final = 0.05
+"""Among more it waits for so long, since each time all of them are looked through."""
 
 
 class MavlinkExchange:
@@ -147,7 +151,10 @@ class MavlinkExchange:
         """Takes a TUNNEL message from the link; others, and those of other payload types, are ignored."""
         if self._is_open and message.name == "TUNNEL" and message.payload_type == PAYLOAD_TYPE:
             self.endpoint.receive(message, sender, self._loop.time())
-            self._wake()
+            if len(self.endpoint.peers()) <= FEW_PEERS:
+                self._wake()
+            else:
+                self._wake_within(CROWD_WAIT_S)
 
     def close(self) -> None:
         """Sends and hears nothing from now on."""
@@ -163,8 +170,19 @@ class MavlinkExchange:
                 self._timer.cancel()
             self._timer = self._loop.call_soon(self._run)
 
+    def _wake_within(self, wait_s: float) -> None:
+        """Runs in a little while at the latest: what many peers say meanwhile is worked off together."""
+        when_s = self._loop.time() + wait_s
+        if not self._is_open or self._is_due:
+            return
+        if isinstance(self._timer, asyncio.TimerHandle):
+            if self._timer.when() <= when_s:
+                return
+            self._timer.cancel()
+        self._timer = self._loop.call_at(when_s, self._run)
+
     def _run(self) -> None:
-        self._is_due = False
+        self._is_due, self._timer = False, None
         try:
             self._work(self._loop.time())
         finally:  # a subscriber's error ends neither the link nor what else was to be told

@@ -15,7 +15,7 @@ RECEIVE_BUFFER_BYTES: Final = 1 << 20
 LARGEST_DATAGRAM_BYTES: Final = 65_535
 DATAGRAMS_AT_ONCE: Final = 256
 """After so many the rest of the process has its turn."""
-MOST_PEERS: Final = 16
+MOST_PEERS: Final = 128
 PEER_EXPIRES_S: Final = 30.0
 """Who has said nothing for so long is not sent to any more, and makes room for another."""
 

@@ -8,6 +8,8 @@ from typing import Final, NamedTuple
 class Tone(StrEnum):
     """What a span means; the theme gives it a colour. No tone is needed to read a line: the words say it too."""
 
+    __hash__ = str.__hash__  # the enum's own is written in Python, and lines are looked up by their spans all the time
+
     TEXT = "text"
     DIM = "dim"
     STRONG = "strong"

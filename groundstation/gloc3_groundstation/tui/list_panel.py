@@ -72,6 +72,11 @@ class ListPanel(Panel):
             self._point(keys.index(self._key))
         self.show([row.line for row in self._rows], title)
 
+    def sees(self, index: int) -> bool:
+        """Whether the row of an index is, or may soon be, in sight; the line of another need not be made."""
+        top, height = self.scroll_offset.y, max(1, self.size.height)
+        return top - height <= index < top + 2 * height or index == self._index
+
     def point_at(self, key: str) -> None:
         """Puts the cursor on a row."""
         for index, row in enumerate(self._rows):

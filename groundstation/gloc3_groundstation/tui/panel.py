@@ -38,6 +38,8 @@ class Panel(ScrollView, can_focus=True):
         self._lines: list[Line] = []
         self._strips: dict[Line, Strip] = {}
         self._styles: dict[Tone, Style] = {}
+        self._full_styles: dict[Tone, Style] = {}
+        self._base: Style | None = None
 
     @property
     def lines(self) -> Sequence[Line]:
@@ -73,13 +75,15 @@ class Panel(ScrollView, can_focus=True):
     def render_line(self, y: int) -> Strip:
         """One line of the screen."""
         index = y + self.scroll_offset.y
-        base = self.rich_style
+        base = self._base
+        if base is None:
+            base = self._base = self.rich_style
         if index >= len(self._lines):
             return Strip.blank(self.size.width, base)
         line = self._lines[index]
         strip = self._strips.get(line)
         if strip is None:
-            segments = [Segment(span.text, base + self._style(span.tone)) for span in line]
+            segments = [Segment(span.text, self._full_style(span.tone, base)) for span in line]
             strip = Strip(segments).adjust_cell_length(self.size.width, base)
             if len(self._strips) > 4 * len(self._lines) + 100:
                 self._strips.clear()
@@ -100,7 +104,15 @@ class Panel(ScrollView, can_focus=True):
     def _forget(self) -> None:
         self._strips.clear()
         self._styles.clear()
+        self._full_styles.clear()
+        self._base = None
         self.refresh()
+
+    def _full_style(self, tone: Tone, base: Style) -> Style:
+        style = self._full_styles.get(tone)
+        if style is None:
+            style = self._full_styles[tone] = base + self._style(tone)
+        return style
 
     def _style(self, tone: Tone) -> Style:
         style = self._styles.get(tone)

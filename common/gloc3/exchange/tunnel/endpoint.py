@@ -46,7 +46,7 @@ from gloc3.topics import TopicTable
 from gloc3.watch import Sample, TopicActivity
 from gloc3.wire import VersionsDiffer, WireError
 
-MAX_SENDERS: Final = 64
+MAX_SENDERS: Final = 256
 MAX_HOMELESS: Final = 32
 
 

@@ -18,7 +18,8 @@ from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.peer import Peer
 from gloc3.link.message import Address
 
-MAX_PEERS: Final = 32
+MAX_PEERS: Final = 128
+"""A station has a hundred vehicles behind one link, and room for some more."""
 FORGET_AFTER_S: Final = 300.0
 """A peer that is silent for so long is forgotten, and with it what waited for it."""
 MAKE_ROOM_AFTER_S: Final = 130.0

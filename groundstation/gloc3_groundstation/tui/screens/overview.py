@@ -5,6 +5,7 @@ from textual.app import ComposeResult
 from textual.containers import Grid
 
 from gloc3_groundstation.tui.keys import MISSION_KEYS
+from gloc3_groundstation.tui.lines import EMPTY
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.screen import StationScreen
@@ -48,7 +49,10 @@ class OverviewScreen(StationScreen):
         vehicles, facts, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
         alerts, events = self.panel("alerts"), self.panel("events")
         self.panel("vehicles_header").show([vehicle_header(vehicles.width)] if view.fleet.platforms else [()])
-        rows = [Row(vehicle_line(view, platform, vehicles.width), platform.name) for platform in view.fleet]
+        rows = [
+            Row(vehicle_line(view, platform, vehicles.width) if vehicles.sees(index) else EMPTY, platform.name)
+            for index, platform in enumerate(view.fleet)
+        ]
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
         vehicles.styles.height = max(1 if rows else 4, min(len(rows), self.size.height // 3))
         facts.show(detail_lines(view), detail_title(view))

@@ -1,0 +1,190 @@
+"""The ground station's terminal on a real pty: processor share, repaint after a key, and bytes for the terminal."""
+
+import fcntl
+import os
+import pty
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import termios
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import quantiles
+from typing import NamedTuple
+
+WARM_S = 6.0
+WATCH_S = 10.0
+PRESSES = 40
+PAUSE_S = 0.11
+SIZE = (40, 120)
+MARKS = {b"2": b"errors", b"1": b"battery"}
+"""A key to what only the screen that it shows says."""
+
+
+class Cost(NamedTuple):
+    """What the station costs under one load."""
+
+    share: float
+    """Of a core."""
+    bytes_s: float
+    key_s: list[float]
+    """From the key that brings the next vehicle into view to its name in the title."""
+    screen_s: list[float]
+    """From the key of another screen to that screen."""
+    heard_hz: float
+    """Summaries of a vehicle that arrive a second."""
+    memory_mb: float
+
+
+class Terminal:
+    """A station on a pty, read as a terminal does."""
+
+    def __init__(self, port: int, folder: str) -> None:
+        self._master, slave = pty.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", *SIZE, 0, 0))
+        command = [sys.executable, "-m", "gloc3", "station", "--link", f"udpin://127.0.0.1:{port}"]
+        environment = {
+            **os.environ,
+            "TERM": "xterm-256color",
+            "COLORTERM": "truecolor",
+            "XDG_STATE_HOME": folder,
+            "XDG_CONFIG_HOME": folder,
+        }
+        self.process = subprocess.Popen(
+            command, stdin=slave, stdout=slave, stderr=slave, env=environment, start_new_session=True
+        )
+        os.close(slave)
+        self.bytes = 0
+
+    def read(self, within_s: float) -> bytes:
+        """What is written within a time; empty if nothing is."""
+        ready, _, _ = select.select([self._master], [], [], within_s)
+        data = os.read(self._master, 1 << 16) if ready else b""
+        self.bytes += len(data)
+        return data
+
+    def read_for(self, seconds: float) -> None:
+        """Reads, as a terminal does, for a time."""
+        end_s = time.perf_counter() + seconds
+        while (left_s := end_s - time.perf_counter()) > 0.0:
+            self.read(left_s)
+
+    def press(self, key: bytes, mark: bytes) -> float:
+        """Seconds from a key to what it shows."""
+        begin_s, seen = time.perf_counter(), b""
+        os.write(self._master, key)
+        while mark not in seen:
+            if time.perf_counter() - begin_s > 10.0:
+                raise TimeoutError(f"{key!r} shows nothing")
+            seen += self.read(1.0)
+        return time.perf_counter() - begin_s
+
+    def usage(self) -> tuple[float, float]:
+        """Processor seconds so far, and resident memory in MB."""
+        own = Path("/proc") / str(self.process.pid)
+        fields = (own / "stat").read_text().rpartition(")")[2].split()
+        pages = int((own / "statm").read_text().split()[1])
+        ticks = os.sysconf("SC_CLK_TCK")
+        return (int(fields[11]) + int(fields[12])) / ticks, pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    def close(self) -> None:
+        """Ends it with Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+        while self.process.poll() is None:
+            try:
+                self.read(0.2)
+            except OSError:
+                break
+        self.process.wait(10.0)
+        os.close(self._master)
+
+
+@contextmanager
+def loaded(port: int, vehicles: int, parts: int, rate_hz: float) -> Iterator[None]:
+    """Vehicles that talk to a port, in a process of their own."""
+    if not vehicles:
+        yield
+        return
+    command = [sys.executable, "-m", "tests.benchmarks.fleet_load", *map(str, (port, vehicles, parts, rate_hz))]
+    load = subprocess.Popen(command)
+    try:
+        yield
+    finally:
+        load.terminate()
+        load.wait(10.0)
+
+
+def measure(vehicles: int, parts: int, rate_hz: float) -> Cost:
+    """What a station costs that hears so many vehicles, on the screen that shows them all."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with tempfile.TemporaryDirectory() as folder:
+        terminal = Terminal(port, folder)
+        try:
+            terminal.read_for(2.0)
+            with loaded(port, vehicles, parts, rate_hz):
+                loaded_s = time.perf_counter()
+                terminal.read_for(WARM_S)
+                before_s, before_bytes = terminal.usage()[0], terminal.bytes
+                begin_s = time.perf_counter()
+                terminal.read_for(WATCH_S)
+                took_s = time.perf_counter() - begin_s
+                after_s, memory_mb = terminal.usage()
+                written = terminal.bytes - before_bytes
+                keys, screens = [], []
+                for number in range(PRESSES if vehicles > 1 else 0):
+                    shown = (number + 1) % vehicles
+                    keys.append(terminal.press(b"v", f" {shown + 1}/{vehicles}".encode()))
+                    terminal.read_for(PAUSE_S)
+                for number in range(PRESSES if vehicles > 1 else 0):
+                    key = (b"2", b"1")[number % 2]
+                    screens.append(terminal.press(key, MARKS[key]))
+                    terminal.read_for(PAUSE_S)
+        finally:
+            terminal.close()
+        seconds = time.perf_counter() - loaded_s
+        heard_hz = _summaries(Path(folder)) / seconds / max(1, vehicles)
+    return Cost((after_s - before_s) / took_s, written / took_s, keys, screens, heard_hz, memory_mb)
+
+
+def _summaries(folder: Path) -> int:
+    """How many summaries the station has recorded."""
+    from gloc3.log.reader import LogReader
+
+    (file,) = folder.glob("gloc3/station/*/station.mcap")
+    with LogReader(file) as log:
+        return sum(1 for _ in log.entries("ci/summary"))
+
+
+def _p95_ms(times_s: list[float]) -> float:
+    return quantiles(times_s, n=20)[18] * 1e3
+
+
+def run() -> list[str]:
+    """One line a load."""
+    lines = [f"the station's overview on a pty of {SIZE[1]}x{SIZE[0]}, over UDP, recording"]
+    for name, load, bar in (
+        ("nobody is heard", (0, 0, 1.0), "3"),
+        ("1 vehicle x 20 components at 2 Hz", (1, 20, 2.0), ""),
+        ("10 vehicles x 20 components at 10 Hz", (10, 20, 10.0), "15"),
+        ("100 vehicles x 20 components at 1 Hz", (100, 20, 1.0), "30"),
+    ):
+        cost = measure(*load)
+        limit = f" (<= {bar})" if bar else ""
+        lines.append(
+            f"{name:<38} {100.0 * cost.share:5.1f} % of a core{limit}   {cost.bytes_s / 1e3:5.1f} kB/s to the terminal"
+            f"   {cost.memory_mb:4.0f} MB"
+        )
+        if cost.key_s:
+            lines.append(
+                f"{'':<38} key to repaint p95 {_p95_ms(cost.key_s):.0f} ms (<= 50)"
+                f"   another screen p95 {_p95_ms(cost.screen_s):.0f} ms   {cost.heard_hz:.1f} summaries/s a vehicle"
+            )
+    return lines

@@ -137,7 +137,7 @@ async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere(
         await here.go("3")
         await here.press("question_mark")
         await here.wait(
-            lambda: isinstance(here.app.screen, HelpScreen) and here.app.screen.query_one(Panel).lines != []
+            lambda: isinstance(here.app.screen, HelpScreen) and any(each.lines for each in here.app.screen.query(Panel))
         )
         screen = here.app.screen
         assert isinstance(screen, HelpScreen)

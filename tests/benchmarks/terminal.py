@@ -18,7 +18,8 @@ from pathlib import Path
 from statistics import quantiles
 from typing import NamedTuple
 
-WARM_S = 6.0
+WARM_S = 20.0
+"""So long a hundred vehicles take to introduce themselves; that costs twice as much as to listen to them."""
 WATCH_S = 10.0
 PRESSES = 40
 PAUSE_S = 0.11

@@ -15,6 +15,8 @@ Floating = NDArray[np.floating[Any]]
 
 AXIS: Final = 8
 """Columns left of a chart, for the values at its edges."""
+CALM_S: Final = 0.5
+"""So long at least a chart stands still; each move draws it anew, and a terminal may be far away."""
 HEADROOM: Final = 0.04
 """Of the axis, that the values leave free at both ends."""
 
@@ -49,8 +51,12 @@ class Window(NamedTuple):
 
 
 def window_at(now_s: float, length_s: float, columns: int) -> Window:
-    """The window that ends now, moved on by whole columns so that what is drawn stays as it is in between."""
-    step_s = length_s / max(1, columns)
+    """The window that ends now, moved on by whole columns so that what is drawn stays as it is in between.
+
+    It ends a little later than now: new values come into it at its right edge, and it moves twice a second at most.
+    """
+    column_s = length_s / max(1, columns)
+    step_s = column_s * ceil(CALM_S / column_s)
     to_s = ceil(now_s / step_s) * step_s
     return Window(to_s - length_s, to_s)
 

@@ -11,6 +11,7 @@ from gloc3.link.flight_modes import mode_name
 from gloc3.link.message import MavlinkMessage
 from gloc3.link.parser import Frame
 from gloc3_groundstation.fleet import SMOOTHING
+from gloc3_groundstation.place_watch import HEARD, PlaceWatch
 from gloc3_groundstation.snapshots import LinkStatistics
 
 BEATS_WITHIN_S: Final = 4.5
@@ -25,10 +26,7 @@ _ARMED: Final = 128
 _LANDED: Final = {1: "on_ground", 2: "in_air", 3: "taking_off", 4: "landing"}
 """MAV_LANDED_STATE."""
 _HEADING_UNKNOWN: Final = 65_535
-WANTED: Final = frozenset(
-    codec.shape(name).id
-    for name in ("SYS_STATUS", "EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT", "VFR_HUD", "SYSTEM_TIME")
-)
+WANTED: Final = frozenset(codec.shape(name).id for name in (*HEARD, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME"))
 """What tells of the vehicle beside its heartbeat."""
 _IDS: Final = WANTED | {codec.shape("HEARTBEAT").id}
 
@@ -48,11 +46,14 @@ class AutopilotWatch:
         self.vehicle_type = 0
         self.is_armed = False
         self.link = LinkStatistics()
+        self.place: Final = PlaceWatch()
+        """Where it is, and how it moves."""
         self._mode = 0
         self._battery_percent = -1
         self._landed = ""
         self._place: MavlinkMessage | None = None
-        self._place_s = 0.0
+        self.place_s = 0.0
+        """When it told its place last."""
         self._speed_m_s = 0.0
         self._sequence: int | None = None
         self._heard: set[int] = set()
@@ -68,6 +69,7 @@ class AutopilotWatch:
         message = frame.decode()
         if message is None:
             return
+        self.place.take(message, now_s)
         match message.name:
             case "HEARTBEAT":
                 self.beat_s = now_s
@@ -80,7 +82,7 @@ class AutopilotWatch:
             case "VFR_HUD":
                 self._speed_m_s = message.groundspeed
             case "GLOBAL_POSITION_INT":
-                self._place, self._place_s = message, now_s
+                self._place, self.place_s = message, now_s
                 self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
             case "SYSTEM_TIME":
                 self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
@@ -111,7 +113,7 @@ class AutopilotWatch:
 
     def summary(self, now_s: float) -> VehicleSummary:
         """The vehicle as it is known."""
-        place = self._place if now_s - self._place_s < PLACE_WITHIN_S else None
+        place = self._place if now_s - self.place_s < PLACE_WITHIN_S else None
         is_placed = place is not None and (place.lat, place.lon) != (0, 0)
         geo = (place.lat / 1e7, place.lon / 1e7, place.alt / 1e3) if place is not None and is_placed else None
         heading = place.hdg if place is not None else _HEADING_UNKNOWN
@@ -121,7 +123,7 @@ class AutopilotWatch:
             is_armed=self.is_armed,
             landed=self._landed,
             battery_percent=self._battery_percent,
-            position_m=(0.0, 0.0, place.relative_alt / 1e3 if place is not None else 0.0),
+            position_m=self.place.position_m() or (0.0, 0.0, place.relative_alt / 1e3 if place is not None else 0.0),
             speed_m_s=round(self._speed_m_s, 2),
             heading_deg=heading // 100 if heading != _HEADING_UNKNOWN else 0,
             is_pose_valid=geo is not None,

@@ -252,6 +252,8 @@ class Vehicles:
             first_heard_s=watch.first_s if known is None else known.first_heard_s,
             heard_s=watch.heard_s,
             vehicle=Timed(watch.summary(now_s), watch.told_s(now_s)),
+            motion=Timed(watch.place.motion, watch.place_s) if watch.place.motion is not None else None,
+            site=Timed(watch.place.site, watch.place_s) if watch.place.site is not None else None,
             link=watch.link,
             has_companion=False,
             autopilot=autopilot,

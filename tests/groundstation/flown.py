@@ -22,6 +22,8 @@ TEXT = (
     .replace("ceiling_m: 8}", "ceiling_m: 8, keep_out: [{polygon_m: [[13, -2], [17, -2], [17, 2], [14, 3]]}]}")
 )
 PERIOD_S = 0.25
+FLOWN = ("map", "data")
+"""Screens that show a flight."""
 
 
 def path_of(text: str = TEXT, site: SiteSummary = SITE) -> tuple[Vector3, ...]:

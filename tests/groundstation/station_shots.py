@@ -10,6 +10,7 @@ from gloc3_groundstation.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.list_panel import ListPanel
 from gloc3_groundstation.tui.screens.table import SCREENS
 
+from .flown import FLOWN, Flight
 from .looked_at import Viewer
 from .scripted_platform import ScriptedPlatform
 from .station_scene import LINKS, Scene, ScriptedLinks, scene, shoot
@@ -30,6 +31,10 @@ async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: The
         viewer = Viewer(here.exchange, here.platform)
         for row in SCREENS:
             if not screens or row.name in screens:
+                if row.name in FLOWN:
+                    flight = Flight(here)
+                    flight.begin()
+                    flight.fly(54.25)
                 await here.go(row.key)
                 if row.name == "fleet":
                     await _several(here)

@@ -11,6 +11,7 @@ import pytest
 
 from gloc3_groundstation.configuration import Configuration, LastSession, ThemeName
 
+from .flown import FLOWN, Flight
 from .station_scene import Scene, scene
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -18,6 +19,8 @@ PICTURES: dict[str, tuple[tuple[int, int], ThemeName, str, list[str]]] = {
     "overview": ((80, 24), "dark", "overview", []),
     "health": ((120, 40), "daylight", "health", ["down"]),
     "mission": ((80, 24), "dark", "mission", ["down", "right", "down"]),
+    "map": ((120, 40), "dark", "map", []),
+    "data": ((80, 24), "daylight", "data", []),
     "help": ((80, 24), "mono", "mission", ["question_mark"]),
 }
 """Name to size, theme, screen, and the keys that are pressed."""
@@ -32,6 +35,10 @@ async def picture(size: tuple[int, int], theme: ThemeName, screen: str, keys: li
         here.platform.speak()
         await here.wait(lambda: any("read back" in event.text for event in here.station.fleet.events))
         await here.trouble_in_flight()
+        if screen in FLOWN:
+            flight = Flight(here)
+            flight.begin()
+            flight.fly(54.25)
         await here.press(*keys)
         return await settled(here)
 

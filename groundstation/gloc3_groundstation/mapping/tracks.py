@@ -79,7 +79,7 @@ class Track:
         if before is not None and before.boot != after.boot:
             self._ahead_s = None
         motion, vehicle = after.motion, after.vehicle
-        if motion is not None and (before is None or motion is not before.motion):
+        if motion is not None and (before is None or before.motion is None or motion.value is not before.motion.value):
             self._motion_s = motion.heard_s
             self._take_motion(motion.value, self._when(motion.value.t_s, motion.heard_s), after)
         elif (

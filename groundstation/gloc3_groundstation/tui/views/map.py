@@ -19,12 +19,12 @@ from gloc3_groundstation.tui.view import View
 CIRCLE: Final = np.linspace(0.0, 2.0 * np.pi, 73)
 SURE: Final = sqrt(5.991)
 """Half axes of the ellipse in which a position is with 95 %, in standard deviations (chi square of two degrees)."""
-ARROW: Final = ((5.0, 0.0), (-3.0, 3.0), (-1.0, 0.0), (-3.0, -3.0))
+ARROW: Final = ((4.5, 0.0), (-3.0, 3.0), (-1.5, 0.0), (-3.0, -3.0))
 """A vehicle in dots: forward and to the right."""
-AHEAD: Final = 13.0
+AHEAD: Final = 9.0
 """So far a line shows where the vehicle in view looks."""
 NEAR: Final = 8.0
-"""A setpoint that is fewer dots away is not told apart from the vehicle."""
+"""What is fewer dots away cannot be told apart from the vehicle: its setpoint, the edge of its ellipse."""
 ARROWS: Final = "↑↗→↘↓↙←↖"
 
 
@@ -219,9 +219,8 @@ def _draw_vehicle(canvas: Canvas, chart: Chart, number: int, platform: PlatformS
     if is_in_view and not is_stale:
         _draw_setpoint(canvas, chart, platform, place, (x, y))
     canvas.area(corners, sign)
-    canvas.line([*corners, corners[0]], sign)
-    if is_in_view:
-        canvas.line([(x, y), (x + AHEAD * sin(turn), y - AHEAD * cos(turn))], sign, on=1, off=1)
+    ahead = AHEAD if is_in_view else AHEAD / 2.0
+    canvas.line([(x, y), (x + ahead * sin(turn), y - ahead * cos(turn))], sign)
     name = f" {platform.name} " if is_in_view else f" {platform.name}"
     column, row = _cell((x, y))
     for at, line in ((column + 3, row), (column + 3, row - 1), (column - 3 - len(name), row), (column, row + 2)):
@@ -255,7 +254,10 @@ def _draw_ellipse(
     canvas: Canvas, chart: Chart, platform: PlatformSnapshot, place: Place, center_xy_m: tuple[float, float]
 ) -> None:
     covariance = platform.motion.value.covariance_cm2 if platform.motion is not None else None
-    if covariance is not None:
+    if (
+        covariance is not None
+        and SURE * sqrt(max(covariance[0], covariance[2])) / 100.0 > NEAR * chart.projection.m_per_dot
+    ):
         edge = ellipse(covariance[0] / 1e4, covariance[1] / 1e4, covariance[2] / 1e4)
         canvas.line(chart.projection.dots(place.plane(edge + center_xy_m)), Tone.DIM)
 

@@ -14,6 +14,8 @@ from gloc3.wire import TypeRegistry, VersionsDiffer, WireError, from_array, to_a
 
 from .any_message import TEXTS, structures
 
+pytestmark = pytest.mark.thorough
+
 REGISTRY = TopicTable.installed().types
 TYPES = sorted(REGISTRY, key=lambda kind: kind.__name__)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from textual.pilot import Pilot
+from textual.screen import Screen
 
 from gloc3.ci import MissionSummary
 from gloc3.errors import Refused
@@ -117,6 +118,10 @@ class Scene(NamedTuple):
                 return
             await self.pilot.pause(0.003)
         raise AssertionError("it never came to that")
+
+    async def shows(self, kind: type[Screen[Any]]) -> None:
+        """Waits for a screen or a dialogue, its widgets included."""
+        await self.wait(lambda: isinstance(self.app.screen, kind) and self.app.screen.is_mounted)
 
     async def press(self, *keys: str) -> None:
         """Presses keys without waiting for the processor to be idle, as `Pilot.press` does."""

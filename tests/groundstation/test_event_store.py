@@ -17,6 +17,8 @@ from gloc3_groundstation.event_search import SLICE, STATION, EventFilter, Search
 from gloc3_groundstation.event_store import MOST_IN_MEMORY, RECENT, EventStore
 from gloc3_groundstation.snapshots import FleetEvent
 
+pytestmark = pytest.mark.thorough
+
 UTC_S = 1_700_000_000.0
 
 

@@ -58,7 +58,7 @@ async def test_an_operator_searches_while_typing_follows_the_end_and_writes_a_fi
         await here.until("filter", "severity error+")
         await here.until("event", "number 170")
         await here.press("e")
-        await here.wait(lambda: isinstance(here.app.screen, AskFor))
+        await here.shows(AskFor)
         here.app.screen.query_one(Input).value = str(tmp_path / "some.jsonl")
         await here.press("enter")
         await here.wait((tmp_path / "some.jsonl").exists)

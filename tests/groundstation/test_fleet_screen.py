@@ -50,7 +50,7 @@ async def test_marked_vehicles_are_ordered_together_after_a_question_that_names_
         await here.press("m")
         await here.wait(lambda: here.shown("vehicles").count("●") == 2)
         await here.press("p")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         question = here.app.screen
         assert isinstance(question, Question)
         assert "heron, egret" in question._question
@@ -59,7 +59,7 @@ async def test_marked_vehicles_are_ordered_together_after_a_question_that_names_
         assert not [body for body in others[1].requests if isinstance(body, Steer)]
         await here.wait(lambda: here.app.screen is here.app.base)
         await here.press("M", "l")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         await here.press("n")
         await here.wait(lambda: here.app.screen is here.app.base)
         assert here.asked(Emergency) == [], "no is no"
@@ -92,7 +92,7 @@ async def test_control_of_a_second_vehicle_is_requested_and_granted_between_two_
         await here.press("g")
         await here.until("control", "station 254 in control")
         await here.press("t")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         await here.press("y")
         await here.until("control", "this station in control")
         other.station.close()
@@ -106,14 +106,14 @@ async def test_a_link_is_opened_and_closed_by_keys() -> None:
         await here.go("0")
         await here.until("links", "serial:///dev/ttyUSB0")
         await here.press("n")
-        await here.wait(lambda: isinstance(here.app.screen, AskFor))
+        await here.shows(AskFor)
         here.app.screen.query_one(Input).value = "tcpout://boat:5760"
         await here.press("enter")
         await here.until("links", "tcpout://boat:5760")
         await here.press("tab")
         await here.wait(lambda: getattr(here.app.focused, "id", "") == "links")
         await here.press("delete")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         await here.press("y")
         await here.wait(lambda: "udpin" not in here.shown("links"))
         assert [link.url for link in links.open][-1] == "tcpout://boat:5760"

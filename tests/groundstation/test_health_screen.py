@@ -61,7 +61,7 @@ async def test_what_a_running_action_needs_is_forced_only_after_a_question() -> 
         )
         await open_menu(here)
         await here.press("down", "enter")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         question = here.app.screen
         assert isinstance(question, Question)
         assert "sweep.wall needs autopilot" in question._question

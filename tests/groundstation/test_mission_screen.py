@@ -116,13 +116,13 @@ async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_
         await here.press("escape")
         await here.until("position", "at hand: m.yaml")
         await here.press("o")
-        await here.wait(lambda: isinstance(here.app.screen, UnsavedQuestion))
+        await here.shows(UnsavedQuestion)
         await here.press("escape")
-        await here.wait(lambda: isinstance(here.app.screen, MissionScreen))
+        await here.shows(MissionScreen)
         await here.press("q")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         await here.press("n")
-        await here.wait(lambda: isinstance(here.app.screen, MissionScreen))
+        await here.shows(MissionScreen)
         await here.press("e")
         await here.wait(lambda: here.app.focused is editor(here))
         await here.press("ctrl+s")
@@ -145,7 +145,7 @@ async def test_a_file_that_another_program_changed_is_overwritten_only_with_anot
         await here.wait(lambda: missions(here).has_unsaved)
         file.write_text("theirs")
         await here.press("ctrl+s")
-        await here.wait(lambda: isinstance(here.app.screen, SaveMission))
+        await here.shows(SaveMission)
 
         def said() -> str:
             return " ".join(text_of(line) for line in here.app.screen.query_one("#said", Panel).lines)
@@ -165,7 +165,7 @@ async def test_an_export_tells_what_such_a_file_cannot_carry(tmp_path: Path) -> 
         await open_typed(here, "inspection")
         await here.until("position", "inspection.yaml")
         await here.press("w")
-        await here.wait(lambda: isinstance(here.app.screen, SaveMission))
+        await here.shows(SaveMission)
         typed = here.app.screen.query_one(Input)
 
         def said() -> str:
@@ -199,9 +199,9 @@ async def test_tasks_and_actions_are_steered_by_the_cursor_and_only_as_far_as_it
         await here.press("p", "t")
         await here.wait(lambda: len(here.asked(Steer)) == 3)
         await here.press("up", "a")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         await here.press("n", "a")
-        await here.wait(lambda: isinstance(here.app.screen, Question))
+        await here.shows(Question)
         await here.press("y")
         await here.wait(lambda: len(here.asked(Steer)) == 4)
         assert here.asked(Steer) == [
@@ -226,7 +226,7 @@ async def test_a_single_action_is_asked_for_by_a_form_and_its_reply_is_shown() -
         fly(here, sweep="running", sweep__wall="running")
         await here.go("3")
         await here.press("d")
-        await here.wait(lambda: isinstance(here.app.screen, SingleAction))
+        await here.shows(SingleAction)
 
         def said(panel: str) -> str:
             return "\n".join(text_of(line) for line in here.app.screen.query_one(f"#{panel}", Panel).lines)
@@ -250,7 +250,7 @@ async def test_a_single_action_is_asked_for_by_a_form_and_its_reply_is_shown() -
         await here.press("escape")
         await here.wait(lambda: here.app.screen.query_one(ListPanel).has_focus)
         await here.press("escape")
-        await here.wait(lambda: isinstance(here.app.screen, MissionScreen))
+        await here.shows(MissionScreen)
 
 
 async def test_changes_are_kept_when_the_station_closes_without_a_word(tmp_path: Path) -> None:

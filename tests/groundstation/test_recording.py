@@ -20,6 +20,8 @@ from gloc3_groundstation.station import Station
 
 from .scripted_platform import ScriptedPlatform
 
+pytestmark = pytest.mark.thorough
+
 
 def record(root: Path, seconds: float, limits: Limits, told: list[str]) -> Path:
     async def main() -> Path:

@@ -25,7 +25,7 @@ SLOW = Conditions(latency_s=0.002, bandwidth_bit_s=400_000)
 
 async def dialogue(here: ServicesScene, kind: type) -> None:
     """Waits until a dialogue is there and takes keys."""
-    await here.wait(lambda: isinstance(here.app.screen, kind))
+    await here.shows(kind)
     if kind is Entry:
         await here.wait(lambda: isinstance(here.app.focused, Input))
 

@@ -169,7 +169,7 @@ async def test_the_palette_offers_what_can_be_done_now() -> None:
         here.platform.speak()
         await here.until("facts", "all 13 well")
         await here.press("ctrl+p")
-        await here.wait(lambda: isinstance(here.app.screen, CommandPalette))
+        await here.shows(CommandPalette)
         await here.wait(lambda: any(found.option_count for found in here.app.screen.query(OptionList)))
         here.app.screen.query_one(Input).value = "daylight"
         await here.wait(lambda: here.app.screen.query_one(OptionList).option_count == 1)
@@ -222,7 +222,7 @@ async def test_the_emergency_key_works_over_a_dialogue_and_while_typing_with_con
         await here.wait(lambda: here.app.screen is here.app.base)
         here.app.desk._held_s.clear()
         await here.press("question_mark")
-        await here.wait(lambda: isinstance(here.app.screen, HelpScreen))
+        await here.shows(HelpScreen)
         await here.press("space")
         await here.wait(lambda: len(here.asked(Emergency)) == 2)
 

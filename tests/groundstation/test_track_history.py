@@ -20,6 +20,8 @@ from gloc3_groundstation.snapshots import Fleet
 
 from .scripted_platform import VEHICLE
 
+pytestmark = pytest.mark.thorough
+
 MOTION = MotionSummary(
     t_s=0.0,
     attitude_cdeg=(150, -250, 9000),

@@ -20,6 +20,8 @@ from gloc3.link.message import Address
 
 from .pair import STATION, VEHICLE, Pair
 
+pytestmark = pytest.mark.thorough
+
 CONTENT = random.Random(1).randbytes(30_000)
 
 

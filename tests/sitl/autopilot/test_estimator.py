@@ -10,6 +10,8 @@ from gloc3_sitl.autopilot.estimator.axis import AxisFilter
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdometry, Fix, Source
 
+pytestmark = pytest.mark.thorough
+
 HOME = GeoPoint(47.0, 8.0, 400.0)
 PLANE = TangentPlane(HOME)
 FIELD_NED = (2.1e-5, 1.0e-6, 4.3e-5)

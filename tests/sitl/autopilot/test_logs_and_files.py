@@ -20,6 +20,8 @@ from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 
 from .bench import LAND, VEHICLE, Bench
 
+pytestmark = pytest.mark.thorough
+
 
 @cache
 def flown(style: str = "px4") -> Bench:

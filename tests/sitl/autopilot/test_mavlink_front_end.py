@@ -17,6 +17,8 @@ from gloc3_sitl.world import World
 
 from .bench import ARM, REPOSITION, SET_MODE, Bench
 
+pytestmark = pytest.mark.thorough
+
 GET_INTERVAL, SET_INTERVAL, REQUEST = 510, 511, 512
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 PREARM = 0x10000000

@@ -14,6 +14,8 @@ from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.world import World
 
+pytestmark = pytest.mark.thorough
+
 
 def test_it_advances_in_whole_steps_and_never_back() -> None:
     simulator = Simulator(World.load("open"))

@@ -8,6 +8,8 @@ from gloc3.frames import GeoPoint, Vector3, from_euler
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.wind import Wind
 
+pytestmark = pytest.mark.thorough
+
 STOP = (0.0, 0.0, 0.0, 0.0)
 ATTITUDES = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (1.0, 0.3, 0.2), (1.57, 0.0, 0.0), (0.0, 1.57, 0.0), (3.14, 0.0, 0.0)]
 

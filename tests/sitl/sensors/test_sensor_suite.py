@@ -22,6 +22,8 @@ from gloc3_sitl.sensors.readings import (
 from gloc3_sitl.sensors.suite import SensorSuite
 from gloc3_sitl.truth import Truth
 
+pytestmark = pytest.mark.thorough
+
 Still = Callable[..., Truth]
 
 

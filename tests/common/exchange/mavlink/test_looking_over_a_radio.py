@@ -21,6 +21,8 @@ from gloc3.topics import TopicTable
 from gloc3.vehicle import Pose
 from gloc3.watch import Preview, Sample, pack, unpack
 
+pytestmark = pytest.mark.thorough
+
 CLEAN = replace(RADIO_CONDITIONS, loss=0.0)
 USUAL_PICTURE = 1200
 WORST_PICTURE = 1700

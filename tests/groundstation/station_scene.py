@@ -113,7 +113,7 @@ class Scene(NamedTuple):
 
     async def wait(self, is_so: Callable[[], bool]) -> None:
         """Waits until something is so."""
-        for _ in range(600):
+        for _ in range(3000):
             if is_so():
                 return
             await self.pilot.pause(0.003)

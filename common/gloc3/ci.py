@@ -53,12 +53,19 @@ class Steer(Body, frozen=True):
     verb: Verb
     target: str = ""
     """Empty for the mission, `TASK`, or `TASK.ACTION`."""
+    override: str = ""
+    """With start: why it shall begin although checks are red; logged with the author."""
+    author: str = ""
+    """With an override: whose it is."""
 
 
 class RequestTask(Body, frozen=True):
     """A high-level command: a single task, as the YAML of a mission that holds just this task."""
 
     text: str
+    override: str = ""
+    """As for a start."""
+    author: str = ""
 
 
 class RequestAction(Body, frozen=True):
@@ -66,6 +73,9 @@ class RequestAction(Body, frozen=True):
 
     capability: str
     arguments: dict[str, Any] = {}
+    override: str = ""
+    """As for a start."""
+    author: str = ""
 
 
 class CommandComponent(Body, frozen=True):
@@ -130,6 +140,10 @@ class Query(Body, frozen=True):
     sequence: int
 
 
+class Preflight(Body, frozen=True):
+    """Asks for the list of checks before a start; what the autopilot is set to is read anew for it."""
+
+
 class Hello(Body, frozen=True):
     """Asks for the full state: components' table, mission, control; the answer comes on the topics."""
 
@@ -164,6 +178,7 @@ AnyBody = (
     | Hello
     | Watch
     | ListTopics
+    | Preflight
 )
 
 
@@ -200,7 +215,7 @@ class CiReply(Message, frozen=True):
     text: str = ""
     """With `ReadMission`: the mission's text; with a failed check: the findings, one a line."""
     result: dict[str, Any] = {}
-    """With `CallFunction`: the function's reply."""
+    """With `CallFunction`: the function's reply; with `Preflight`: the `PreflightReport`."""
 
 
 class Health(StrEnum):

@@ -46,6 +46,10 @@ class Clock:
         self.utc_offset_s: Final = VIRTUAL_EPOCH_S if self.is_virtual else time.time() - loop.time()
         """Add it to `now_s()` for seconds since 1970. Recorded once a log, never used in control."""
 
+    def utc_s(self) -> float:
+        """Seconds since 1970 by the computer's clock, which somebody may have set meanwhile; never used in control."""
+        return self.now_s() + VIRTUAL_EPOCH_S if self.is_virtual else time.time()
+
     @staticmethod
     def cost_s() -> float:
         """A stopwatch for measured costs, in seconds from an arbitrary start; never part of a log in virtual time."""

@@ -17,6 +17,8 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.mission.messages import ActionStatus
+from gloc3.preflight import PreflightReport
+from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.topics import TopicRow
 from gloc3.vehicle import (
     AutopilotPose,
@@ -44,6 +46,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "autopilot": TopicRow(AutopilotState, 5.0),
     "autopilot_pose": TopicRow(AutopilotPose, 20.0),
     "height": TopicRow(HeightAboveGround, 20.0),
+    "autopilot_setup": TopicRow(AutopilotSetup, 0.2),
+    "computer": TopicRow(ComputerState, 1.0),
     "obstacles": TopicRow(ObstacleScan, 5.0),
     "camera/*": TopicRow(Image, 5.0, is_logged=False),
     # processors
@@ -65,6 +69,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "motion/geofence": TopicRow(GeoFence),
     "motion/emergency": TopicRow(EmergencyDisarm),
     "motion/take_over": TopicRow(TakeOver),
+    "read_setup": TopicRow(ReadSetup),
+    "preflight": TopicRow(PreflightReport),
     # the command interface server, towards the stations
     "ci/request": TopicRow(CiRequest),
     "ci/heard": TopicRow(StationHeard, is_logged=False),

@@ -23,6 +23,7 @@ from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.cameras import NoCamera, StreamCamera
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
@@ -87,6 +88,7 @@ class OnboardProcess:
         self._stations: list[StationLink] = []
         self._autopilot = AutopilotLink(loop, self._clock, options.system_id, self.say)
         self._recorder: Recorder | None = None
+        self._computer = HostComputer(self._out, self._clock, self._log_problem, self._endpoints)
         self._narrator = Narrator()
         self._onboard: Onboard | None = None
         self._cameras = self._open_cameras()
@@ -117,6 +119,7 @@ class OnboardProcess:
             platform.platform,
             lambda: [self._autopilot.send_message, *(station.send for station in self._stations)],
         )
+        await self._loop.run_in_executor(None, self._computer.measure)
         log = self._open_log()
         context = HostContext(platform.platform, self._exchange, self._clock, self._loop, self._topics, self._random)
         self._onboard = Onboard(platform, context, self._devices(log))
@@ -169,6 +172,9 @@ class OnboardProcess:
         self._recorder.attach(self._exchange, self._loop)
         return path
 
+    def _log_problem(self) -> str:
+        return self._recorder.problem if self._recorder is not None else ""
+
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
         endpoint = await open_endpoint(url, self._loop, link.receive)
         self._endpoints.append(endpoint)
@@ -204,6 +210,7 @@ class OnboardProcess:
         return {
             **self._cameras,
             "autopilot": self._autopilot,
+            "computer": self._computer,
             "pictures": PictureFolder(self._out / log.stem.replace("log", "images", 1)),
             "site": Site(
                 self._platform, RecordFile(self._out / "requests.journal"), RecordFile(self._out / "progress.state")

@@ -42,6 +42,7 @@ from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.computer import SimulatedComputer
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
@@ -242,6 +243,7 @@ class Flight:
         )
         devices = {
             "autopilot": self.autopilot_link,
+            "computer": SimulatedComputer(self.clock),
             "ground_camera": self.camera,
             "pictures": self._pictures,
             "site": Site(platform, self._journal, self._progress),

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from tests.flight.card import Card
-from tests.flight.missions import mission
+from tests.flight.missions import mission, platform
 
 from gloc3.vehicle import FlightMode
 
@@ -70,10 +70,12 @@ def test_a_fix_that_is_late_or_noisy_and_a_biased_barometer_leave_the_mission_do
 
 
 def test_a_failsafe_of_the_autopilot_counts_as_somebody_elses_and_is_left_alone(flight: Card) -> None:
-    sweep(flight, on_low_battery="return", on_failure="land")
-    flight.flight.simulator.autopilot.parameters.set(
-        "COM_LOW_BAT_ACT" if flight.style == "px4" else "BATT_FS_CRT_ACT", 2
-    )
+    low = "COM_LOW_BAT_ACT" if flight.style == "px4" else "BATT_FS_LOW_ACT"
+    alone = platform({"  low_battery: {action: return, at: 0.1}": "  {}"})
+    flight.begin(mission(on_low_battery="continue", on_failure="land"), platform=alone, parameters={low: 0.0})
+    flight.await_state("sweep.out", "running")
+    flight.wait(3.0)
+    flight.flight.simulator.autopilot.parameters.set(low, 2)
     flight.fault("battery=0.06")
     flight.until(lambda: flight.driver.has_pilot_control, 8.0, "the autopilot acts by itself")
     assert "failsafe" in flight.driver.pilot_reason or "somebody" in flight.driver.pilot_reason

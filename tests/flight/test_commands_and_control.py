@@ -124,11 +124,13 @@ def test_a_single_action_is_checked_like_a_mission(flight: Card) -> None:
 def test_a_capability_is_available_only_while_what_it_needs_is_alive(flight: Card) -> None:
     flight.begin(mission(), is_started=False)
     assert flight.component("waypoints", "stop").outcome is Outcome.ACCEPTED
-    assert "follow_waypoints is not available: it lacks waypoints" in flight.refused_steer("start")
+    assert "components: waypoints (standby)" in flight.refused_steer("start")
+    overridden = Steer(verb=Verb.START, override="to see what happens")
+    assert "follow_waypoints is not available: it lacks waypoints" in flight.refused(overridden)
     assert flight.component("waypoints", "start").outcome is Outcome.ACCEPTED
     assert flight.component("pose", "goquiet").outcome is Outcome.ACCEPTED
     flight.wait(0.5)
-    assert "lacks pose" in flight.refused_steer("start")
+    assert "lacks pose" in flight.refused(overridden)
     assert flight.component("pose", "resume").outcome is Outcome.ACCEPTED
     flight.wait(0.5)
     flight.command("start")

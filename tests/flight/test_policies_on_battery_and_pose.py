@@ -6,6 +6,7 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission, platform
 
+from gloc3.ci import Steer, Verb
 from gloc3.errors import InputError
 from gloc3.vehicle import FlightMode
 
@@ -19,6 +20,8 @@ HOLDS_BLINDLY = {"needs: [pose, limiter, autopilot_driver]}\n  return": "needs: 
 def sweep(flight: Card, changes: dict[str, str] | None = None, **policies: str) -> None:
     """On the way, three seconds into the sweep; with changes in the platform's file."""
     plan: dict[str, Any] = {"platform": platform(changes)} if changes else {}
+    if changes is NO_FAILSAFE:
+        plan["parameters"] = {"COM_LOW_BAT_ACT" if flight.style == "px4" else "BATT_FS_LOW_ACT": 0.0}
     flight.begin(mission(**policies), **plan)
     flight.await_state("sweep", "running")
     flight.wait(3.0)
@@ -68,8 +71,9 @@ def test_a_low_battery_changes_nothing_where_the_mission_says_continue(flight: C
 @ONE_STYLE
 def test_no_mission_starts_on_a_low_battery(flight: Card) -> None:
     flight.begin(mission(), is_started=False, battery=0.18)
-    with pytest.raises(AssertionError, match="low battery"):
-        flight.command("start")
+    assert "battery (18%, " in flight.refused_steer("start")
+    overridden = Steer(verb=Verb.START, override="it is a short hop", author="ana")
+    assert "low battery" in flight.refused(overridden)  # nobody overrides the mission's own policy
 
 
 # --- pose lost: nothing, or nothing valid, for three periods and then for the time that confirms it ---

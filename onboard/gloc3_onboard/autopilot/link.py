@@ -19,14 +19,17 @@ from gloc3.link.node import Node
 from gloc3.link.statustext import StatusTextReceiver
 from gloc3.messages import Severity
 from gloc3.mission.formats.items import FenceArea
+from gloc3.readiness import AutopilotSetup
 from gloc3.vehicle import AutopilotState, FlightMode
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.commands import CommandDesk
 from gloc3_onboard.autopilot.fence_upload import FenceUpload
+from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
+from gloc3_onboard.checks.parameters import TABLES
 from gloc3_onboard.devices import Answer, Bell, Stamped, StampedHeight, Unwatch
 
 FORCE: Final = 21196.0
@@ -86,7 +89,8 @@ class AutopilotLink:
         self._plans = MissionClient(self.own)
         self._fence = FenceUpload(self._plans)
         self._texts = StatusTextReceiver(self.own)
-        self._node = Node(self.own, [self._commands, self._peers, self._plans, self._texts])
+        self._inspection = Inspection(self.own, self._commands)
+        self._node = Node(self.own, [self._commands, self._peers, self._plans, self._texts, self._inspection])
         self._telemetry = Telemetry()
         self._wanted = {codec.shape(name).id for name in Telemetry.HANDLES}
         self._target: Address | None = None
@@ -95,7 +99,7 @@ class AutopilotLink:
         self._streams = StreamRequests(self._commands)
         self._restarts = 0
         self._told: tuple[object, object, object] = (None, None, None)
-        self._on_state, self._on_pose, self._on_height = Bell(), Bell(), Bell()
+        self._on_state, self._on_pose, self._on_height, self._on_setup = Bell(), Bell(), Bell(), Bell()
         self._timer: asyncio.TimerHandle | None = None
 
     # --- life ---
@@ -146,16 +150,17 @@ class AutopilotLink:
             if change.peer.address == self._target:
                 self._say(Severity.WARNING, f"the autopilot has {change.change}")
                 if change.change in (PeerChange.RETURNED, PeerChange.RESTARTED):
-                    self._streams.ask_all(self.style.streams)
+                    self._ask_all(now_s)
         if self._telemetry.restarts != self._restarts:
             self._restarts = self._telemetry.restarts
             self._say(Severity.WARNING, "the autopilot has restarted")
-            self._streams.ask_all(self.style.streams)
+            self._ask_all(now_s)
         if self._target is None:
             self._adopt(now_s)
         for call in self._commands.events():
             self._desk.ended(call, now_s)
             self._streams.ended(call, now_s)
+            self._inspection.ended(call, now_s)
         for said in self._texts.events():
             if said.sender == self._target:
                 self._telemetry.hear(said.severity, said.text, now_s)
@@ -192,7 +197,13 @@ class AutopilotLink:
         self._telemetry.adopt(self.style)
         self._telemetry.receive(peer.heartbeat, now_s)
         self._say(Severity.INFO, f"{self.style.style} autopilot found as {name}")
+        self._ask_all(now_s)
+
+    def _ask_all(self, now_s: float) -> None:
+        """Asks for everything that we need of the autopilot."""
         self._streams.ask_all(self.style.streams)
+        if self._target is not None:
+            self._inspection.adopt(self._target, self.style.style, TABLES[self.style.style].names(), now_s)
 
     def _tell(self) -> None:
         """Rings for what is new."""
@@ -205,6 +216,8 @@ class AutopilotLink:
             self._on_height.ring()
         if telemetry.state is not state:
             self._on_state.ring()
+        if self._inspection.events():
+            self._on_setup.ring()
 
     # --- commands ---
 
@@ -341,6 +354,18 @@ class AutopilotLink:
     def height(self) -> StampedHeight | None:
         """The latest distance to the ground; None before the first."""
         return self._telemetry.height
+
+    def setup(self) -> AutopilotSetup:
+        """Firmware, parameters that matter, and sensors' health, as known now."""
+        return self._inspection.setup
+
+    def read_setup(self, number: int) -> None:
+        """Reads these anew; the end is told with this number."""
+        self._post(lambda: self._inspection.read(number, self._loop.time()))
+
+    def on_setup(self, changed: Callable[[], None]) -> Unwatch:
+        """Has `changed` called when the setup has changed, or was read anew."""
+        return self._on_setup.listen(changed)
 
     def on_state(self, changed: Callable[[], None]) -> Unwatch:
         """Has `changed` called when the state has changed."""

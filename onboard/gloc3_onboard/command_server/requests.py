@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -20,6 +21,7 @@ from gloc3.ci import (
     ListTopics,
     LoadMission,
     Outcome,
+    Preflight,
     Query,
     ReadMission,
     RequestAction,
@@ -36,6 +38,7 @@ from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, read_mission
+from gloc3.preflight import PreflightReport, summary
 from gloc3.supervision import Supervision
 from gloc3.vehicle import EmergencyDisarm, FenceProgress
 from gloc3_onboard.command_server.book import ComponentBook
@@ -43,6 +46,7 @@ from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.journal import Journal
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.start_gate import Begin, RedChecks, StartGate
 from gloc3_onboard.command_server.summaries import geofence_of
 
 ANSWER_S: Final = 8.0
@@ -52,6 +56,11 @@ FENCE_S: Final = 12.0
 OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 """What a station may ask for without holding control."""
 TAKES_AWAY: Final = (Command.GOQUIET, Command.STOP, Command.FINISH, Command.SHUTDOWN)
+
+MOTION: Final = "motion"
+"""The resource of what moves the vehicle."""
+BEGINS: Final = (Verb.START, Verb.RETRY)
+"""What may lead to a take-off."""
 
 Say = Callable[[Severity, str], None]
 
@@ -87,6 +96,8 @@ class RequestHandler:
         self.supervision: Supervision | None = None
         """Set by the server as soon as it works."""
         self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
+        self.gate: Final = StartGate(site, facts, book)
+        """What every start has to pass."""
         self._journal = Journal(site.journal)
         self._open: dict[str, _Open] = {}
         self._fence_wait: _FenceWait | None = None
@@ -109,15 +120,23 @@ class RequestHandler:
             return self._query(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
             return self._look(request, now_s)
+        if isinstance(request.body, Preflight):
+            return self.gate.answer(request, lambda at_s: self._list(request, at_s), now_s)
         known = self._journal.begin(request)
         if not known.is_new:
             return known.reply
+        return self._try(request, lambda: self._carry_out(request, now_s))
+
+    def _try(self, request: CiRequest, carry_out: Callable[[], CiReply | None]) -> CiReply | None:
+        """Carries a request out; what is refused, and what was overtaken meanwhile, gets its reason as the answer."""
+        reply: CiReply | None
         try:
             self._refuse_overtaken(request)
-            reply = self._carry_out(request, now_s)
+            reply = carry_out()
         except Gloc3Error as refusal:
-            reply = _answer(request, Outcome.REFUSED, str(refusal))
-        if reply is not None:
+            text = refusal.lines if isinstance(refusal, RedChecks) else ""
+            reply = _answer(request, Outcome.REFUSED, str(refusal), text=text)
+        if reply is not None and not isinstance(request.body, Preflight):
             self._journal.end(reply)
         return reply
 
@@ -149,9 +168,11 @@ class RequestHandler:
                 if executor.mission is None:
                     raise Refused("no mission is loaded")
                 return _answer(request, text=executor.mission.mission.text)
+            case Steer(verb=verb) if verb in BEGINS:
+                self._refuse_to_begin(body, executor)
+                return self._start(request, lambda at_s: self._steer(request, body, executor, at_s), now_s)
             case Steer():
-                self._steer(body, executor, now_s)
-                return _answer(request)
+                return self._steer(request, body, executor, now_s)
             case RequestTask():
                 return self._single(request, body.text, executor, now_s)
             case RequestAction():
@@ -212,15 +233,47 @@ class RequestHandler:
             return None
         return _answer(request, text=findings)
 
-    def _steer(self, body: Steer, executor: MissionExecutor, now_s: float) -> None:
+    def _steer(self, request: CiRequest, body: Steer, executor: MissionExecutor, now_s: float) -> CiReply:
         if body.verb is Verb.CLEAR:
             executor.clear(now_s)
-            return
+        else:
+            if body.verb in BEGINS:
+                self._refuse_to_begin(body, executor)
+            executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)
+        return _answer(request)
+
+    # --- starts ---
+
+    def _start(self, request: CiRequest, begin: Begin, now_s: float) -> CiReply | None:
+        """Begins what may lead to a take-off if the pre-flight list allows it; in the air nothing is held against it."""
+
+        def judged(at_s: float) -> CiReply:
+            self._authority.require(request.sender)
+            override = self.gate.let_through(request, self._report(at_s))
+            reply = begin(at_s)
+            if override:
+                self._say(Severity.WARNING, override)
+            return reply
+
+        return begin(now_s) if self._facts.is_airborne else self.gate.answer(request, judged, now_s)
+
+    def _report(self, now_s: float) -> PreflightReport:
+        executor = self.executor
+        is_held = executor is None or self._fence_progress(executor) is FenceProgress.CONFIRMED
+        program = executor.mission if executor is not None else None
+        mission = program.mission if program is not None else None
+        return self.gate.report(mission, "" if is_held else self._fence_problem(), now_s)
+
+    def _list(self, request: CiRequest, now_s: float) -> CiReply:
+        report = self._report(now_s)
+        return _answer(request, reason=summary(report.checks), result=msgspec.to_builtins(report))
+
+    def _refuse_to_begin(self, body: Steer, executor: MissionExecutor) -> None:
+        """What no operator can override."""
         if body.verb is Verb.START and (problem := self._facts.autopilot_problem):
             raise Refused(problem)
         if body.verb is Verb.START and not body.target:
             self._refuse_without_fence(executor)
-        executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)
 
     def _refuse_without_fence(self, executor: MissionExecutor) -> None:
         """A mission with a fence on Earth starts when the autopilot has given the same fence back."""
@@ -253,14 +306,23 @@ class RequestHandler:
         self._journal.end(answer)
         return [answer]
 
-    def _single(self, request: CiRequest, text: str, executor: MissionExecutor, now_s: float) -> CiReply:
+    def _single(self, request: CiRequest, text: str, executor: MissionExecutor, now_s: float) -> CiReply | None:
         report = check_text(text, "command", self.circumstances())
         if not report.is_ok:
             first = next(finding for finding in report.findings if not finding.is_warning)
             findings = "\n".join(str(finding) for finding in report.findings)
             return _answer(request, Outcome.REFUSED, first.message, text=findings)
-        name = executor.command(report.flyable(), now_s)
-        return _answer(request, reason=name)
+        mission, rows = report.flyable(), self._site.platform.capabilities
+
+        def begin(at_s: float) -> CiReply:
+            return _answer(request, reason=executor.command(mission, at_s))
+
+        wanted = {one.capability for one in mission.actions().values()}
+        if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
+            return begin(now_s)
+        if not self._facts.is_airborne and self._facts.autopilot_problem:
+            raise Refused(self._facts.autopilot_problem)
+        return self._start(request, begin, now_s)
 
     def _as_mission(self, body: RequestAction, executor: MissionExecutor) -> str:
         frames = list(self._site.platform.frames)
@@ -392,6 +454,9 @@ class RequestHandler:
         """The answers to requests that have waited: for a fence, or for a component that has not answered."""
         late = [request_id for request_id, entry in self._open.items() if now_s > entry.until_s]
         answers = self._fence_answer(now_s)
+        for held in self.gate.due(now_s):
+            judged = self._try(held.request, partial(held.answer, now_s))
+            answers += [] if judged is None else [judged]
         for request_id in late:
             request, _, is_kept = self._open.pop(request_id)
             answer = _answer(request, Outcome.UNKNOWN, f"the component has not answered within {ANSWER_S:g} s")

@@ -35,6 +35,8 @@ from gloc3.mission.restore import restore
 from gloc3.mission.snapshot import Snapshot
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
+from gloc3.preflight import PreflightReport
+from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.settings import Bounds, Settings
 from gloc3.supervision import Order, Step, Supervision, Verdict
 from gloc3.vehicle import (
@@ -43,6 +45,7 @@ from gloc3.vehicle import (
     EmergencyDisarm,
     FenceState,
     GeoFence,
+    HeightAboveGround,
     Home,
     MotionGrant,
     MotionLimits,
@@ -99,6 +102,9 @@ class CommandServer(CommandInterface[ServerSettings]):
     setpoint = Input(Setpoint)
     driver = Input(DriverState)
     fence_state = Input(FenceState)
+    autopilot_setup = Input(AutopilotSetup)
+    computer = Input(ComputerState)
+    height = Input(HeightAboveGround)
 
     ci_reply = Output(CiReply)
     summary = Output(Summary)
@@ -118,6 +124,8 @@ class CommandServer(CommandInterface[ServerSettings]):
     geofence = Output(GeoFence)
     take_over = Output(TakeOver)
     emergency = Output(EmergencyDisarm)
+    read_setup = Output(ReadSetup)
+    preflight = Output(PreflightReport)
 
     def __init__(self, site: Site) -> None:
         self.holder = self.policy = ""
@@ -191,7 +199,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             port = self.command if isinstance(message, CommandRequest) else self.function
             results.append(port.report(message, key=component))  # type: ignore[arg-type] # each port has its own type
         self._requests.for_components.clear()
-        results += self._requests.disarms
+        results += [*self._requests.disarms, *self._requests.gate.take()]
         self._requests.disarms.clear()
         if self._facts.is_home_new and self._facts.home is not None:
             self._facts.is_home_new = False
@@ -221,6 +229,12 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._facts.driver = driver.payload
         for fence in inbox.new(self.fence_state):
             self._facts.fence = fence.payload
+        for setup in inbox.new(self.autopilot_setup):
+            self._requests.gate.see(setup.payload)
+        for computer in inbox.new(self.computer):
+            self._requests.gate.see(computer.payload)
+        for height in inbox.new(self.height):
+            self._requests.gate.see(height.payload)
         for event in inbox.new(self.event):
             self._forward(event)
 

@@ -41,13 +41,13 @@ class Commander:
 
     # -- arming ---------------------------------------------------------------------------------------------------
 
-    def problems(self) -> list[str]:
-        """What speaks against arming now, worst first."""
+    def problems(self, *, counts_mode: bool = True) -> list[str]:
+        """What speaks against arming now, worst first; the mode too, unless only the vehicle itself is asked about."""
         mask = self.craft.tuning.check_mask
         found = [
             text for check, text in arming_problems(self.craft, self.mode.behaviour, self.battery_share) if check & mask
         ]
-        if not self.mode.can_arm:
+        if counts_mode and not self.mode.can_arm:
             found.append(f"mode {self.mode.name} cannot be armed in")
         if self.craft.home is not None and Check.FENCE & mask:
             breach = self.fence.breach(self.craft)

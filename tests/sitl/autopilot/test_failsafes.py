@@ -53,6 +53,7 @@ def test_px4_leaves_offboard_one_second_after_the_last_setpoint(choice: int, mod
 
 def test_px4_hands_over_to_a_pilot_who_is_there_when_setpoints_end() -> None:
     bench = Bench()
+    bench.set_parameter("COM_OBL_RC_ACT", 0)
     bench.sim.pilot.switch_on()
     bench.take_off()
     bench.start_streaming(HERE)

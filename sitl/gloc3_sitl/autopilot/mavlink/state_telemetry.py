@@ -48,7 +48,9 @@ def sys_status(autopilot: "Autopilot") -> MavlinkMessage:
         health &= ~(_AHRS | _POSITION_CONTROL)
     if not autopilot.commander.has_pilot:
         health &= ~_RECEIVER
-    if not craft.is_armed and autopilot.commander.problems():
+    # ArduPilot looks at the mode when it is told to arm, not before.
+    counts_mode = autopilot.commander.style.name != "ardupilot"
+    if not craft.is_armed and autopilot.commander.problems(counts_mode=counts_mode):
         health &= ~_PREARM
     battery = autopilot.battery
     return message(

@@ -1,7 +1,7 @@
 """ArduPilot's parameters that matter here, with the names, types and units of Copter 4.7.
 
 Defaults are ArduPilot's where they decide what happens (failsafes, time-outs); gains, speeds and the battery's are the
-airframe's. Streams are those of its first link, and here act on every link.
+airframe's, with a return when it is low. Streams are those of its first link, and here act on every link.
 """
 
 from collections.abc import Callable, Mapping
@@ -73,9 +73,9 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("RC_FS_TIMEOUT", 1.0, 0.5, 10.0, "transmitter loss timeout, s", "pilot_timeout_s"),
     whole("BATT_MONITOR", 4, 0, 29, "battery monitor: voltage and current", kind=Kind.INT8),
     whole("BATT_CAPACITY", 6250, 0, 1000000, "capacity, mAh"),
-    real("BATT_LOW_MAH", 937.0, 0.0, 1000000.0, "low battery, mAh left"),
+    real("BATT_LOW_MAH", 625.0, 0.0, 1000000.0, "low battery, mAh left"),
     real("BATT_CRT_MAH", 437.0, 0.0, 1000000.0, "critical battery, mAh left"),
-    whole("BATT_FS_LOW_ACT", 0, 0, 7, "low battery action", "battery_low_action", _BATTERY, Kind.INT8),
+    whole("BATT_FS_LOW_ACT", 2, 0, 7, "low battery action", "battery_low_action", _BATTERY, Kind.INT8),
     whole("BATT_FS_CRT_ACT", 0, 0, 7, "critical battery action", "battery_critical_action", _BATTERY, Kind.INT8),
     # Fence
     whole("FENCE_ENABLE", 0, 0, 1, "fence is on", "fence_is_on", kind=Kind.INT8),

@@ -1,7 +1,8 @@
 """PX4's parameters that matter here, with the names, types, bounds and meanings of its parameter reference (v1.16).
 
 Defaults are PX4's where they decide what happens (failsafes, time-outs); gains, speeds and return heights are the
-airframe's, as an airframe file of PX4 would set them.
+airframe's, as an airframe file of PX4 would set them. So are two failsafes that PX4 leaves to its owner: it returns on a
+critical battery, and holds when the setpoints stop.
 """
 
 from collections.abc import Callable, Mapping
@@ -71,14 +72,14 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("COM_DLL_EXCEPT", 0, 0, 7, "modes without station loss: mission, hold, offboard", "station_lost_exempt"),
     real("COM_FAIL_ACT_T", 5.0, 0.0, 25.0, "hold before a failsafe, s", "action_delay_s"),
     real("COM_OF_LOSS_T", 1.0, 0.0, 60.0, "offboard loss timeout, s", "stream_timeout_s"),
-    whole("COM_OBL_RC_ACT", 0, 0, 7, "offboard loss action", "stream_lost_action", _STREAM_LOST),
+    whole("COM_OBL_RC_ACT", 5, 0, 7, "offboard loss action", "stream_lost_action", _STREAM_LOST),
     whole("COM_POS_FS_DELAY", 1, 1, 100, "position loss delay, s", "position_lost_s"),
     real("COM_DISARM_LAND", 2.0, -1.0, 3600.0, "disarm after landing, s", "disarm_after_landing_s"),
     real("COM_DISARM_PRFLT", 10.0, -1.0, 3600.0, "disarm when nothing took off, s", "disarm_unflown_s"),
     whole("COM_ARM_WO_GPS", 1, 0, 2, "arming without a position"),
-    whole("COM_LOW_BAT_ACT", 0, 0, 3, "critical battery: 0 warn, 2 land, 3 return, and land in an emergency"),
+    whole("COM_LOW_BAT_ACT", 3, 0, 3, "critical battery: 0 warn, 2 land, 3 return, and land in an emergency"),
     real("BAT_LOW_THR", 0.15, 0.12, 0.5, "low battery, share", "battery_low"),
-    real("BAT_CRIT_THR", 0.07, 0.05, 0.5, "critical battery, share", "battery_critical"),
+    real("BAT_CRIT_THR", 0.1, 0.05, 0.5, "critical battery, share", "battery_critical"),
     real("BAT_EMERGEN_THR", 0.05, 0.03, 0.5, "battery emergency, share", "battery_emergency"),
     whole("BAT1_N_CELLS", 3, 0, 16, "cells in series"),
     real("BAT1_CAPACITY", 6250.0, -1.0, 100000.0, "capacity, mAh"),

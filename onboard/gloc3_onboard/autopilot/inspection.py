@@ -1,0 +1,182 @@
+"""Reads what an autopilot is and is set to: its version, its time of day, and the parameters that matter to us."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.link.codec import shape
+from gloc3.link.command import CommandCall, CommandClient
+from gloc3.link.interval import REQUEST_MESSAGE
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.parameter import Parameter, ParameterEncoding
+from gloc3.link.parameter_client import ParameterCall, ParameterClient, ParameterResult
+from gloc3.link.service import Service, earliest
+from gloc3.link.version import read_version
+from gloc3.readiness import AutopilotSetup
+from gloc3.vehicle import Style
+
+AT_ONCE: Final = 6
+"""Parameters under way at the same time, so that the reading does not fill a slow line."""
+OFFICIAL: Final = 255
+"""The last byte of a release's version number."""
+TOLD: Final = ("AUTOPILOT_VERSION", "SYSTEM_TIME")
+"""Messages that are asked for once a reading."""
+
+
+class Inspection(Service[AutopilotSetup]):
+    """One reading at a time; a further one that is asked for meanwhile follows it.
+
+    What a parameter is set to between two readings is taken in too, as the autopilot tells of it. Parameters that the
+    autopilot does not know are not asked for again until it has restarted.
+
+    Args:
+        own: as whom it speaks.
+        commands: the command protocol; driven by its owner, who passes on to `ended` what comes back from it.
+    """
+
+    handles = ParameterClient.handles | {*TOLD, "SYS_STATUS"}
+
+    def __init__(self, own: Address, commands: CommandClient) -> None:
+        super().__init__(own)
+        self.setup = AutopilotSetup()
+        """What is known."""
+        self._commands = commands
+        self._parameters = ParameterClient(own)
+        self._target: Address | None = None
+        self._names: Sequence[str] = ()
+        self._absent: set[str] = set()
+        self._waiting: deque[str] = deque()
+        self._reading: dict[str, ParameterCall] = {}
+        self._silent: list[str] = []
+        self._messages: deque[str] = deque()
+        self._asked: CommandCall | None = None
+        self._is_reading = False
+        self._number = 0
+        self._next_number: int | None = None
+
+    def adopt(self, target: Address, style: Style, names: Sequence[str], now_s: float) -> None:
+        """An autopilot has come, or has restarted: reads everything, the given parameters by name."""
+        self._drop()
+        self._target, self._names = target, names
+        self._absent.clear()
+        self._parameters.encoding = ParameterEncoding.BYTEWISE if style is Style.PX4 else ParameterEncoding.CAST
+        self.setup = AutopilotSetup(style=style, number=self.setup.number)
+        self._begin(self._number, now_s)
+
+    def read(self, number: int, now_s: float) -> None:
+        """Reads everything anew; its end is told with this number."""
+        if self._target is None:
+            return
+        if self._is_reading:
+            self._next_number = number
+        else:
+            self._begin(number, now_s)
+
+    def _begin(self, number: int, now_s: float) -> None:
+        self._is_reading, self._number, self._next_number = True, number, None
+        self._silent.clear()
+        self._waiting = deque(name for name in self._names if name not in self._absent)
+        self._messages = deque(TOLD)
+        self.tick(now_s)
+
+    def _drop(self) -> None:
+        for call in list(self._reading.values()):
+            self._parameters.cancel(call)
+        self._parameters.events()
+        self._reading.clear()
+        if self._asked is not None:
+            self._commands.abandon(self._asked)
+            self._asked = None
+        self._is_reading = False
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in what the autopilot tells."""
+        if sender != self._target:
+            return
+        match message.name:
+            case "AUTOPILOT_VERSION":
+                number = read_version(message).flight_software
+                if number:
+                    firmware = (number >> 24 & 0xFF, number >> 16 & 0xFF, number >> 8 & 0xFF)
+                    self._set(firmware=firmware, is_official=number & 0xFF == OFFICIAL)
+            case "SYSTEM_TIME":
+                utc_s = message.time_unix_usec * 1e-6
+                self._set(utc_minus_t_s=round(utc_s - now_s, 1) if utc_s else None)
+            case "SYS_STATUS":
+                self._set(
+                    sensors_present=message.onboard_control_sensors_present,
+                    sensors_enabled=message.onboard_control_sensors_enabled,
+                    sensors_health=message.onboard_control_sensors_health,
+                )
+            case _:
+                self._parameters.receive(message, sender, now_s)
+                self._follow(now_s)
+
+    def ended(self, call: CommandCall, now_s: float) -> None:
+        """A command has come back from the client; those that are not from here are ignored."""
+        if call is self._asked and call.result is not None:
+            self._asked = None
+            self.tick(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Asks for what is next."""
+        self._parameters.tick(now_s)
+        self._follow(now_s)
+
+    def _follow(self, now_s: float) -> None:
+        for event in self._parameters.events():
+            if isinstance(event, ParameterCall):
+                self._ended_reading(event)
+            elif isinstance(event, Parameter) and event.name in self._names:
+                self._set(parameters={**self.setup.parameters, event.name: event.value})
+        if not self._is_reading or self._target is None:
+            return
+        while self._waiting and len(self._reading) < AT_ONCE:
+            name = self._waiting.popleft()
+            self._reading[name] = self._parameters.read(self._target, name, now_s=now_s)
+        if self._messages and self._asked is None:
+            number = float(shape(self._messages[0]).id)
+            try:
+                self._asked = self._commands.send_long(self._target, REQUEST_MESSAGE, (number,), now_s=now_s)
+                self._messages.popleft()
+            except Refused:  # somebody else asks for one
+                return
+        if not (self._waiting or self._reading or self._messages or self._asked):
+            self._end(now_s)
+
+    def _ended_reading(self, call: ParameterCall) -> None:
+        if self._reading.get(call.name) is not call:
+            return
+        del self._reading[call.name]
+        if call.result is ParameterResult.DONE and call.value is not None:
+            self._set(parameters={**self.setup.parameters, call.name: call.value.value})
+        elif call.result is ParameterResult.NO_SUCH:
+            self._absent.add(call.name)
+        else:
+            self._silent.append(call.name)
+
+    def _end(self, now_s: float) -> None:
+        self._is_reading = False
+        if self.setup.parameters and len(self._silent) < len(self._names) - len(self._absent):
+            self._absent.update(self._silent)  # older autopilots do not answer for what they do not know
+        is_read = bool(self.setup.parameters) and not set(self._silent) & set(self.setup.parameters)
+        number = self._number if is_read else self.setup.number
+        self._set(unread=sorted(self._absent | set(self._silent)), number=number, is_complete=is_read)
+        if self._next_number is not None:
+            self._begin(self._next_number, now_s)
+
+    def _set(self, **fields: object) -> None:
+        if any(getattr(self.setup, name) != value for name, value in fields.items()):
+            self.setup = msgspec.structs.replace(self.setup, **fields)
+            self._events = [self.setup]
+
+    def next_tick_s(self) -> float | None:
+        """When one of its questions is due."""
+        return earliest(self._parameters.next_tick_s())
+
+    def outgoing(self) -> list[MavlinkMessage]:
+        """What the parameter protocol wants to send; commands go by their own client."""
+        return self._parameters.outgoing()

@@ -1,0 +1,98 @@
+"""Checks of the autopilot itself: it answers, would arm, is of a known version, and its parameters could be read."""
+
+from collections.abc import Iterator
+
+from gloc3.preflight import Check, Group, Verdict
+from gloc3.vehicle import AutopilotState
+from gloc3_onboard.checks.parameters import TABLES
+from gloc3_onboard.checks.readings import Readings
+
+GROUP = Group.AUTOPILOT
+
+
+def autopilot_checks(readings: Readings) -> Iterator[Check]:
+    """The lines about the autopilot; without one there is a single line."""
+    state = readings.autopilot
+    if state is None or not state.is_connected:
+        was = "its heartbeat has stopped" if state is not None and state.style is not None else "no heartbeat is heard"
+        advice = "is it powered, and does --autopilot name its port?"
+        yield Check(GROUP, "answers", Verdict.RED, was, advice)
+        return
+    yield Check(GROUP, "answers", Verdict.OK, f"{state.style}, mode {state.mode_name or 'unknown'}")
+    yield _arming(state)
+    yield _battery(readings, state)
+    yield _firmware(readings)
+    yield _parameters(readings)
+    yield from _arming_checks(readings)
+
+
+def _arming(state: AutopilotState) -> Check:
+    if state.is_armed:
+        return Check(GROUP, "ready to arm", Verdict.OK, "it is armed")
+    if state.is_armable:
+        return Check(GROUP, "ready to arm", Verdict.OK, "its own checks have passed")
+    reasons = "; ".join(state.reasons) or "it does not say why"
+    advice = "do what it asks for" if state.reasons else "wait until it is ready; its own messages say more"
+    return Check(GROUP, "ready to arm", Verdict.RED, reasons, advice)
+
+
+def _battery(readings: Readings, state: AutopilotState) -> Check:
+    left, power = state.battery_remaining, readings.platform.power
+    reserve = power.reserve if power is not None else 0.0
+    if left < 0.0:
+        advice = "set up the autopilot's battery monitor: without it on_low_battery never acts"
+        return Check(GROUP, "battery", Verdict.WARNING, "it does not tell what is left", advice)
+    volts = f", {state.battery_v:.1f} V" if state.battery_v > 0.0 else ""
+    if left < reserve:
+        finding = f"{left:.0%}{volts}, below the platform's reserve of {reserve:.0%}"
+        return Check(GROUP, "battery", Verdict.RED, finding, "change or charge the battery")
+    return Check(GROUP, "battery", Verdict.OK, f"{left:.0%}{volts}")
+
+
+def _firmware(readings: Readings) -> Check:
+    setup = readings.setup
+    if setup is None or setup.firmware is None or setup.style is None:
+        return Check(GROUP, "firmware", Verdict.UNKNOWN, "it has not told its version")
+    version = ".".join(map(str, setup.firmware))
+    least = TABLES[setup.style].least_firmware
+    if setup.firmware < least:
+        needed = ".".join(map(str, least))
+        advice = f"update to {needed} or later: modes and parameters of older ones differ"
+        return Check(GROUP, "firmware", Verdict.WARNING, f"{setup.style} {version}", advice)
+    if not setup.is_official:
+        advice = "fly a release, unless you know why not"
+        return Check(GROUP, "firmware", Verdict.WARNING, f"{setup.style} {version}, not a release", advice)
+    return Check(GROUP, "firmware", Verdict.OK, f"{setup.style} {version}")
+
+
+def _parameters(readings: Readings) -> Check:
+    setup = readings.setup
+    if setup is None:
+        advice = "add a component of gloc3_onboard.samplers.autopilot_setup to the platform file"
+        return Check(GROUP, "parameters", Verdict.UNKNOWN, "nothing on this platform reads them", advice)
+    count = len(setup.parameters)
+    if not setup.is_complete or not count:
+        advice = "check the link to the autopilot, then look again"
+        return Check(GROUP, "parameters", Verdict.UNKNOWN, "they have not been read yet", advice)
+    if not readings.is_setup_fresh:
+        finding = f"{count} were read before, but did not come anew"
+        return Check(GROUP, "parameters", Verdict.WARNING, finding, "check the link to the autopilot, then look again")
+    alternatives = TABLES[setup.style].arming_checks if setup.style is not None else {}
+    unread = [name for name in setup.unread if name not in alternatives]
+    without = f"; not there: {', '.join(unread)}" if unread else ""
+    return Check(GROUP, "parameters", Verdict.OK, f"{count} read{without}")
+
+
+def _arming_checks(readings: Readings) -> Iterator[Check]:
+    """Whether the autopilot's own checks are all made."""
+    setup = readings.setup
+    if setup is None or setup.style is None:
+        return
+    for name, wanted in TABLES[setup.style].arming_checks.items():
+        value = setup.parameters.get(name)
+        if value is not None:
+            verdict = Verdict.OK if value == wanted else Verdict.WARNING
+            advice = "" if value == wanted else f"set {name} to {wanted:g}: it looks for what would end the flight"
+            finding = "all are made" if value == wanted else f"some are left out ({name} is {value:g})"
+            yield Check(GROUP, "arming checks", verdict, finding, advice)
+            return

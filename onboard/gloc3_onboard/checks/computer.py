@@ -1,0 +1,92 @@
+"""Checks of the onboard computer: disk, log, clocks and ports."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from gloc3.preflight import Check, Group, Verdict
+from gloc3.readiness import ComputerState, LinkCondition
+from gloc3_onboard.checks.readings import Readings
+
+GROUP = Group.COMPUTER
+LEAST_FREE_MB: Final = 200.0
+"""Below this a flight's log and pictures may not fit."""
+LITTLE_FREE_MB: Final = 2_000.0
+LEAST_WRITE_MB_S: Final = 1.0
+"""Below this the log falls behind: it is some 0.1 MB/s, and pictures come on top."""
+LITTLE_WRITE_MB_S: Final = 5.0
+CLOCKS_AGREE_S: Final = 1.0
+
+
+def computer_checks(readings: Readings) -> Iterator[Check]:
+    """The lines about the computer."""
+    computer = readings.computer
+    if computer is None:
+        advice = "add a component of gloc3_onboard.samplers.computer to the platform file"
+        yield Check(GROUP, "disk", Verdict.UNKNOWN, "nothing on this platform looks at it", advice)
+        return
+    if computer.is_simulated:
+        yield Check(GROUP, "disk", Verdict.OK, "none: simulated")
+    else:
+        yield from _disk(computer)
+    yield _clock(readings, computer)
+    for link in computer.links:
+        yield _port(link)
+
+
+def _disk(computer: ComputerState) -> Iterator[Check]:
+    free_mb, speed = computer.disk_free_mb, computer.disk_write_mb_s
+    free = f"{free_mb / 1000.0:.1f} GB free" if free_mb >= 1000.0 else f"{free_mb:.0f} MB free"
+    if computer.disk_problem:
+        advice = "give this user the right to write there, or name another folder with --out"
+        yield Check(GROUP, "disk", Verdict.RED, computer.disk_problem, advice)
+    elif free_mb < LEAST_FREE_MB:
+        yield Check(GROUP, "disk", Verdict.RED, free, "move old logs elsewhere")
+    elif free_mb < LITTLE_FREE_MB:
+        yield Check(GROUP, "disk", Verdict.WARNING, free, "move old logs elsewhere before long flights")
+    else:
+        yield Check(GROUP, "disk", Verdict.OK, free)
+    if not computer.disk_problem:
+        found = f"writes {speed:.1f} MB/s" if speed > 0.0 else "its speed could not be measured"
+        advice = "pictures may be lost: take a faster card or disk"
+        verdict = Verdict.UNKNOWN if speed <= 0.0 else Verdict.OK
+        if 0.0 < speed < LITTLE_WRITE_MB_S:
+            verdict = Verdict.RED if speed < LEAST_WRITE_MB_S else Verdict.WARNING
+        is_slow = verdict in (Verdict.RED, Verdict.WARNING)
+        yield Check(GROUP, "disk speed", verdict, found, advice if is_slow else "")
+    if computer.log_problem:
+        advice = "make room, then start gloc3 onboard anew: this flight would not be recorded"
+        yield Check(GROUP, "log", Verdict.RED, computer.log_problem, advice)
+    else:
+        yield Check(GROUP, "log", Verdict.OK, "is being written")
+
+
+def _clock(readings: Readings, computer: ComputerState) -> Check:
+    """The computer's clock against the autopilot's, which has it from GPS."""
+    theirs = readings.setup.utc_minus_t_s if readings.setup is not None else None
+    ours = computer.utc_minus_t_s
+    if theirs is None or ours is None:
+        return Check(GROUP, "clock", Verdict.UNKNOWN, "the autopilot has told no time of day to compare with")
+    offset_s = ours - theirs
+    if abs(offset_s) > CLOCKS_AGREE_S:
+        finding = f"{abs(offset_s):.1f} s {'ahead of' if offset_s > 0.0 else 'behind'} the autopilot's"
+        return Check(GROUP, "clock", Verdict.WARNING, finding, "set it (timedatectl), or logs cannot be compared")
+    return Check(GROUP, "clock", Verdict.OK, f"agrees with the autopilot's within {abs(offset_s):.1f} s")
+
+
+def _port(link: LinkCondition) -> Check:
+    name = f"port {link.url}"
+    if not link.problem:
+        return Check(GROUP, name, Verdict.OK, "open")
+    return Check(GROUP, name, Verdict.WARNING, link.problem, port_advice(link.problem))
+
+
+def port_advice(problem: str) -> str:
+    """What to do about a port that cannot be used, as far as the system's words tell."""
+    said = problem.lower()
+    if "permission" in said or "not permitted" in said:
+        return "give this user the right: sudo usermod -aG dialout $USER, then log in anew"
+    if "no such file" in said or "no such device" in said:
+        return "is it plugged in? ls /dev/serial/by-id names what is"
+    if "in use" in said:
+        return "another program has it, perhaps gloc3 onboard itself; stop that, or take another port"
+    return "check address, cable and power at the other end"

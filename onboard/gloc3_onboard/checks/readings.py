@@ -1,0 +1,45 @@
+"""What the checks are made from: everything that is known at one moment."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gloc3.ci import Health
+from gloc3.mission.model import Mission
+from gloc3.platform import Platform
+from gloc3.readiness import AutopilotSetup, ComputerState
+from gloc3.vehicle import AutopilotState, HeightAboveGround, Pose
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Condition:
+    """A component as the command interface sees it."""
+
+    name: str
+    health: Health
+    is_required: bool
+    is_standby: bool
+    cause: str = ""
+    """Its last error."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Readings:
+    """One moment; None is what is not known, or does not exist."""
+
+    platform: Platform
+    now_s: float
+    autopilot: AutopilotState | None = None
+    setup: AutopilotSetup | None = None
+    is_setup_fresh: bool = True
+    """Whether the autopilot's setup was read anew for this list."""
+    computer: ComputerState | None = None
+    pose: Pose | None = None
+    is_pose_fresh: bool = False
+    height: HeightAboveGround | None = None
+    components: Sequence[Condition] | None = None
+    """None where no component runs, as for `gloc3 doctor`."""
+    mission: Mission | None = None
+    fence_problem: str = ""
+    """Why the autopilot does not hold the mission's fence."""
+    pilot_reason: str = ""
+    """Why a pilot has control; empty while none has."""

@@ -1,0 +1,148 @@
+"""The gate before every start: the pre-flight list, made when it is asked for, from what was read anew for it."""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from gloc3 import __version__
+from gloc3.ci import CiReply, CiRequest, RequestAction, RequestTask, Steer, health_of
+from gloc3.errors import Refused
+from gloc3.mission.model import Mission
+from gloc3.preflight import Check, PreflightReport, red
+from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
+from gloc3.vehicle import HeightAboveGround
+from gloc3_onboard.checks.checklist import checklist
+from gloc3_onboard.checks.readings import Condition, Readings
+from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.site import Site
+
+READ_S: Final = 3.0
+"""So long a start waits for the autopilot's setup; then it is judged by what was read before."""
+
+Begin = Callable[[float], CiReply]
+"""Does what was asked for, at a time; raises `Refused` where it cannot be done."""
+
+
+class Held(NamedTuple):
+    """A request that waits for the reading."""
+
+    request: CiRequest
+    answer: Begin
+    number: int
+    until_s: float
+
+
+class RedChecks(Refused):
+    """A start is refused since checks are red."""
+
+    def __init__(self, checks: list[Check]) -> None:
+        several = f"{len(checks)} checks are red" if len(checks) > 1 else "a check is red"
+        super().__init__(f"{several}: {'; '.join(f'{one.title} ({one.finding})' for one in checks)}")
+        self.lines: Final = "\n".join(str(one) for one in checks)
+
+
+class StartGate:
+    """Knows what the list is made from, and lets starts through."""
+
+    def __init__(self, site: Site, facts: VehicleFacts, book: ComponentBook) -> None:
+        self._site, self._facts, self._book = site, facts, book
+        self._setup: AutopilotSetup | None = None
+        self._computer: ComputerState | None = None
+        self._height: HeightAboveGround | None = None
+        self._outgoing: list[ReadSetup | PreflightReport] = []
+        self._held: list[Held] = []
+        self._number = 0
+
+    def see(self, fact: AutopilotSetup | ComputerState | HeightAboveGround) -> None:
+        """Takes in what the list is made from, beside the vehicle's facts."""
+        match fact:
+            case AutopilotSetup():
+                self._setup = fact
+            case ComputerState():
+                self._computer = fact
+            case HeightAboveGround():
+                self._height = fact
+
+    def take(self) -> list[ReadSetup | PreflightReport]:
+        """What is to be told: whoever reads the setup, and for the log the lists that were made."""
+        taken, self._outgoing = self._outgoing, []
+        return taken
+
+    def answer(self, request: CiRequest, answer: Begin, now_s: float) -> CiReply | None:
+        """Has the setup read anew, then answers; at once where nobody reads it, and None where the answer comes later."""
+        if self._setup is None or not self._facts.is_connected:
+            return answer(now_s)
+        self._number = max(self._number, self._setup.number) + 1
+        self._outgoing.append(ReadSetup(number=self._number))
+        self._held.append(Held(request, answer, self._number, now_s + READ_S))
+        return None
+
+    def due(self, now_s: float) -> list[Held]:
+        """The requests that need wait no longer."""
+        if not self._held:
+            return []
+        number = self._setup.number if self._setup is not None else 0
+        ready = [held for held in self._held if number >= held.number or now_s >= held.until_s]
+        self._held = [held for held in self._held if held not in ready]
+        return ready
+
+    def report(self, mission: Mission | None, fence_problem: str, now_s: float) -> PreflightReport:
+        """The list as it is now."""
+        checks = checklist(self._readings(mission, fence_problem, now_s))
+        offset_s = self._computer.utc_minus_t_s if self._computer is not None else None
+        utc_s = None if offset_s is None else round(offset_s + now_s, 1)
+        report = PreflightReport(checks=checks, version=__version__, utc_s=utc_s)
+        self._outgoing.append(report)
+        return report
+
+    def let_through(self, request: CiRequest, report: PreflightReport) -> str:
+        """Judges a start by the list.
+
+        Returns:
+            What is to be told of it once it has begun; empty where all is well.
+
+        Raises:
+            RedChecks: there is a red line, and nobody has taken the responsibility for it.
+        """
+        bad, body = red(report.checks), request.body
+        if not bad:
+            return ""
+        override = body.override.strip() if isinstance(body, Steer | RequestTask | RequestAction) else ""
+        if not override:
+            raise RedChecks(bad)
+        author = getattr(body, "author", "").strip()
+        who = f"{author} (station {request.sender})" if author else f"station {request.sender}"
+        titles = "; ".join(f"{one.title} ({one.finding})" for one in bad)
+        return f"{who} starts in spite of red checks: {override!r}; red: {titles}"
+
+    def _readings(self, mission: Mission | None, fence_problem: str, now_s: float) -> Readings:
+        facts = self._facts
+        driver = facts.driver
+        has_pilot = driver is not None and driver.has_pilot_control
+        return Readings(
+            platform=self._site.platform,
+            now_s=now_s,
+            autopilot=facts.known_autopilot,
+            setup=self._setup,
+            is_setup_fresh=self._setup is None or self._setup.number >= self._number,
+            computer=self._computer,
+            pose=facts.pose,
+            is_pose_fresh=facts.is_pose_fresh(now_s),
+            height=self._height,
+            components=self._conditions(now_s),
+            mission=mission,
+            fence_problem=fence_problem,
+            pilot_reason=(driver.pilot_reason or "it says no reason") if driver is not None and has_pilot else "",
+        )
+
+    def _conditions(self, now_s: float) -> list[Condition]:
+        found = []
+        for name, row in self._book.rows.items():
+            status = self._book.status(name)
+            health = health_of(self._book.state(name, now_s))
+            cause = status.cause if status is not None and health not in ("working", "quiet") else ""
+            is_standby = row.standby_for is not None
+            found.append(
+                Condition(name=name, health=health, is_required=row.required, is_standby=is_standby, cause=cause)
+            )
+        return found

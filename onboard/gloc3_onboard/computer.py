@@ -1,0 +1,97 @@
+"""The computer that the onboard process runs on, as a device: a real one, and that of virtual time."""
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Final
+
+from gloc3.clock import Clock
+from gloc3.link.endpoints import Endpoint
+from gloc3.readiness import ComputerState, LinkCondition
+
+MEASURED_BYTES: Final = 4_000_000
+"""What is written to measure a disk: more than its own buffer takes at once, and little enough for a slow card."""
+MEGABYTE: Final = 1e6
+
+
+def write_speed_mb_s(folder: Path, size: int = MEASURED_BYTES) -> float:
+    """How fast a folder's disk takes data for good, in 10^6 bytes a second; blocks for as long as that takes.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    data = os.urandom(size)
+    with TemporaryFile(dir=folder) as file:
+        began_s = Clock.cost_s()
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+        return size / MEGABYTE / max(1e-6, Clock.cost_s() - began_s)
+
+
+class HostComputer:
+    """The computer of this process.
+
+    Args:
+        folder: where log and pictures go.
+        clock: the process's time.
+        log_problem: tells why the log is not written any more; empty while it is.
+        endpoints: the links that are open.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        clock: Clock,
+        log_problem: Callable[[], str] = lambda: "",
+        endpoints: Sequence[Endpoint] = (),
+    ) -> None:
+        self._folder, self._clock = folder, clock
+        self._log_problem, self._endpoints = log_problem, endpoints
+        self._write_mb_s = 0.0
+        self._problem = ""
+
+    def measure(self) -> None:
+        """Measures the disk; blocks."""
+        try:
+            self._write_mb_s = write_speed_mb_s(self._place())
+            self._problem = ""
+        except OSError as error:
+            self._problem = f"{self._folder} cannot be written: {error.strerror or error}"
+
+    def _place(self) -> Path:
+        """The folder, or where it is going to be made."""
+        return next(one for one in (self._folder, *self._folder.absolute().parents) if one.is_dir())
+
+    def state(self) -> ComputerState:
+        """How it is now."""
+        try:
+            free_mb = shutil.disk_usage(self._place()).free / MEGABYTE
+        except OSError:
+            free_mb = 0.0
+        return ComputerState(
+            disk_free_mb=round(free_mb, 1),
+            disk_write_mb_s=round(self._write_mb_s, 2),
+            disk_problem=self._problem,
+            log_problem=self._log_problem(),
+            utc_minus_t_s=round(self._clock.utc_s() - self._clock.now_s(), 3),
+            links=[
+                LinkCondition(
+                    one.url, "" if one.is_connected else one.problem or "nothing is heard there", one.bytes_received
+                )
+                for one in self._endpoints
+            ],
+        )
+
+
+class SimulatedComputer:
+    """The computer of virtual time: it has no disk, and its clock is right."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._state = ComputerState(is_simulated=True, utc_minus_t_s=round(clock.utc_offset_s, 3))
+
+    def state(self) -> ComputerState:
+        """Always the same."""
+        return self._state

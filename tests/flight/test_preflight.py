@@ -1,0 +1,133 @@
+"""The pre-flight list before every start: read anew, refusing on red, overridden by name and logged."""
+
+from typing import Any
+
+import msgspec
+from tests.flight.card import ONE_STYLE, Card
+from tests.flight.missions import mission
+
+from gloc3.ci import Outcome, Preflight, RequestAction, Steer, Verb
+from gloc3.link.codec import message
+from gloc3.preflight import Check, PreflightReport, Verdict, red
+
+LINK_LOSS = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
+RETURNS = {"px4": 2.0, "ardupilot": 1.0}
+
+
+def checks(flight: Card) -> dict[str, Check]:
+    """The list, as the station gets it, by title."""
+    reply = flight.ask(Preflight())
+    assert reply.outcome is Outcome.ACCEPTED, reply.reason
+    return {check.title: check for check in msgspec.convert(reply.result, PreflightReport).checks}
+
+
+def ready(flight: Card, **plan: Any) -> None:
+    """The mission is loaded, nothing is started."""
+    flight.begin(mission(), is_started=False, **plan)
+
+
+def test_a_vehicle_that_is_set_up_like_its_platform_file_has_no_red_or_doubtful_line(flight: Card) -> None:
+    ready(flight)
+    found = checks(flight)
+    assert [str(check) for check in found.values() if check.verdict is not Verdict.OK] == []
+    assert {check.group for check in found.values()} == {
+        "autopilot", "failsafes", "sensors", "components", "mission", "computer"
+    }  # fmt: skip
+    assert found["failsafes: low battery"].finding.startswith("return at 10%")
+
+
+def test_a_failsafe_that_is_set_otherwise_refuses_the_start_and_says_what_to_do(flight: Card) -> None:
+    name = LINK_LOSS[flight.style]
+    ready(flight, parameters={name: RETURNS[flight.style]})
+    reply = flight.ask(Steer(verb=Verb.START))
+    assert reply.outcome is Outcome.REFUSED
+    assert "a check is red: failsafes: link loss (return after " in reply.reason
+    assert f"set {name} to 0" in reply.text
+    flight.wait(2.0)
+    assert not flight.autopilot.is_armed
+    assert flight.state("mission") == "waiting"
+
+
+def test_an_override_starts_and_is_logged_with_its_author_and_what_was_red(flight: Card) -> None:
+    ready(flight, parameters={LINK_LOSS[flight.style]: RETURNS[flight.style]})
+    reply = flight.ask(Steer(verb=Verb.START, override="no radio in this hold", author="ana"))
+    assert reply.outcome is Outcome.ACCEPTED, reply.reason
+    flight.await_state("mission", "running", 2.0)
+    assert flight.was_told("ana (station 255) starts in spite of red checks: 'no radio in this hold'")
+    assert flight.was_told("red: failsafes: link loss (return after ")
+    flight.await_state("mission", "done", 60.0)
+    (report,) = flight.since(0.0, "preflight")
+    assert [check.title for check in red(report.checks)] == ["failsafes: link loss"]
+
+
+def test_an_override_of_a_list_without_red_is_just_a_start(flight: Card) -> None:
+    ready(flight)
+    assert flight.ask(Steer(verb=Verb.START, override="always", author="ana")).outcome is Outcome.ACCEPTED
+    assert not flight.was_told("in spite of")
+
+
+def test_what_somebody_sets_after_the_first_reading_is_seen_before_the_start(flight: Card) -> None:
+    name = LINK_LOSS[flight.style]
+    ready(flight)
+    assert checks(flight)["failsafes: link loss"].verdict is Verdict.OK
+    flight.flight.simulator.autopilot.parameters.set(name, RETURNS[flight.style])
+    assert "link loss" in flight.refused_steer("start")
+    flight.flight.simulator.autopilot.parameters.set(name, 0.0)
+    flight.command("start")
+
+
+def test_a_single_take_off_has_to_pass_too_and_what_does_not_move_has_not(flight: Card) -> None:
+    ready(flight, parameters={LINK_LOSS[flight.style]: RETURNS[flight.style]})
+    assert "link loss" in flight.refused(RequestAction(capability="take_off", arguments={"height_m": 1.0}))
+    assert flight.action("record_images", camera="ground", every_s=1.0, count=1).outcome is Outcome.ACCEPTED
+    up = RequestAction(capability="take_off", arguments={"height_m": 1.0}, override="test hop", author="ana")
+    assert flight.ask(up).outcome is Outcome.ACCEPTED
+
+
+def test_in_the_air_nothing_is_held_against_a_start(flight: Card) -> None:
+    flight.begin(mission(on_failure="hold"))
+    flight.await_state("sweep", "running")
+    flight.flight.simulator.autopilot.parameters.set(LINK_LOSS[flight.style], RETURNS[flight.style])
+    flight.command("abort")
+    flight.await_policy("hold")
+    assert flight.action("land").outcome is Outcome.ACCEPTED
+    flight.await_landed()
+
+
+@ONE_STYLE
+def test_a_setup_that_cannot_be_read_anew_does_not_keep_a_start_waiting(flight: Card) -> None:
+    ready(flight)
+    deaf = {"PARAM_REQUEST_READ"}
+    cable = flight.flight.cable
+    send = cable.b.send
+    from gloc3.link.codec import Parser
+
+    def lossy(data: bytes) -> None:
+        frames = Parser(is_datagram=True).receive(data)
+        if not any(frame.message_id == message(name).id for frame in frames for name in deaf):
+            send(data)
+
+    cable.b.send = lossy  # type: ignore[method-assign]
+    begin_s = flight.now_s
+    found = checks(flight)
+    assert flight.now_s - begin_s < 4.5
+    assert found["autopilot: parameters"].verdict is Verdict.WARNING
+    assert "did not come anew" in found["autopilot: parameters"].finding
+
+
+@ONE_STYLE
+def test_a_station_may_look_without_control_but_not_start(flight: Card) -> None:
+    ready(flight)
+    assert flight.as_station("254", Preflight()).outcome is Outcome.ACCEPTED
+    assert flight.as_station("254", Steer(verb=Verb.START, override="mine")).outcome is Outcome.REFUSED
+
+
+@ONE_STYLE
+def test_a_component_that_is_down_and_a_lost_position_are_named(flight: Card) -> None:
+    ready(flight)
+    assert flight.component("waypoints", "stop").outcome is Outcome.ACCEPTED
+    flight.fault("topic:autopilot_pose=lost")
+    flight.wait(1.5)
+    found = checks(flight)
+    assert found["components: waypoints"].verdict is Verdict.RED
+    assert found["sensors: position"].verdict is Verdict.RED

@@ -52,6 +52,8 @@ class FtpError(IntEnum):
     FILE_EXISTS = 8
     FILE_PROTECTED = 9
     FILE_NOT_FOUND = 10
+    TOO_LARGE = 251
+    """It does not go into memory."""
     DIFFERENT = 252
     """What was written is not what is there."""
     CANCELLED = 253
@@ -78,6 +80,7 @@ _WORDS: Final = {
     FtpError.FILE_EXISTS: "it exists already",
     FtpError.FILE_PROTECTED: "it must not be touched",
     FtpError.FILE_NOT_FOUND: "there is no such file or folder",
+    FtpError.TOO_LARGE: "it is too large to be read at once",
     FtpError.DIFFERENT: "what was written is not what is there",
     FtpError.TOO_MANY_LOSSES: "given up: too much was lost on the way",
 }

@@ -9,13 +9,14 @@ from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.link.ftp import DATA_BYTES, Entry, FtpError, Operation, Payload, checksum, read_entries, read_payload
+from gloc3.link.ftp_stream import InOrder, Sink
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.round_trip import RESTLESS_S, RoundTrip
 from gloc3.link.service import Service
 
 SILENT_S: Final = 5.0
-LARGEST_BYTES: Final = 1 << 28
-"""Of a file that is read: it is kept in memory."""
+LARGEST_BYTES: Final = 1 << 24
+"""Of a file that is read into memory; larger ones need a sink."""
 
 
 class Job(Enum):
@@ -39,6 +40,7 @@ class FtpCall:
         "_heard_s",
         "_is_first",
         "_offset",
+        "_order",
         "_session",
         "_steps",
         "checksum",
@@ -47,16 +49,28 @@ class FtpCall:
         "job",
         "path",
         "result",
+        "sink",
         "target",
         "uses_burst",
     )
 
-    def __init__(self, job: Job, target: Address, path: str, data: bytes = b"", *, uses_burst: bool = True) -> None:
+    def __init__(
+        self,
+        job: Job,
+        target: Address,
+        path: str,
+        data: bytes = b"",
+        *,
+        uses_burst: bool = True,
+        sink: Sink | None = None,
+    ) -> None:
         self.job = job
         self.target = target
         self.path = path
         self.data = bytearray(data)
-        """What is written, or what was read."""
+        """What is written, or what was read, unless that goes to a sink."""
+        self.sink = sink
+        self._order: InOrder | None = None
         self.entries: list[Entry] = []
         """What a folder holds, once it has been listed."""
         self.checksum: int | None = None
@@ -84,8 +98,12 @@ class FtpCall:
             return 1.0
         if self.job is Job.WRITE:
             return self._offset / len(self.data) if self.data else 0.0
-        missing = sum(end - begin for begin, end in self._gaps)
-        return 1.0 - missing / self._expected if self._expected else 0.0
+        return self.received / self._expected if self._expected else 0.0
+
+    @property
+    def received(self) -> int:
+        """Bytes of the file that are here."""
+        return self._expected - sum(end - begin for begin, end in self._gaps)
 
 
 class FtpClient(Service[FtpCall]):
@@ -104,9 +122,11 @@ class FtpClient(Service[FtpCall]):
         """Lists a folder; the result is in `entries`."""
         return self._add(FtpCall(Job.LIST, target, path), (Operation.LIST_DIRECTORY, _text(path), 0), now_s)
 
-    def read(self, target: Address, path: str, *, now_s: float, uses_burst: bool = True) -> FtpCall:
-        """Reads a file; the result is in `data`."""
-        call = FtpCall(Job.READ, target, path, uses_burst=uses_burst)
+    def read(
+        self, target: Address, path: str, *, now_s: float, uses_burst: bool = True, sink: Sink | None = None
+    ) -> FtpCall:
+        """Reads a file; the result is in `data`, or goes to a sink as it comes."""
+        call = FtpCall(Job.READ, target, path, uses_burst=uses_burst, sink=sink)
         return self._add(call, (Operation.OPEN_FILE_READ_ONLY, _text(path), 0), now_s)
 
     def write(self, target: Address, path: str, data: bytes, *, now_s: float) -> FtpCall:
@@ -299,14 +319,18 @@ class FtpClient(Service[FtpCall]):
     def _opened(self, call: FtpCall, answer: Payload, now_s: float) -> None:
         call._session = answer.session
         size = struct.unpack("<I", answer.data[:4].ljust(4, b"\0"))[0]
-        if size > LARGEST_BYTES:
-            self._end(call, FtpError.FAILED, now_s)
+        if call.sink is None and size > LARGEST_BYTES:
+            self._end(call, FtpError.TOO_LARGE, now_s)
             return
-        call._expected = size
-        call.data = bytearray(size)
+        begin, call._expected = 0, size
+        if call.sink is None:
+            call.data = bytearray(size)
+        else:
+            begin = min(call.sink.opened(size), size)
+            call._order = InOrder(call.sink, begin)
         call._budget += 3 * (size // DATA_BYTES)
-        if size:
-            call._gaps.append((0, size))
+        if begin < size:
+            call._gaps.append((begin, size))
         call._steps.append((Operation.TERMINATE_SESSION, b"", 0))
         self._ask_for_file(call, now_s)
 
@@ -322,8 +346,8 @@ class FtpClient(Service[FtpCall]):
 
     def _take_burst(self, call: FtpCall, answer: Payload, now_s: float) -> None:
         if answer.operation == Operation.ACKNOWLEDGED:
-            self._store(call, answer.offset, answer.data)
-            if answer.is_burst_complete or not call._gaps:
+            has_room = self._store(call, answer.offset, answer.data)
+            if answer.is_burst_complete or not call._gaps or not has_room:
                 self._ask_for_file(call, now_s)
             return
         match FtpError.read(answer.data):
@@ -336,12 +360,15 @@ class FtpClient(Service[FtpCall]):
                 self._end(call, error, now_s)
 
     @staticmethod
-    def _store(call: FtpCall, offset: int, data: bytes) -> None:
-        """Puts a part of the file in its place and takes it off the gaps."""
+    def _store(call: FtpCall, offset: int, data: bytes) -> bool:
+        """Puts a part of the file in its place and takes it off the gaps; False where it has no room yet."""
         end = min(offset + len(data), call._expected)
         if end <= offset:
-            return
-        call.data[offset:end] = data[: end - offset]
+            return True
+        if call._order is None:
+            call.data[offset:end] = data[: end - offset]
+        elif not call._order.put(offset, data[: end - offset]):
+            return False
         gaps: deque[tuple[int, int]] = deque()
         for gap_begin, gap_end in call._gaps:
             if end <= gap_begin or offset >= gap_end:
@@ -352,6 +379,9 @@ class FtpClient(Service[FtpCall]):
             if end < gap_end:
                 gaps.append((end, gap_end))
         call._gaps = gaps
+        if call._order is not None:
+            call._order.give(gaps[0][0] if gaps else call._expected)
+        return True
 
     @staticmethod
     def _shorten(call: FtpCall, size: int) -> None:
@@ -359,6 +389,8 @@ class FtpClient(Service[FtpCall]):
         call._expected = size
         del call.data[size:]
         call._gaps = deque((begin, min(end, size)) for begin, end in call._gaps if begin < size)
+        if call._order is not None:
+            call._order.give(call._gaps[0][0] if call._gaps else size)
 
     def _write_next(self, call: FtpCall, now_s: float) -> None:
         piece = bytes(call.data[call._offset : call._offset + DATA_BYTES])

@@ -11,12 +11,12 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.ftp import Entry, FtpError
+from gloc3.link.ftp import Entry, FtpError, checksum
 from gloc3.link.ftp_client import FtpCall, FtpClient
 from gloc3.link.message import Address
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly
-from gloc3_groundstation.services.saving import Saving
+from gloc3_groundstation.services.saving import PartFile
 
 LARGEST_UPLOAD_BYTES: Final = 64_000_000
 
@@ -79,7 +79,7 @@ class FileService:
         return bytes(call.data)
 
     async def download(self, path: str, to: Path, on_progress: OnProgress | None = None) -> Path:
-        """Downloads a file.
+        """Downloads a file onto the disk; what an earlier attempt at it has left is not asked for again.
 
         Args:
             path: on the vehicle.
@@ -90,12 +90,24 @@ class FileService:
             Where it is now.
 
         Raises:
-            Refused: it cannot be had, or not be written; with the reason.
+            Refused: it cannot be had, or not be written; with the reason. What has come is kept.
         """
-        saving = Saving(to / PurePosixPath(path).name if to.is_dir() else to)
-        data = await self.read(path, on_progress)
-        saving.finish(data)
-        return saving.path
+        path, tell = _absolute(path), Quietly(on_progress)
+        part = PartFile(to / PurePosixPath(path).name if to.is_dir() else to)
+        call = self._client.read(self._target, path, now_s=self._machines.now_s, sink=part)
+
+        def look() -> None:
+            tell(f"downloading {path}", call.progress, _size(call.received))
+
+        try:
+            await self._finish(call, f"{path} cannot be downloaded", look, lambda: part.problem)
+        finally:
+            part.close()
+        if part.begun:
+            tell(f"comparing {path} with the vehicle's")
+            await self._compare(path, part)
+        part.finish()
+        return part.path
 
     async def upload(self, file: Path, folder: str, on_progress: OnProgress | None = None) -> str:
         """Uploads a file into a folder of the vehicle; both ends' checksums are compared behind it.
@@ -161,15 +173,40 @@ class FileService:
         call = self._client.rename(self._target, path, new_path, now_s=self._machines.now_s)
         await self._finish(call, f"{path} cannot become {new_path}")
 
-    async def _finish(self, call: FtpCall, lament: str, look: Callable[[], None] | None = None) -> None:
+    async def _compare(self, path: str, part: PartFile) -> None:
+        """Compares checksums where the vehicle tells one: what was here already may have been of another file."""
+        call = self._client.calculate_checksum(self._target, path, now_s=self._machines.now_s)
         try:
-            await self._machines.until(lambda: call.result is not None, look)
+            await self._machines.until(lambda: call.result is not None)
+        finally:
+            self._client.cancel(call, self._machines.now_s)
+        loop = self._machines.loop
+        if call.result is FtpError.NONE and call.checksum != await loop.run_in_executor(None, _checksum, part):
+            part.discard()
+            raise Refused(f"{path} has changed since its download was begun; download it again")
+
+    async def _finish(
+        self,
+        call: FtpCall,
+        lament: str,
+        look: Callable[[], None] | None = None,
+        problem: Callable[[], Refused | None] = lambda: None,
+    ) -> None:
+        try:
+            await self._machines.until(lambda: call.result is not None or problem() is not None, look)
         finally:
             if call.result is None:
                 self._client.cancel(call, self._machines.now_s)
                 self._machines.settle()
+        found = problem()
+        if found is not None:
+            raise found
         if call.result is not FtpError.NONE:
             raise Refused(f"{lament}: {call.result.words if call.result is not None else 'cancelled'}")
+
+
+def _checksum(part: PartFile) -> int:
+    return checksum(part.pieces())
 
 
 def _absolute(path: str) -> str:

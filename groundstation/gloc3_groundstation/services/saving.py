@@ -1,11 +1,13 @@
 """A file that is being downloaded: parts of it are kept beside it, and it takes its name when it is whole."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 from gloc3.errors import Refused
 
 PART_SUFFIX: Final = ".part"
+_PIECE_BYTES: Final = 1 << 16
 
 
 class Saving:
@@ -23,10 +25,7 @@ class Saving:
         self.path: Final = path
         self.part: Final = path.with_name(f"{path.name}{'.' if identity else ''}{identity}{PART_SUFFIX}")
         self._kept = 0
-        if not path.parent.is_dir():
-            raise Refused(f"there is no folder {path.parent}")
-        if path.is_dir():
-            raise Refused(f"{path} is a folder")
+        _check(path)
 
     def begun(self) -> bytes:
         """What an earlier attempt has left of it."""
@@ -69,3 +68,95 @@ class Saving:
             self.part.replace(self.path)
         except OSError as error:
             raise Refused(f"{self.path} cannot be written: {error.strerror or error}") from error
+
+
+class PartFile:
+    """A download that goes to the disk as it comes, so that files of any size need no memory; see `gloc3.link.ftp_stream`.
+
+    Args:
+        path: the file that it becomes.
+
+    Raises:
+        Refused: there is no folder for it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path: Final = path
+        self.begun = 0
+        """Bytes that an earlier attempt has left."""
+        self.problem: Refused | None = None
+        """Why nothing more can be written, as a full disk."""
+        self._part = path.with_name(f"{path.name}{PART_SUFFIX}")
+        self._file: BinaryIO | None = None
+        _check(path)
+
+    def opened(self, size: int) -> int:
+        """Goes on with what an attempt at a file of the same size has left; gives how much that is."""
+        self._part = self.path.with_name(f"{self.path.name}.{size}{PART_SUFFIX}")
+        try:
+            self._file = self._part.open("ab")
+            if self._file.tell() > size:
+                self._file.truncate(0)
+            self.begun = self._file.tell()
+        except OSError as error:
+            self._fail(error)
+        return self.begun
+
+    def take(self, data: bytes) -> None:
+        """Writes the next bytes."""
+        if self._file is None or self.problem is not None:
+            return
+        try:
+            self._file.write(data)
+        except OSError as error:
+            self._fail(error)
+
+    def close(self) -> None:
+        """Keeps what has come."""
+        file, self._file = self._file, None
+        if file is not None:
+            try:
+                file.close()
+            except OSError as error:
+                self._fail(error)
+
+    def pieces(self) -> Iterator[bytes]:
+        """All that is here, piece by piece."""
+        with self._part.open("rb") as file:
+            while piece := file.read(_PIECE_BYTES):
+                yield piece
+
+    def discard(self) -> None:
+        """Forgets what is here."""
+        self.close()
+        self._part.unlink(missing_ok=True)
+
+    def finish(self) -> None:
+        """The file is whole: it takes its name.
+
+        Raises:
+            Refused: it cannot be written.
+        """
+        self.close()
+        try:
+            if self.problem is None:
+                self._part.replace(self.path)
+        except OSError as error:
+            self._fail(error)
+        if self.problem is not None:
+            raise self.problem
+
+    def _fail(self, error: OSError) -> None:
+        self.problem = Refused(f"{self._part} cannot be written: {error.strerror or error}")
+
+
+def _check(path: Path) -> None:
+    """Whether a download can go there.
+
+    Raises:
+        Refused: it cannot.
+    """
+    if not path.parent.is_dir():
+        raise Refused(f"there is no folder {path.parent}")
+    if path.is_dir():
+        raise Refused(f"{path} is a folder")

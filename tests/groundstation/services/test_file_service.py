@@ -121,3 +121,61 @@ def test_the_services_that_are_closed_refuse_who_waits(top: Path) -> None:
             await scene.services.files.list()
 
     over(play, folder=top)
+
+
+RADIO = Conditions(latency_s=0.02, bandwidth_bit_s=200_000, bits_per_byte=10)
+
+
+def test_a_download_goes_to_the_disk_as_it_comes_and_goes_on_where_it_was_cut_off(top: Path, tmp_path: Path) -> None:
+    async def play(scene: Scene) -> None:
+        seen: list[Progress] = []
+        task = asyncio.ensure_future(scene.services.files.download("/log/a.ulg", tmp_path))
+        await scene.pass_s(0.6)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        part = tmp_path / "a.ulg.20000.part"
+        begun = part.read_bytes()
+        assert 2_000 < len(begun) < 18_000
+        assert CONTENT.startswith(begun)
+        path = await scene.services.files.download("/log/a.ulg", tmp_path, seen.append)
+        assert path.read_bytes() == CONTENT
+        assert not part.exists()
+        assert seen[1].fraction is not None
+        assert seen[1].fraction >= len(begun) / len(CONTENT)
+
+    over(play, RADIO, folder=top)
+
+
+def test_what_is_left_of_a_file_that_was_another_is_found_out_and_not_used(top: Path, tmp_path: Path) -> None:
+    part = tmp_path / "a.ulg.20000.part"
+    part.write_bytes(b"other" * 1000)
+
+    async def play(scene: Scene) -> None:
+        with pytest.raises(Refused, match=r"a.ulg has changed since its download was begun; download it again"):
+            await scene.services.files.download("/log/a.ulg", tmp_path)
+        assert not part.exists()
+        assert (await scene.services.files.download("/log/a.ulg", tmp_path)).read_bytes() == CONTENT
+
+    over(play, folder=top)
+
+
+def test_a_disk_that_is_full_ends_a_download_in_words_and_the_next_one_works(top: Path, tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "a.ulg.20000.part").symlink_to("/dev/full")
+
+    async def play(scene: Scene) -> None:
+        with pytest.raises(Refused, match=r"a.ulg.20000.part cannot be written: No space left on device"):
+            await scene.services.files.download("/log/a.ulg", tmp_path / "full")
+        assert (await scene.services.files.download("/log/a.ulg", tmp_path)).read_bytes() == CONTENT
+
+    over(play, RADIO, folder=top)
+
+
+def test_an_empty_file_is_downloaded(top: Path, tmp_path: Path) -> None:
+    (top / "empty").touch()
+
+    async def play(scene: Scene) -> None:
+        assert (await scene.services.files.download("/empty", tmp_path)).read_bytes() == b""
+
+    over(play, folder=top)

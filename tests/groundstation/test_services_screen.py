@@ -30,11 +30,14 @@ async def dialogue(here: ServicesScene, kind: type) -> None:
         await here.wait(lambda: isinstance(here.app.focused, Input))
 
 
-async def enter(here: ServicesScene, text: str) -> None:
+async def enter(here: ServicesScene, text: str, *, is_wrong: bool = False) -> None:
     """Puts a text into the dialogue that asks for one, and takes it."""
     await dialogue(here, Entry)
-    here.app.screen.query_one(Input).value = text
+    asking = here.app.screen
+    asking.query_one(Input).value = text
     await here.press("enter")
+    if not is_wrong:
+        await here.wait(lambda: here.app.screen is not asking)
 
 
 def text_of_entry(here: ServicesScene) -> str:
@@ -54,15 +57,13 @@ async def test_a_parameter_is_searched_edited_within_its_bounds_and_marked(tmp_p
         await here.press("i")
         await enter(here, "infos.json")
         await here.until("job", "4 of 36 parameters are described")
-        await here.press("slash")
-        await here.wait(lambda: isinstance(here.app.focused, Input))
-        await here.type("xy_vel")
+        await here.press("slash", *"xy_vel")
         await here.until("parameters_header", "value")
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
         await here.press("enter", "enter")
         await dialogue(here, Entry)
         await here.wait(lambda: "from 0 to 20 m/s" in text_of_entry(here))
-        await enter(here, "99")
+        await enter(here, "99", is_wrong=True)
         await here.wait(lambda: "must be at most 20 m/s" in wrong_of_entry(here))
         await enter(here, "8.5")
         await here.until("job", "✓ MPC_XY_VEL_MAX is 8.5 now (was 12)")

@@ -131,7 +131,7 @@ class ParametersPane(ServicePane):
         """Looks for some while typing."""
         search = self.query_one(Input)
         search.display = True
-        search.focus()
+        self.screen.set_focus(search)  # at once, so that what is typed next goes there
 
     def action_only(self) -> None:
         """Shows all, those changed, or those not as the firmware brings them."""

@@ -84,7 +84,7 @@ class RatesPane(ServicePane):
         """Looks for some while typing."""
         search = self.query_one(Input)
         search.display = True
-        search.focus()
+        self.screen.set_focus(search)  # at once, so that what is typed next goes there
 
     def action_busiest(self) -> None:
         """Sorts by cost, or by name."""

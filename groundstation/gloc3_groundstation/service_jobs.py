@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from enum import StrEnum
+from pathlib import Path
 from typing import Final, Protocol, TypeAlias
 
 import msgspec
@@ -111,7 +112,7 @@ async def attempt(work: Awaitable[str]) -> Outcome:
     try:
         return Outcome(text=await work)
     except InputError as error:
-        lines = tuple(str(finding) for finding in error.findings)
+        lines = tuple(str(msgspec.structs.replace(one, file=Path(one.file).name)) for one in error.findings)
         return Outcome(
             text=lines[0] if len(lines) == 1 else f"{len(lines)} things are wrong in it", is_good=False, lines=lines
         )

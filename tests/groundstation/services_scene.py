@@ -2,7 +2,7 @@
 
 import asyncio
 import random
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from .services.scripted_vehicle import PX4, TOPICS, VEHICLE, Logs, ScriptedVehic
 from .station_scene import Scene
 
 NAME = "px4-1"
+PATIENCE_S = 20.0
 PARAMETERS = [
     parameter("COM_ARM_WO_GPS", 1, ParameterType.INT32),
     parameter("EKF2_GPS_CHECK", 245, ParameterType.INT32),
@@ -54,6 +55,15 @@ class ServicesScene(Scene):
     vehicle: ScriptedVehicle
     memory: MemoryLink
     services: ServicesDesk
+
+    async def wait(self, is_so: Callable[[], bool]) -> None:
+        """Waits in wall time, as the vehicle's answers come in it."""
+        loop = asyncio.get_running_loop()
+        ends_s = loop.time() + PATIENCE_S
+        while not is_so():
+            if loop.time() > ends_s:
+                raise AssertionError("it never came to that")
+            await self.pilot.pause(0.01)
 
     async def type(self, text: str) -> None:
         """Types into the line that has the focus."""

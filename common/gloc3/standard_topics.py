@@ -79,7 +79,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/table": TopicRow(ComponentTable),
     "ci/trouble": TopicRow(ComponentTrouble),
     "ci/vehicle": TopicRow(VehicleSummary, 2.0, downlink_every=1),
-    "ci/motion": TopicRow(MotionSummary, 4.0, downlink_every=1),
+    "ci/motion": TopicRow(MotionSummary, 2.0, downlink_every=1),
     "ci/site": TopicRow(SiteSummary, 0.5, downlink_every=1),
     "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1),
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1),

@@ -72,7 +72,7 @@ class ServerSettings(Settings, frozen=True):
 
     summary_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
     """How often the components and the vehicle are summarised."""
-    motion_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.25
+    motion_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
     """How often it is told how the vehicle moves."""
     site_period_s: Annotated[float, Bounds(0.5, 60.0)] = 2.0
     """How often it is told where the vehicle's frame lies, and home."""

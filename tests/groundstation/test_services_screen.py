@@ -2,6 +2,7 @@
 
 import random
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from textual.widgets import Input, Static
@@ -72,6 +73,9 @@ async def test_a_parameter_is_searched_edited_within_its_bounds_and_marked(tmp_p
         assert any("is 8.5 now" in event.text for event in here.station.fleet.events)
         await here.press("escape")
         await here.until("parameters_list", "CAL_ACC0_ID")
+        with patch("gloc3_groundstation.tui.services.parameters.parameter_line") as made:
+            here.app.look()
+            assert not made.called, "nothing has changed, so no line is made anew"
         await here.press("m")
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
 

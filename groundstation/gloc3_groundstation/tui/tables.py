@@ -1,6 +1,7 @@
 """Tables in lines: columns that keep their place, grow with the terminal, and give way in a stated order."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from gloc3_groundstation.tui.lines import Line, Span, Tone, cut
@@ -76,3 +77,9 @@ class Table:
             if place < len(self._columns) - 1:
                 spans.append(Span(" " * GAP))
         return tuple(spans)
+
+
+@lru_cache(maxsize=64)
+def table_of(columns: tuple[Column, ...], width: int) -> Table:
+    """A table for a width, laid out once for all its lines."""
+    return Table(columns, width)

@@ -5,6 +5,7 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 
 from gloc3_groundstation.service_jobs import Service
+from gloc3_groundstation.services.files import Folder
 from gloc3_groundstation.tui.list_panel import Row
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.service_lists import file_line, files_header, files_title
@@ -30,6 +31,11 @@ class FilesPane(ServicePane):
     def fill(self, vehicle: VehicleDesk) -> None:
         """The folder."""
         width, folder = self.list.width, vehicle.listing
+        rows = self.rows(lambda: self._rows(folder, width), folder, width)
+        self.show(files_header(width), rows, files_title(folder))
+
+    @staticmethod
+    def _rows(folder: Folder | None, width: int) -> list[Row]:
         rows = []
         if folder is not None:
             if folder.path != folder.parent:
@@ -39,8 +45,7 @@ class FilesPane(ServicePane):
                 for entry in folder.entries
             ]
             rows += [] if folder.entries else [Row(line) for line in hint_lines("The folder is empty.")]
-        rows = rows or [Row(line) for line in hint_lines("f lists the files of the vehicle.")]
-        self.show(files_header(width), rows, files_title(folder))
+        return rows or [Row(line) for line in hint_lines("f lists the files of the vehicle.")]
 
     def choose(self, key: str) -> None:
         """Opens a folder, or downloads a file."""

@@ -34,6 +34,7 @@ class ServicePane(Container):
         super().__init__(id=self.name_of(self.service), classes="service")
         self.vehicle: VehicleDesk | None = None
         """Whose services these are; None while it cannot be reached."""
+        self._made: tuple[tuple[object, ...], Sequence[Row]] = ((), ())
 
     @staticmethod
     def name_of(service: Service) -> str:
@@ -77,6 +78,15 @@ class ServicePane(Container):
     def list(self) -> ListPanel:
         """Its list."""
         return self.query_one(f"#{self.id}_list", ListPanel)
+
+    def rows(self, make: Callable[[], Sequence[Row]], *sources: object) -> Sequence[Row]:
+        """Rows that are made anew only when what they are made of is another: lists are long, and looked at often."""
+        before = self._made[0]
+        if len(before) != len(sources) or any(
+            now is not was and now != was for now, was in zip(sources, before, strict=True)
+        ):
+            self._made = (sources, make())
+        return self._made[1]
 
     def show(self, header: Line, rows: Sequence[Row], title: str) -> None:
         """Fills header and list."""

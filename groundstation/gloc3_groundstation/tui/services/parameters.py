@@ -69,7 +69,7 @@ class ParametersPane(ServicePane):
             return
         table, width = vehicle.parameters.table, self.list.width
         found = self._find(table)
-        rows = [Row(parameter_line(row, width), row.name) for row in found]
+        rows = self.rows(lambda: [Row(parameter_line(row, width), row.name) for row in found], found, width)
         if not rows:
             hints = (
                 ("No parameter is like that; esc shows all.",)
@@ -217,7 +217,9 @@ class ParametersPane(ServicePane):
         if diff is None:
             return
         width, found = self.list.width, diff_rows(diff)
-        rows = [Row(diff_line(row, left_out, width), row.name) for row in found]
+        rows = self.rows(
+            lambda: [Row(diff_line(row, left_out, width), row.name) for row in found], diff, left_out, width
+        )
         rows = rows or [Row(line) for line in hint_lines("The vehicle has all values of this file. esc goes back.")]
         self.show(diff_header(width), rows, diff_title(diff, left_out))
         chosen = next((row for row in found if row.name == self.list.chosen), None)

@@ -29,8 +29,11 @@ class PlansPane(ServicePane):
 
     def fill(self, vehicle: VehicleDesk) -> None:
         """The vehicle's plan and the file at hand."""
-        width = self.list.width
-        rows = [Row(line, key) for key, line in plan_rows(vehicle.plans, width)]
+        width, plans = self.list.width, vehicle.plans
+        rows = self.rows(
+            lambda: [Row(line, key) for key, line in plan_rows(plans, width)],
+            *(plans.found, plans.file, plans.differences, width),
+        )
         hints = hint_lines("f downloads the plan of the vehicle.", "o opens a .plan or a file of waypoints.")
         self.show(plans_header(width), rows or [Row(line) for line in hints], plans_title(vehicle.plans))
 

@@ -47,9 +47,12 @@ class RatesPane(ServicePane):
         if vehicle.now_s >= self._looked[0] + LOOK_EVERY_S or vehicle is not self._looked[1]:
             self._looked, self._table = (vehicle.now_s, vehicle), vehicle.rates
         width, found = self.list.width, self._table.find(self._text)
-        if self._is_busiest:
-            found = tuple(sorted(found, key=lambda row: -row.bytes_s))
-        rows = [Row(rate_line(row, width), _key(row)) for row in found]
+
+        def make() -> list[Row]:
+            ordered = sorted(found, key=lambda row: -row.bytes_s) if self._is_busiest else found
+            return [Row(rate_line(row, width), _key(row)) for row in ordered]
+
+        rows = self.rows(make, self._table, self._text, self._is_busiest, width)
         rows = rows or [Row(line) for line in hint_lines("Nothing like that comes from the vehicle.")]
         self.show(rates_header(width), rows, rates_title(self._table, len(found), self._text))
 

@@ -6,7 +6,7 @@ from gloc3_groundstation.services.files import Folder
 from gloc3_groundstation.services.logs import LogLine
 from gloc3_groundstation.services.rates import RateRow, RateTable
 from gloc3_groundstation.tui.lines import Line, Span, Tone
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, table_of
 
 LOG_COLUMNS: Final = (
     Column("number", 6, is_right=True),
@@ -37,7 +37,7 @@ def size_text(size: int) -> str:
 
 def logs_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(LOG_COLUMNS, width).header()
+    return table_of(LOG_COLUMNS, width).header()
 
 
 def log_line(log: LogLine, width: int) -> Line:
@@ -48,7 +48,7 @@ def log_line(log: LogLine, width: int) -> Line:
         Span(size_text(log.entry.size)),
         Span(log.file_name, Tone.DIM),
     ]
-    return Table(LOG_COLUMNS, width).line(cells)
+    return table_of(LOG_COLUMNS, width).line(cells)
 
 
 def logs_title(logs: tuple[LogLine, ...] | None) -> str:
@@ -60,7 +60,7 @@ def logs_title(logs: tuple[LogLine, ...] | None) -> str:
 
 def files_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(FILE_COLUMNS, width).header()
+    return table_of(FILE_COLUMNS, width).header()
 
 
 def file_line(name: str, size: int | None, width: int) -> Line:
@@ -68,7 +68,7 @@ def file_line(name: str, size: int | None, width: int) -> Line:
     is_folder = size is None
     text = f"{name}/" if is_folder and name != ".." else name
     cells = [Span(text, Tone.BUSY if is_folder else Tone.TEXT), Span("" if size is None else size_text(size))]
-    return Table(FILE_COLUMNS, width).line(cells)
+    return table_of(FILE_COLUMNS, width).line(cells)
 
 
 def files_title(folder: Folder | None) -> str:
@@ -78,7 +78,7 @@ def files_title(folder: Folder | None) -> str:
 
 def rates_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(RATE_COLUMNS, width).header()
+    return table_of(RATE_COLUMNS, width).header()
 
 
 def rate_line(row: RateRow, width: int) -> Line:
@@ -95,7 +95,7 @@ def rate_line(row: RateRow, width: int) -> Line:
         Span(f"{row.age_s:.0f} s" if row.age_s >= 1.0 else "now", Tone.STALE if is_old else Tone.DIM),
         Span(str(row.count), Tone.DIM),
     ]
-    return Table(RATE_COLUMNS, width).line(cells)
+    return table_of(RATE_COLUMNS, width).line(cells)
 
 
 def rates_title(table: RateTable, shown: int, text: str) -> str:

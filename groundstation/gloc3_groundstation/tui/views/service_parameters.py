@@ -13,7 +13,7 @@ from gloc3_groundstation.services.parameter_table import (
     ParameterTable,
 )
 from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, table_of
 
 CHANGED: Final = "●"
 NOT_DEFAULT: Final = "≠"
@@ -46,7 +46,7 @@ class Only(StrEnum):
 
 def parameters_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(COLUMNS, width).header()
+    return table_of(COLUMNS, width).header()
 
 
 def parameter_line(row: ParameterRow, width: int) -> Line:
@@ -61,7 +61,7 @@ def parameter_line(row: ParameterRow, width: int) -> Line:
     )
     tone = Tone.WARN if row.is_changed else Tone.TEXT
     default = f"{info.default:g}" if info.default is not None else ""
-    return Table(COLUMNS, width).line(
+    return table_of(COLUMNS, width).line(
         [
             mark,
             Span(row.name, Tone.STRONG if row.is_changed else Tone.TEXT),
@@ -138,7 +138,7 @@ def diff_rows(diff: ParameterDiff) -> Sequence[DiffRow]:
 
 def diff_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(DIFF_COLUMNS, width).header()
+    return table_of(DIFF_COLUMNS, width).header()
 
 
 def diff_line(row: DiffRow, left_out: Collection[str], width: int) -> Line:
@@ -150,7 +150,7 @@ def diff_line(row: DiffRow, left_out: Collection[str], width: int) -> Line:
         sign, note = ("wrong", Tone.BAD), row.reason
     else:
         sign, note = ("none", Tone.DIM), "the vehicle has no such parameter"
-    return Table(DIFF_COLUMNS, width).line(
+    return table_of(DIFF_COLUMNS, width).line(
         [
             Span(*sign),
             Span(row.name, Tone.STRONG if is_written else Tone.TEXT),

@@ -6,7 +6,7 @@ from gloc3.mission.formats.items import MavItem, Plan
 from gloc3_groundstation.plan_desk import PlanDesk, command_name
 from gloc3_groundstation.services.plans import VehiclePlan
 from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, Table, table_of
 
 COLUMNS: Final = (
     Column("", 3, is_right=True),
@@ -20,7 +20,7 @@ COLUMNS: Final = (
 
 def plans_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(COLUMNS, width).header()
+    return table_of(COLUMNS, width).header()
 
 
 def plan_rows(desk: PlanDesk, width: int) -> list[tuple[str, Line]]:
@@ -52,7 +52,7 @@ def plans_title(desk: PlanDesk) -> str:
 def _plan(title: str, key: str, plan: Plan, width: int) -> list[tuple[str, Line]]:
     heading = f" {title}: {VehiclePlan.summary_of(plan)}"
     rows: list[tuple[str, Line]] = [("", (Span(heading, Tone.STRONG),))]
-    table = Table(COLUMNS, width)
+    table = table_of(COLUMNS, width)
     for number, item in enumerate(plan.items):
         rows.append((f"{key} {number}", _item(table, number, item)))
     for number, area in enumerate(plan.fence):

@@ -45,6 +45,7 @@ def station(
     json: Annotated[bool, FLAG] = False,
     start: Annotated[bool, FLAG] = False,
     exit_when_done: Annotated[bool, FLAG] = False,
+    override: str = "",
     wait: float = 60.0,
     station_id: int | None = None,
     signing_key: Path | None = None,
@@ -65,6 +66,8 @@ def station(
         json: With --headless: one JSON object a line on stdout, for everything that is narrated.
         start: Start the mission without waiting for the key, once the platform is ready.
         exit_when_done: Close the terminal when the mission has ended.
+        override: With --headless: why the mission shall start although pre-flight checks are red; it is logged onboard
+            with your name.
         wait: With --headless: give up when the platform is not heard within so many seconds.
         station_id: The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
             configuration file, else 255.
@@ -82,6 +85,8 @@ def station(
     """
     if json and not headless:
         raise Refused("--json goes with --headless")
+    if override and not (headless and mission is not None):
+        raise Refused("--override goes with --headless and a --mission; in the terminal it is the key o of the checks")
     if (start or exit_when_done) and mission is None:
         raise Refused("--start and --exit-when-done need a --mission")
     if not 0.0 < wait < float("inf"):
@@ -130,7 +135,7 @@ def station(
         foxglove_port=foxglove_port if foxglove else None,
     )
     if headless:
-        return asyncio.run(session.narrate(wait, data=_print_json if json else None))
+        return asyncio.run(session.narrate(wait, data=_print_json if json else None, override=override))
     return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write))
 
 

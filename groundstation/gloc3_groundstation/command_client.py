@@ -140,9 +140,12 @@ class CommandClient:
         verb = ControlVerb.TAKE_OVER if is_take_over else ControlVerb.REQUEST
         return await self.carry_out(platform, Control(verb=verb))
 
-    async def steer(self, platform: str, verb: Verb, target: str = "") -> None:
-        """Starts, pauses, resumes, skips or aborts the mission, a `TASK` or a `TASK.ACTION`."""
-        await self.carry_out(platform, Steer(verb=verb, target=target))
+    async def steer(self, platform: str, verb: Verb, target: str = "", *, override: str = "", author: str = "") -> None:
+        """Starts, pauses, resumes, skips or aborts the mission, a `TASK` or a `TASK.ACTION`.
+
+        With a start, an override says why it shall begin although checks are red; it is logged with its author.
+        """
+        await self.carry_out(platform, Steer(verb=verb, target=target, override=override, author=author))
 
     async def emergency(self, platform: str, verb: EmergencyVerb, confirmation: str = "") -> None:
         """What the emergency key asks for; needs no control."""

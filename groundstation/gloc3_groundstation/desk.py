@@ -16,6 +16,7 @@ from gloc3_groundstation.fleet_desk import FleetDesk, LinkKeeper
 from gloc3_groundstation.flights import End, Follower
 from gloc3_groundstation.mission_desk import MissionDesk
 from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.preflight_desk import PreflightDesk
 from gloc3_groundstation.services_desk import ServicesDesk
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
@@ -46,6 +47,7 @@ class Desk:
         events: EventsDesk | None = None,
         services: ServicesDesk | None = None,
         links: LinkKeeper | None = None,
+        author: str = "",
     ) -> None:
         """A desk.
 
@@ -55,6 +57,7 @@ class Desk:
             events: keeps the station's events; None for one that forgets them with the process.
             services: what is done with the vehicles' autopilots; None for a station without links.
             links: holds the station's links; None where there are none.
+            author: the operator's name, for what is logged with it.
         """
         self.station: Final = station
         self.events: Final = events or EventsDesk(station)
@@ -62,6 +65,8 @@ class Desk:
         self.missions: Final = MissionDesk(station, plan)
         self.components: Final = ComponentDesk(self)
         self.services: Final = services or ServicesDesk(station)
+        self.preflight: Final = PreflightDesk(station)
+        self._author = author
         self._streamed: dict[str, tuple[int, str]] = {}
         self._held_s: dict[str, float] = {}
         self._alerts = Alerts()
@@ -123,8 +128,13 @@ class Desk:
             self._streamed[name] = platform.boot, plan.text
         return True
 
-    async def start(self, name: str) -> Follower | None:
-        """Starts the mission; the one at hand is streamed first if that has not been done, or it has been flown."""
+    async def start(self, name: str, override: str = "") -> Follower | None:
+        """Starts the mission; the one at hand is streamed first if that has not been done, or it has been flown.
+
+        Args:
+            name: the platform.
+            override: why it shall start although checks are red; empty to have it refused then.
+        """
         platform = self.station.fleet.get(name)
         state = platform.mission.value.state if platform is not None and platform.mission is not None else ""
         is_over = state in ENDED
@@ -136,9 +146,10 @@ class Desk:
         followers: list[Follower] = []
 
         async def begin() -> None:
-            followers.append(await flights.start(self.station, name))
+            followers.append(await flights.start(self.station, name, override, self._author if override else ""))
 
         await self._do(name, "start", begin())
+        self.preflight.forget(name)
         return followers[0] if followers else None
 
     async def bring(self, name: str) -> bool:

@@ -130,9 +130,9 @@ async def stream(station: Station, platform: str, plan: Plan) -> None:
     station.note(platform, Severity.INFO, f"{plan.title!r} is loaded and read back ({size} bytes in {took_s:.1f} s)")
 
 
-async def start(station: Station, platform: str) -> "Follower":
-    """Starts the loaded mission; raises as `CommandClient.carry_out`."""
-    await station.client.steer(platform, Verb.START)
+async def start(station: Station, platform: str, override: str = "", author: str = "") -> "Follower":
+    """Starts the loaded mission; raises as `CommandClient.carry_out`. For an override see `CommandClient.steer`."""
+    await station.client.steer(platform, Verb.START, override=override, author=author)
     station.note(platform, Severity.INFO, "the mission is started")
     return Follower(station.now_s())
 

@@ -43,12 +43,14 @@ class Headless:
         self._unlisten: Unsubscribe = lambda: None
         self._timer: asyncio.TimerHandle | None = None
 
-    async def fly(self, plan: Plan, wait_s: float) -> End:
+    async def fly(self, plan: Plan, wait_s: float, override: str = "", author: str = "") -> End:
         """Flies a mission to its end.
 
         Args:
             plan: the mission, checked.
             wait_s: how long to wait for the platform to be heard.
+            override: why it shall start although checks are red; empty to have it refused then.
+            author: whose override that is.
 
         Raises:
             Gloc3Error: the platform is not there, or turned something down.
@@ -62,7 +64,7 @@ class Headless:
                 self.say(f"{name} still lacks {', '.join(lacks)}; it will say itself whether it starts")
             await flights.stream(station, name, plan)
             began_s = station.now_s()
-            end = await flights.follow(station, name, await flights.start(station, name))
+            end = await flights.follow(station, name, await flights.start(station, name, override, author))
             took = duration(station.now_s() - began_s)
             reason = f" ({end.reason})" if end.reason else ""
             data = {"mission": plan.title, "state": end.state, "reason": end.reason}

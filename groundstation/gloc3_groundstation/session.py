@@ -1,6 +1,7 @@
 """One run of the station in wall time: opens the links, shows or narrates, and closes everything in order."""
 
 import asyncio
+import getpass
 import secrets
 import signal
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -73,12 +74,13 @@ class Session:
         self._events: EventsDesk | None = None
         self._services: ServicesDesk | None = None
 
-    async def narrate(self, wait_s: float, data: Callable[[Line], None] | None = None) -> int:
+    async def narrate(self, wait_s: float, data: Callable[[Line], None] | None = None, override: str = "") -> int:
         """Flies the mission at hand, or watches; narrates on stderr.
 
         Args:
             wait_s: how long the platform may take to be heard.
             data: takes the same as data.
+            override: why it shall start although checks are red; empty to have it refused then.
 
         Returns:
             The exit code.
@@ -94,7 +96,9 @@ class Session:
             if self._problem:
                 run.say(f"warning: {self._problem}")
             run.say(f"listening on {self._links.describe()}")
-            work = asyncio.ensure_future(run.watch() if self._plan is None else self._fly(run, self._plan, wait_s))
+            work = asyncio.ensure_future(
+                run.watch() if self._plan is None else self._fly(run, self._plan, wait_s, override)
+            )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.add_signal_handler(number, work.cancel)
@@ -120,7 +124,14 @@ class Session:
 
         async with self._station() as station:
             app = StationApp(
-                Desk(station, self._plan, events=self._events, services=self._services, links=self._links),
+                Desk(
+                    station,
+                    self._plan,
+                    events=self._events,
+                    services=self._services,
+                    links=self._links,
+                    author=operator(),
+                ),
                 self._configuration,
                 platform=self._platform,
                 waiting_for=self._links.describe,
@@ -146,9 +157,9 @@ class Session:
             return 0 if end.is_done else 1
 
     @staticmethod
-    async def _fly(run: Headless, plan: Plan, wait_s: float) -> int:
+    async def _fly(run: Headless, plan: Plan, wait_s: float, override: str) -> int:
         try:
-            return 0 if (await run.fly(plan, wait_s)).is_done else 1
+            return 0 if (await run.fly(plan, wait_s, override, operator() if override else "")).is_done else 1
         except Gloc3Error as error:
             run.say(f"error: {error}")
             return 1
@@ -220,6 +231,14 @@ class Session:
         except Gloc3Error as error:
             tell(str(error))
             return None
+
+
+def operator() -> str:
+    """Who is at this station, for what is logged with a name; empty where the system does not tell."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a user without a name, as in a container
+        return ""
 
 
 def _summary(station: Station) -> list[str]:

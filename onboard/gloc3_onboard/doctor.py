@@ -56,7 +56,7 @@ async def examine(question: Question) -> list[Check]:
         link.close()
         for one in endpoints:
             await one.close()
-    return in_order(_with_port(checks, question.autopilot, problem))
+    return in_order(_with_port(checks, problem))
 
 
 async def _listen(link: AutopilotLink, loop: asyncio.AbstractEventLoop, wait_s: float) -> None:
@@ -97,14 +97,13 @@ def _readings(question: Question, link: AutopilotLink, computer: HostComputer, n
     )
 
 
-def _with_port(checks: list[Check], url: str, problem: str) -> list[Check]:
+def _with_port(checks: list[Check], problem: str) -> list[Check]:
     """What a port that could not be opened, or at which nobody is heard, means here: there is no flight without it."""
-    name = f"port {url}"
     found = [
-        Check(one.group, one.name, Verdict.RED, one.finding, one.advice) if one.name == name and one.advice else one
+        Check(one.group, one.name, Verdict.RED, one.finding, one.advice) if one.name == "port" and one.advice else one
         for one in checks
         if (one.group, one.name) != (Group.COMPUTER, "log")  # nothing records here
     ]
     if problem:
-        found.append(Check(Group.COMPUTER, name, Verdict.RED, problem, port_advice(problem)))
+        found.append(Check(Group.COMPUTER, "port", Verdict.RED, problem, port_advice(problem)))
     return found

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import astuple
 
+from gloc3 import __version__
 from gloc3.ci import (
     AnyBody,
     CallFunction,
@@ -25,6 +26,7 @@ from gloc3.ci import (
     LoadMission,
     MissionSummary,
     Outcome,
+    Preflight,
     Query,
     ReadMission,
     Steer,
@@ -39,6 +41,7 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.lci import Command, State, transition
 from gloc3.messages import Envelope, Message, Severity
+from gloc3.preflight import Check, Group, PreflightReport, Verdict, red, summary
 from gloc3.watch import TopicEntry
 
 ROWS = [
@@ -74,6 +77,31 @@ VEHICLE = VehicleSummary(
     pose_quality_percent=100,
 )
 
+CHECKS = (
+    Check(Group.AUTOPILOT, "answers", Verdict.OK, "px4, mode AUTO.LOITER"),
+    Check(Group.AUTOPILOT, "battery", Verdict.OK, "97%, 12.4 V"),
+    Check(Group.AUTOPILOT, "firmware", Verdict.OK, "px4 1.16.0"),
+    Check(Group.FAILSAFES, "link loss", Verdict.OK, "continue after 10 s (NAV_DLL_ACT 0)"),
+    Check(Group.FAILSAFES, "low battery", Verdict.OK, "return at 10% (COM_LOW_BAT_ACT 3)"),
+    Check(Group.SENSORS, "position", Verdict.OK, "quality 100% from autopilot"),
+    Check(Group.COMPONENTS, "all", Verdict.OK, "13 of 13 work, with all 10 that are required"),
+    Check(Group.COMPUTER, "disk", Verdict.OK, "79.8 GB free"),
+)
+LINK_LOSS = Check(
+    Group.FAILSAFES,
+    "link loss",
+    Verdict.RED,
+    "return after 10 s (NAV_DLL_ACT 2); the platform file says continue",
+    "set NAV_DLL_ACT to 0, or correct failsafes in the platform file",
+)
+CLOCK = Check(
+    Group.COMPUTER,
+    "clock",
+    Verdict.WARNING,
+    "12.0 s behind the autopilot's",
+    "set it (timedatectl), or logs cannot be compared",
+)
+
 TASKS = {
     "depart": "waiting",
     "depart.climb": "waiting",
@@ -103,6 +131,7 @@ class ScriptedPlatform:
         self.vehicle = VEHICLE
         self.mission = MissionSummary(name="", digest="", state="")
         self.control = ControlState(holder="")
+        self.checks = list(CHECKS)
         self.states = {row.name: Health.QUIET if row.standby_for else Health.WORKING for row in ROWS}
         self.topics: list[TopicEntry] = []
         self.watched = Watch()
@@ -187,6 +216,13 @@ class ScriptedPlatform:
                 return self._command(request, name, command)
             case CallFunction(arguments=values):
                 return reply_to(request, result=values)
+            case Preflight():
+                report = PreflightReport(checks=self.checks, version=__version__, utc_s=None)
+                return msgspec.structs.replace(
+                    reply_to(request, reason=summary(self.checks)), result=msgspec.to_builtins(report)
+                )
+            case Steer(verb=Verb.START, override="") if red(self.checks):
+                return reply_to(request, Outcome.REFUSED, f"red: {', '.join(one.title for one in red(self.checks))}")
             case Steer(verb=Verb.START):
                 self.loop.call_soon(self.advance)
             case Query(boot=boot, sequence=sequence):

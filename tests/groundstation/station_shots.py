@@ -12,7 +12,7 @@ from gloc3_groundstation.tui.screens.table import SCREENS
 
 from .flown import FLOWN, Flight
 from .looked_at import Viewer
-from .scripted_platform import ScriptedPlatform
+from .scripted_platform import CHECKS, CLOCK, LINK_LOSS, ScriptedPlatform
 from .station_scene import LINKS, Scene, ScriptedLinks, scene, shoot
 
 SIZES = ((80, 24), (120, 40), (200, 60))
@@ -35,7 +35,11 @@ async def shots(out: Path, size: tuple[int, int], screens: list[str], theme: The
                     flight = Flight(here)
                     flight.begin()
                     flight.fly(54.25)
+                if row.name == "preflight":
+                    here.platform.checks = [*CHECKS[:3], LINK_LOSS, *CHECKS[4:], CLOCK]
                 await here.go(row.key)
+                if row.name == "preflight":
+                    await here.until("checks", "NAV_DLL_ACT")
                 if row.name == "fleet":
                     await _several(here)
                 if row.name == "sensors":

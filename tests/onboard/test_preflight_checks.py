@@ -265,7 +265,7 @@ def test_the_computer_is_looked_at(changes: dict[str, Any], line: str, verdict: 
 )
 def test_a_port_says_what_is_the_matter_and_what_to_do(problem: str, advice: str) -> None:
     line = found(computer={"links": [LinkCondition("serial:///dev/ttyACM0", problem)]})
-    assert advice in line["computer: port serial:///dev/ttyACM0"].advice
+    assert advice in line["computer: port"].advice
 
 
 def test_components_that_are_not_well_are_named_with_their_errors() -> None:

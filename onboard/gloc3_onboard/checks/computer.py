@@ -29,8 +29,8 @@ def computer_checks(readings: Readings) -> Iterator[Check]:
     else:
         yield from _disk(computer)
     yield _clock(readings, computer)
-    for link in computer.links:
-        yield _port(link)
+    for number, link in enumerate(computer.links, start=1):
+        yield _port("port" if number == 1 else f"port {number}", link)
 
 
 def _disk(computer: ComputerState) -> Iterator[Check]:
@@ -73,11 +73,10 @@ def _clock(readings: Readings, computer: ComputerState) -> Check:
     return Check(GROUP, "clock", Verdict.OK, f"agrees with the autopilot's within {abs(offset_s):.1f} s")
 
 
-def _port(link: LinkCondition) -> Check:
-    name = f"port {link.url}"
+def _port(name: str, link: LinkCondition) -> Check:
     if not link.problem:
-        return Check(GROUP, name, Verdict.OK, "open")
-    return Check(GROUP, name, Verdict.WARNING, link.problem, port_advice(link.problem))
+        return Check(GROUP, name, Verdict.OK, f"{link.url} is open")
+    return Check(GROUP, name, Verdict.WARNING, f"{link.url}: {link.problem}", port_advice(link.problem))
 
 
 def port_advice(problem: str) -> str:

@@ -10,6 +10,7 @@ from gloc3_groundstation.tui.screens.health import HealthScreen
 from gloc3_groundstation.tui.screens.map import MapScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.overview import OverviewScreen
+from gloc3_groundstation.tui.screens.preflight import PreflightScreen
 from gloc3_groundstation.tui.screens.sensors import SensorsScreen
 from gloc3_groundstation.tui.screens.services import ServicesScreen
 
@@ -21,6 +22,7 @@ SCREENS: Final = (
     ScreenRow("data", "5", "Data", "attitude, and what is against what should be over time", FlightDataScreen),
     ScreenRow("services", "6", "Services", "the autopilot's parameters, plans, logs, files, rates", ServicesScreen),
     ScreenRow("sensors", "7", "Sensors", "any topic of the vehicle: values, plots, pictures", SensorsScreen),
+    ScreenRow("preflight", "8", "Checks", "what is checked before every start, and what to do", PreflightScreen),
     ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
     ScreenRow("fleet", "0", "Fleet", "all vehicles and links; orders for several; control", FleetScreen),
 )

@@ -1,0 +1,101 @@
+"""The pre-flight list of the vehicle in view: what is checked before every start."""
+
+from typing import Final
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+
+from gloc3.preflight import red
+from gloc3_groundstation.desk import Move
+from gloc3_groundstation.preflight_desk import CheckList
+from gloc3_groundstation.tui.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import AskFor
+from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.overview import waiting_lines
+from gloc3_groundstation.tui.views.preflight import preflight_headline, preflight_rows, preflight_title
+
+OVERRIDE_QUESTION: Final = "Start {} although it is not fit?\n{}\n\nSay why; it is logged with your name."
+SHOWN: Final = 4
+"""So many red lines stand in the question; the list behind it has them all."""
+
+
+class PreflightScreen(StationScreen):
+    """The list, each line ok or with what to do."""
+
+    HELP = """What is checked before every start of the vehicle in view: the autopilot and how it is set up, its failsafes
+    against the platform file, sensors, components, mission, computer, and the link. The autopilot's parameters are read
+    anew for each list; while it is shown, that is every 15 seconds.
+
+    A red line refuses the start. Do what stands behind the arrow, then look again. A start in spite of it needs a
+    reason, which is logged onboard with your name. A warning or an unknown line refuses nothing."""
+    BINDINGS = [
+        Binding("r", "refresh", "Refresh", tooltip="makes the list anew"),
+        Binding("s", "app.move('start')", "Start", tooltip="the mission; it is streamed first if need be"),
+        Binding("o", "override", "Override", tooltip="starts although lines are red, with a typed reason"),
+        Binding("u", "app.move('stream')", "Upload", tooltip="streams the mission at hand"),
+        Binding("c", "app.move('control')", "Control", tooltip="asks for control of the vehicle in view"),
+    ]
+    AUTO_FOCUS = "#checks"
+
+    def body(self) -> ComposeResult:
+        """What it means, and the list."""
+        yield Panel(id="headline", classes="plain line", can_focus=False)
+        yield ListPanel(id="checks")
+
+    _mood: object = None
+    """What the keys depended on when they were shown last."""
+
+    def look(self, view: View) -> None:
+        """Fills the list, and has it made when it is old."""
+        panel, headline = self.query_one("#checks", ListPanel), self.panel("headline")
+        checks = self._list(view)
+        headline.show([preflight_headline(view.platform, checks, headline.width)])
+        if view.platform is None or checks is None:
+            panel.show_rows([Row(line) for line in waiting_lines(view)], "checks")
+            return
+        if view.platform.has_companion and self.is_current and self.desk.preflight.is_due(view.platform.name):
+            self.do(self.desk.preflight.refresh(view.platform.name))
+        panel.show_rows([Row(*row) for row in preflight_rows(checks, panel.width - 1)], preflight_title(checks))
+        bad = red(checks.checks)
+        mood = bool(bad), Move.START in view.moves
+        if mood != self._mood:
+            self._mood = mood
+            self.refresh_bindings()
+            if bad:
+                panel.point_at(bad[0].title)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offers the override where a start would be refused."""
+        if action == "override":
+            view = self.view
+            checks = self._list(view) if view is not None and Move.START in view.moves else None
+            return True if checks is not None and red(checks.checks) else None
+        return super().check_action(action, parameters)
+
+    def action_refresh(self) -> None:
+        """Makes the list anew."""
+        if self.view is not None and self.view.platform is not None:
+            self.do(self.desk.preflight.refresh(self.view.platform.name))
+            self.look_again()
+
+    def action_override(self) -> None:
+        """Asks for the reason, then starts."""
+        view = self.view
+        checks = self._list(view) if view is not None else None
+        if view is None or view.platform is None or checks is None:
+            return
+        name, bad = view.platform.name, red(checks.checks)
+        lines = [f"✗ {check.title}: {check.finding}" for check in bad[:SHOWN]]
+        if len(bad) > SHOWN:
+            lines.append(f"and {len(bad) - SHOWN} more")
+
+        def typed(reason: str | None) -> None:
+            if reason:
+                self.do(self.desk.start(name, override=reason))
+
+        self.app.push_screen(AskFor(OVERRIDE_QUESTION.format(name, "\n".join(lines))), typed)
+
+    def _list(self, view: View) -> CheckList | None:
+        return self.desk.preflight.list_of(view.platform) if view.platform is not None else None

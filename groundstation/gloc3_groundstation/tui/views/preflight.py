@@ -1,0 +1,93 @@
+"""The pre-flight list in lines: verdict, what was found, and below it what to do."""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from gloc3.preflight import Check, Verdict, red, summary
+from gloc3_groundstation.preflight_desk import CheckList
+from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, column, wrapped
+from gloc3_groundstation.wording import duration
+
+SIGNS: Final[Mapping[Verdict, tuple[str, Tone]]] = {
+    Verdict.OK: ("✓ ok", Tone.GOOD),
+    Verdict.UNKNOWN: ("? unknown", Tone.DIM),
+    Verdict.WARNING: ("▲ warning", Tone.WARN),
+    Verdict.RED: ("✗ RED", Tone.BAD),
+}
+GROUP: Final = 11
+VERDICT: Final = 10
+NAME: Final = 19
+STALE_S: Final = 60.0
+"""An older list is shown as what it is: old."""
+
+
+class CheckRow(NamedTuple):
+    """A line of the list; further lines of a check have no key."""
+
+    line: Line
+    key: str
+
+
+def preflight_title(checks: CheckList) -> str:
+    """How it stands, and how old that is."""
+    if checks.age_s is None:
+        return "checks"
+    asking = ", being made anew…" if checks.is_asking else ""
+    return f"checks: {summary(checks.checks)}, {duration(checks.age_s)} ago{asking}"
+
+
+def preflight_headline(platform: PlatformSnapshot | None, checks: CheckList | None, width: int) -> Line:
+    """What the list means for a start."""
+    if platform is None or checks is None:
+        return EMPTY
+    if checks.problem:
+        return (Span(f" {wrapped(f'no list: {checks.problem}', max(20, width - 2))[0]}", Tone.WARN),)
+    if checks.age_s is None:
+        return (Span(f" {platform.name} is asked for its list…", Tone.DIM),)
+    bad = red(checks.checks)
+    vehicle = platform.vehicle
+    if vehicle is not None and vehicle.value.is_armed:
+        return (Span(" it is armed: this is how it stands now; nothing is refused in the air", Tone.DIM),)
+    if bad:
+        lines = "1 line is red" if len(bad) == 1 else f"{len(bad)} lines are red"
+        return (
+            Span(f" {lines}: the start is refused", Tone.BAD),
+            Span("   o", Tone.KEY),
+            Span(" starts all the same, and is logged"),
+        )
+    return (Span(" nothing is red", Tone.GOOD), Span("   s", Tone.KEY), Span(" starts the mission"))
+
+
+def preflight_rows(checks: CheckList, width: int) -> list[CheckRow]:
+    """Every check; the group stands before its first."""
+    rows: list[CheckRow] = []
+    group = ""
+    for check in checks.checks:
+        rows += _rows(check, check.group if check.group != group else "", width)
+        group = check.group
+    if checks.age_s is not None and checks.age_s > STALE_S:
+        rows = [CheckRow(tuple(Span(span.text, Tone.STALE) for span in row.line), row.key) for row in rows]
+    return rows
+
+
+def _rows(check: Check, group: str, width: int) -> list[CheckRow]:
+    sign, tone = SIGNS[check.verdict]
+    before = 1 + GROUP + VERDICT + NAME
+    room = max(20, width - before - 1)
+    is_calm = check.verdict in (Verdict.OK, Verdict.UNKNOWN)
+    found = wrapped(check.finding, room)
+    first = (
+        Span(" " + column(group, GROUP), Tone.STRONG),
+        Span(column(sign, VERDICT), tone),
+        Span(column(check.name, NAME - 1) + " ", Tone.TEXT if is_calm else Tone.STRONG),
+        Span(found[0]),
+    )
+    blank = " " * before
+    rows = [CheckRow(first, check.title)]
+    rows += [CheckRow((Span(blank), Span(text)), "") for text in found[1:]]
+    advice = wrapped(check.advice, room - 2) if check.advice else []
+    for number, text in enumerate(advice):
+        arrow = "→ " if number == 0 else "  "
+        rows.append(CheckRow((Span(blank), Span(arrow + text, Tone.DIM if is_calm else Tone.BUSY)), ""))
+    return rows

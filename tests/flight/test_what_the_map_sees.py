@@ -44,7 +44,7 @@ def test_the_station_sees_path_setpoint_attitude_home_and_mission_of_a_flight(fl
     assert platform.site.value.frame == "hold"
     assert platform.site.value.home_m == pytest.approx((0.0, 0.0, 0.0), abs=0.2)
     samples = track.history.samples
-    assert len(samples) / (flight.now_s - begun_s) >= 2.0
+    assert len(samples) / (flight.now_s - begun_s) >= 1.8, "twice a second, but for what a radio may lose"
     assert np.nanmax(np.diff(samples.times_s)) < STALE_AFTER_S[VehicleSummary]
     flown = samples.rows
     off_m = np.abs(flown[:, Channel.X] - flown[:, Channel.WANTED_X])

@@ -1,6 +1,7 @@
 """The sensors screen: it asks for what is under the cursor, shows it, and for nothing more when it is left."""
 
 import pytest
+from textual.widgets import Input
 
 from gloc3.ci import Watch
 from gloc3.vehicle import ObstacleScan
@@ -78,16 +79,24 @@ async def test_topics_are_found_while_one_types_and_the_rate_is_changed_by_a_key
         await here.wait(lambda: here.platform.watched.wants[0].rate_hz == 2.0)
 
 
+async def type_name(here: Scene, name: str) -> None:
+    """Types a topic's name once the field takes keys."""
+    await here.press("slash")
+    await here.wait(lambda: isinstance(here.app.focused, Input))
+    await here.press(*name, "enter")
+
+
 async def test_a_topic_that_is_not_listed_is_asked_for_by_its_name_and_a_wrong_one_is_refused_in_words() -> None:
     async with scene() as here:
         viewer = Viewer(here.exchange, here.platform)
         here.platform.speak()
         await here.go("7")
         await here.until("topics", "autopilot")
-        await here.press("slash", *"nothing", "enter")
+        await type_name(here, "nothing")
         await here.wait(lambda: watched(here) == ["nothing"])
         await here.until("sight", "there is no such topic")
-        await here.press("escape", "slash", *"obstacles", "enter")
+        await here.press("escape")
+        await type_name(here, "obstacles")
         await here.wait(lambda: watched(here) == ["obstacles"])
         scan = ObstacleScan(points_ne_m=[(0.0, 0.0), (4.0, 3.0), (4.0, -3.0)])
         viewer.show("obstacles", scan, 1.0)

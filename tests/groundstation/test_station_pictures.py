@@ -20,7 +20,6 @@ PICTURES: dict[str, tuple[tuple[int, int], ThemeName, str, list[str]]] = {
     "health": ((120, 40), "daylight", "health", ["down"]),
     "mission": ((80, 24), "dark", "mission", ["down", "right", "down"]),
     "map": ((120, 40), "dark", "map", []),
-    "data": ((80, 24), "daylight", "data", []),
     "help": ((80, 24), "mono", "mission", ["question_mark"]),
 }
 """Name to size, theme, screen, and the keys that are pressed."""

@@ -17,7 +17,6 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.mission.messages import ActionStatus
-from gloc3.perception import Features, FusionState, ImuSample, LaserScan, Odometry, PositionFix
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.topics import TopicRow
@@ -47,17 +46,11 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "autopilot": TopicRow(AutopilotState, 5.0),
     "autopilot_pose": TopicRow(AutopilotPose, 20.0),
     "height": TopicRow(HeightAboveGround, 20.0),
-    "imu": TopicRow(ImuSample, 100.0, is_logged=False),
-    "laser": TopicRow(LaserScan, 10.0, is_logged=False),
-    "position_fix/*": TopicRow(PositionFix, 10.0),
     "autopilot_setup": TopicRow(AutopilotSetup, 0.2),
     "computer": TopicRow(ComputerState, 1.0),
     "obstacles": TopicRow(ObstacleScan, 5.0),
     "camera/*": TopicRow(Image, 5.0, is_logged=False),
     # processors
-    "features/*": TopicRow(Features, 15.0, is_logged=False),
-    "odometry/*": TopicRow(Odometry, 10.0),
-    "fusion/*": TopicRow(FusionState, 2.0),
     "pose": TopicRow(Pose, 20.0, silent_after=3.0),
     # controllers: each has a topic of its own, the limiter takes them all
     "setpoint_wanted/*": TopicRow(Setpoint, 20.0),

@@ -21,6 +21,7 @@ SUMMARIES: Final = {
     "demo": "Fly a mission with three real processes on this machine.",
     "mission": "Check, show and convert mission files.",
     "log": "Inspect, plot, recover and replay logs.",
+    "odometry": "Run odometers on data sets, and compare trajectories with the truth.",
     "component": "List components and describe them.",
 }
 """What `gloc3 --help` says of the subcommands without loading any of them."""

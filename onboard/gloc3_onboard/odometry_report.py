@@ -1,0 +1,111 @@
+"""What every `gloc3 odometry` command does with its estimate: write it, compare it with the truth, print the errors."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import Parameter
+
+from gloc3.errors import Refused
+from gloc3.trajectory import Array, Trajectory, read_trajectory, write_tum
+from gloc3.trajectory_metrics import Alignment, Evaluation, Statistics, evaluate
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions:
+    """The options that all odometry commands share."""
+
+    truth: Path | None = None
+    """True poses: in TUM form, EuRoC's (data.csv) or KITTI's (poses.txt)."""
+    trajectory: Path | None = None
+    """Where to write the estimate, in TUM form, with the data set's own times."""
+    align: Alignment = Alignment.BEGIN
+    """How the estimate is laid over the truth: by the first tenth of its positions (begin), all, the first pose (origin)
+    or not at all (none). The scale is never corrected."""
+    over: float = 10.0
+    """Length of the stretches of the relative error, in metres."""
+    json: Annotated[bool, Parameter(negative=())] = False
+    """Print JSON for programs."""
+
+
+class Cost(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of the inputs of a run."""
+
+    inputs: int
+    """Pictures, pairs of pictures, or scans."""
+    valid: int
+    """Those whose output was valid."""
+    mean_ms: float = 0.0
+    """Processor time for one, mean."""
+    worst_ms: float = 0.0
+    reasons: dict[str, int] = {}
+    """Why outputs were not valid, and how often."""
+
+
+def report(estimate: Trajectory, options: ReportOptions, cost: Cost | None = None, times_s: Array | None = None) -> int:
+    """Writes and prints what was asked for.
+
+    Args:
+        estimate: the odometer's trajectory.
+        options: what the user asked for.
+        cost: what the run took.
+        times_s: times of the data set's inputs, for a truth that has none of its own.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        Refused: an option is out of range, or the truth does not belong to the estimate.
+        InputError: the truth cannot be read.
+    """
+    if not 0.0 < options.over < float("inf"):
+        raise Refused("--over must be above 0 metres")
+    if options.trajectory is not None:
+        write_tum(estimate, options.trajectory)
+    found = None
+    if options.truth is not None:
+        found = evaluate(estimate, read_trajectory(options.truth, times_s), options.align, options.over)
+    print(_json(estimate, found, cost) if options.json else "\n".join(_lines(estimate, found, cost)))  # noqa: T201
+    return 0
+
+
+def _json(estimate: Trajectory, found: Evaluation | None, cost: Cost | None) -> str:
+    whole = {"poses": len(estimate), "path_m": _path_m(estimate), "run": cost, "errors": found}
+    return msgspec.json.format(msgspec.json.encode(whole)).decode()
+
+
+def _lines(estimate: Trajectory, found: Evaluation | None, cost: Cost | None) -> list[str]:
+    lines = [f"estimate           {len(estimate)} poses, {_path_m(estimate):.3f} m"]
+    if cost is not None:
+        lines.append(f"inputs             {cost.inputs}, {cost.valid} with a valid output")
+        lines += [f"  not valid        {count} times: {reason}" for reason, count in cost.reasons.items()]
+        if cost.worst_ms > 0.0:
+            lines.append(f"processor time     mean {cost.mean_ms:.2f} ms, worst {cost.worst_ms:.2f} ms")
+    return lines + (_error_lines(found) if found is not None else [])
+
+
+def _error_lines(found: Evaluation) -> list[str]:
+    lines = [
+        f"truth              {found.poses} poses in common, {found.path_m:.3f} m in {found.duration_s:.2f} s",
+        f"absolute (ATE)     {_text(found.absolute_m, 'm')}; {100.0 * found.absolute_share:.3f} % of the path",
+        f"  attitude         {_text(found.absolute_deg, 'deg')}",
+        f"  at the end       {found.end_m:.4f} m",
+    ]
+    title = f"relative, {found.relative_over_m:g} m"
+    if found.relative_m is None or found.relative_deg is None:
+        return [*lines, f"{title:<19}the path is too short for it"]
+    return [
+        *lines,
+        f"{title:<19}{_text(found.relative_m, 'm')}; {100.0 * found.relative_m.rms / found.relative_over_m:.3f} %",
+        f"  attitude         {_text(found.relative_deg, 'deg')}",
+    ]
+
+
+def _text(errors: Statistics, unit: str) -> str:
+    return f"rms {errors.rms:.4f} mean {errors.mean:.4f} median {errors.median:.4f} max {errors.max:.4f} {unit}"
+
+
+def _path_m(trajectory: Trajectory) -> float:
+    return float(trajectory.distances_m[-1]) if len(trajectory) else 0.0

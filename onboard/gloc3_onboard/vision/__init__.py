@@ -1,0 +1,1 @@
+"""Pictures into motion: features, stereo geometry and odometers, each a plain class."""

@@ -17,6 +17,7 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.mission.messages import ActionStatus
+from gloc3.perception import ImuSample, LaserScan
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.topics import TopicRow
@@ -50,6 +51,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "computer": TopicRow(ComputerState, 1.0),
     "obstacles": TopicRow(ObstacleScan, 5.0),
     "camera/*": TopicRow(Image, 5.0, is_logged=False),
+    "imu": TopicRow(ImuSample, 100.0, is_logged=False),
+    "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     # processors
     "pose": TopicRow(Pose, 20.0, silent_after=3.0),
     # controllers: each has a topic of its own, the limiter takes them all

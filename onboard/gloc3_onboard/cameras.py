@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from gloc3.errors import Refused
 from gloc3.frame_stream import FrameError, FrameReader, GreyFrame
 from gloc3.vehicle import Image
-from gloc3_onboard.devices import StampedImage
+from gloc3_onboard.devices import Bell, StampedImage, Unwatch
 
 CONNECT_S = 2.0
 RETRY_S = 0.5
@@ -23,6 +23,10 @@ class NoCamera:
 
     def close(self) -> None:
         """Nothing happens."""
+
+    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+        """There is never any."""
+        return lambda: None
 
     def frame(self) -> StampedImage | None:
         """There is never a frame."""
@@ -48,6 +52,11 @@ class StreamCamera:
         self._frame: StampedImage | None = None
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
+        self._bell = Bell()
+
+    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called when a frame has come."""
+        return self._bell.listen(ready)
 
     def open(self) -> None:
         """Begins to take frames; a stream that breaks is opened anew."""
@@ -80,6 +89,7 @@ class StreamCamera:
         if t_s is not None:
             image = Image(camera=self._name, width=frame.width, height=frame.height, data=frame.data)
             self._frame = StampedImage(t_s, image)
+            self._bell.ring()
 
 
 def _address(url: str) -> tuple[str, int]:

@@ -1,10 +1,12 @@
 """The devices of the onboard process, as its samplers and drivers see them; hardware, simulation and logs fit in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from gloc3.camera_model import CameraModel
 from gloc3.frames import Vector3
 from gloc3.messages import Envelope
+from gloc3.perception import ImuSample, LaserScan
 from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image
 
 
@@ -27,6 +29,28 @@ class StampedImage(NamedTuple):
 
     t_s: float
     image: Image
+
+
+class StampedPair(NamedTuple):
+    """The frames of a stereo pair with their common time of validity."""
+
+    t_s: float
+    left: Image
+    right: Image
+
+
+class StampedScan(NamedTuple):
+    """A scanner's turn with the time of its last beam."""
+
+    t_s: float
+    scan: LaserScan
+
+
+class StampedImu(NamedTuple):
+    """What an inertial unit felt, with its time of validity."""
+
+    t_s: float
+    sample: ImuSample
 
 
 Unwatch = Callable[[], None]
@@ -80,17 +104,63 @@ class HeightSensor(Protocol):
         """Has `ready` called, from any thread, when a new distance is there."""
 
 
-class Camera(Protocol):
-    """A camera."""
+class Source(Protocol):
+    """A device that is opened, tells when it has something new, and is closed; simulated, real, or a log.
+
+    What it has is asked for after `on_news`, and once a cycle besides. It may be opened anew after it was closed.
+    """
 
     def open(self) -> None:
-        """Begins to take frames."""
+        """Begins to take data; may take some seconds.
 
-    def frame(self) -> StampedImage | None:
-        """The latest frame; None before the first."""
+        Raises:
+            Gloc3Error: the device cannot be had; with what to do.
+        """
+
+    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when there is something new."""
 
     def close(self) -> None:
-        """Ends taking frames."""
+        """Ends taking data."""
+
+
+class Camera(Source, Protocol):
+    """A camera."""
+
+    def frame(self) -> StampedImage | None:
+        """The latest frame; None before the first.
+
+        Raises:
+            Gloc3Error: the device is gone for good; with what to do. So for the other sources.
+        """
+
+
+class StereoCamera(Source, Protocol):
+    """Two cameras that expose together, left and right."""
+
+    def pair(self) -> StampedPair | None:
+        """The latest two frames; None before the first."""
+
+
+class Laser(Source, Protocol):
+    """A range scanner."""
+
+    def scan(self) -> StampedScan | None:
+        """The latest turn; None before the first."""
+
+
+class Imu(Source, Protocol):
+    """An inertial measuring unit."""
+
+    def samples(self, after_s: float) -> Sequence[StampedImu]:
+        """What it felt after a time, oldest first; it keeps about the last second."""
+
+
+class Rig(Protocol):
+    """The cameras of a vehicle as they were calibrated."""
+
+    def model(self, camera: str) -> CameraModel | None:
+        """The model of the camera of that name, as its pictures are named; None where it has none."""
 
 
 class Answer(NamedTuple):

@@ -36,6 +36,10 @@ class SimCamera:
         """Ends taking frames."""
         self._is_open = False
 
+    def on_news(self, ready: Callable[[], None]) -> Callable[[], None]:
+        """It takes a picture when it is asked, and never by itself."""
+        return lambda: None
+
     def frame(self) -> Exposure | None:
         """The latest frame; a new one if one is due."""
         now_s = self._now_s()
@@ -55,6 +59,10 @@ class NoCamera:
 
     def close(self) -> None:
         """Nothing happens."""
+
+    def on_news(self, ready: Callable[[], None]) -> Callable[[], None]:
+        """There is never any."""
+        return lambda: None
 
     def frame(self) -> None:
         """There is never a frame."""

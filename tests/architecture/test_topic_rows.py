@@ -17,6 +17,8 @@ FROM_ELSEWHERE: Final = {
     "ci/request": "the stations, through their links",
     "ci/heard": "the links to the stations",
     "sim/*": "the flight harness",
+    "imu": "the inertial unit of a platform that moves by its own sensors",
+    "laser": "the range scanner of a platform that has one",
     "obstacles": "the range scanner of a platform that has one",
 }
 

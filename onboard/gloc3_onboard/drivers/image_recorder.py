@@ -83,7 +83,8 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         results: list[Result] = []
         self._poses.extend(envelope for envelope in inbox.new(self.pose) if envelope.payload.is_valid)
         for envelope in inbox.new(self.image):
-            self._know(envelope.payload.camera)
+            if envelope.payload.is_valid:
+                self._know(envelope.payload.camera)
             if self.is_running and self._order is not None and envelope.payload.is_valid:
                 results += self._record(self._order, envelope, now_s)
         return [*results, *self.action_reports(now_s)]

@@ -1,0 +1,1 @@
+"""What is known of sensors' data without knowing the sensor: order in time, whole pictures, sane ranges; no I/O."""

@@ -1,0 +1,58 @@
+"""The order in time of what a device brings: what is new, what comes from the past or the future, and silence."""
+
+from typing import Final, NamedTuple
+
+AHEAD_S: Final = 0.05
+"""A stamp may be so much ahead of our time: clocks are mapped to each other with some error."""
+ADOPTED_AFTER: Final = 5
+"""So many stamps in order, all before the last good one, are a device's clock that has begun anew."""
+
+
+class Arrival(NamedTuple):
+    """Something new."""
+
+    t_s: float
+    """Its time of validity; the present where its own cannot be believed."""
+    problem: str
+    """Why its stamp cannot be believed; empty where it can."""
+
+
+class Timeline:
+    """Follows the stamps of one device.
+
+    Args:
+        what: one thing that the device brings, in words: *picture*.
+        silent_s: without anything new for so long the device counts as silent.
+    """
+
+    def __init__(self, what: str, silent_s: float) -> None:
+        self._what, self._silent_s = what, silent_s
+        self._good_s = float("-inf")
+        self._seen_s: float | None = None
+        self._in_order = 0
+        self._came_s: float | None = None
+        self._told_s = float("-inf")
+
+    def take(self, t_s: float, now_s: float) -> Arrival | None:
+        """Judges a stamp; None for one that was seen last, too."""
+        previous_s, self._seen_s = self._seen_s, t_s
+        if t_s == previous_s:
+            return None
+        self._came_s = now_s
+        if not t_s <= now_s + AHEAD_S:
+            return Arrival(now_s, f"the {self._what} is stamped {t_s - now_s:.2f} s ahead of the present")
+        if t_s <= self._good_s:
+            self._in_order = self._in_order + 1 if previous_s is not None and t_s > previous_s else 1
+            if self._in_order < ADOPTED_AFTER:
+                return Arrival(now_s, f"time goes back by {self._good_s - t_s:.3f} s")
+        self._good_s, self._in_order = t_s, 0
+        return Arrival(t_s, "")
+
+    def silence(self, now_s: float) -> str:
+        """Why nothing comes, once in each period of silence; else an empty text."""
+        if self._came_s is None:
+            self._came_s = now_s
+        if now_s - max(self._came_s, self._told_s) < self._silent_s - 1e-9:
+            return ""
+        self._told_s = now_s
+        return f"no {self._what} for {now_s - self._came_s:.1f} s"

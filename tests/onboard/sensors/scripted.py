@@ -1,0 +1,85 @@
+"""Sources of sensor data as a test sets them, and pictures and scans to give."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gloc3.camera_model import CameraModel
+from gloc3.errors import Gloc3Error
+from gloc3.perception import ImuSample, LaserScan
+from gloc3.vehicle import Image
+from gloc3_onboard.devices import Bell, StampedImage, StampedImu, StampedPair, StampedScan, Unwatch
+
+WIDTH, HEIGHT = 64, 48
+
+
+class ScriptedSource:
+    """Every kind of source at once: it gives what the test has put."""
+
+    def __init__(self) -> None:
+        self.is_open = False
+        self.gone = ""
+        self.now_frame: StampedImage | None = None
+        self.now_pair: StampedPair | None = None
+        self.now_scan: StampedScan | None = None
+        self.felt: list[StampedImu] = []
+        self.bell = Bell()
+
+    def open(self) -> None:
+        self._fail()
+        self.is_open = True
+
+    def close(self) -> None:
+        self.is_open = False
+
+    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+        return self.bell.listen(ready)
+
+    def frame(self) -> StampedImage | None:
+        self._fail()
+        return self.now_frame
+
+    def pair(self) -> StampedPair | None:
+        return self.now_pair
+
+    def scan(self) -> StampedScan | None:
+        return self.now_scan
+
+    def samples(self, after_s: float) -> Sequence[StampedImu]:
+        return [stamped for stamped in self.felt if stamped.t_s > after_s]
+
+    def _fail(self) -> None:
+        if self.gone:
+            raise Gloc3Error(self.gone)
+
+
+class OneModel:
+    """A rig whose every camera is the same."""
+
+    def model(self, camera: str) -> CameraModel | None:
+        return CameraModel(width=WIDTH, height=HEIGHT, focal_px=(50.0, 50.0), center_px=(31.5, 23.5))
+
+
+def picture(number: int = 0, width: int = WIDTH, height: int = HEIGHT, camera: str = "front") -> Image:
+    """A picture of noise, another one for each number."""
+    data = np.random.default_rng(number).integers(40, 200, width * height, np.uint8).tobytes()
+    return Image(camera=camera, width=width, height=height, data=data)
+
+
+def scan(ranges_m: Sequence[float]) -> LaserScan:
+    """A scan to the front with these ranges."""
+    return LaserScan(
+        scanner="front",
+        angle_min_rad=-math.pi / 2,
+        angle_step_rad=math.pi / max(1, len(ranges_m) - 1),
+        range_min_m=0.1,
+        range_max_m=30.0,
+        ranges_m=np.asarray(ranges_m, "<f4").tobytes(),
+    )
+
+
+def felt(t_s: float, rate_rad_s: float = 0.01) -> StampedImu:
+    """A sample at rest, but for a rate about x."""
+    sample = ImuSample(rate_frd_rad_s=(rate_rad_s, 0.0, 0.0), specific_force_frd_m_s2=(0.0, 0.0, -9.81))
+    return StampedImu(t_s, sample)

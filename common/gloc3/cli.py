@@ -26,7 +26,14 @@ SUMMARIES: Final = {
 }
 """What `gloc3 --help` says of the subcommands without loading any of them."""
 
-EXTRAS: Final = {"jsbsim": "sitl", "matplotlib": "sitl", "textual": "groundstation", "mavsdk": "groundstation"}
+EXTRAS: Final = {
+    "aiohttp": "groundstation",
+    "jsbsim": "sitl",
+    "matplotlib": "sitl",
+    "mavsdk": "groundstation",
+    "textual": "groundstation",
+    "textual_serve": "groundstation",
+}
 """Libraries that only some of the installs have, and the extra that brings each."""
 
 EXIT_WRONG_USE: Final = 2

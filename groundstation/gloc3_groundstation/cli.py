@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 
 from gloc3.errors import InputError, Refused
 from gloc3_groundstation.plans import Plan, read_plan
+from gloc3_groundstation.web import HOST, PORT, WebOptions
 
 FLAG: Final = Parameter(negative=(), show_default=False)
 
@@ -27,6 +28,7 @@ app = App(
     - `gloc3 station --mission inspection`: bring a mission over; the key s starts it
     - `gloc3 station --headless --mission my.yaml --json`: fly it from a script; stdout is data, stderr is narration
     - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
+    - `gloc3 station --web`: in a browser, with the same keys
 
     Exit codes: 0 done; 1 the mission failed, was refused or did not pass the check; 2 wrong use; 130 interrupted.""",
     help_format="markdown",
@@ -53,6 +55,9 @@ def station(
     no_record: Annotated[bool, FLAG] = False,
     foxglove: Annotated[bool, FLAG] = False,
     foxglove_port: int = 8765,
+    web: Annotated[bool, FLAG] = False,
+    web_host: str = HOST,
+    web_port: int = PORT,
 ) -> int:
     """Watch and command vehicles.
 
@@ -82,6 +87,11 @@ def station(
         foxglove: Serve what the vehicles tell to Foxglove while it happens, to be looked at only: open a connection to
             ws://127.0.0.1:8765 there. A topic is asked for while somebody looks at it.
         foxglove_port: The port for that; 0 takes any free one.
+        web: Show the terminal in a browser, at the address that is told. The station runs on when the browser's window
+            is closed, until Ctrl-C here or the key q there; one window has it at a time.
+        web_host: The address that the browser reaches it at. Anything but this computer's own lays the vehicles open to
+            whoever has the address that is told; nothing is encrypted.
+        web_port: The port for that; 0 takes any free one.
     """
     if json and not headless:
         raise Refused("--json goes with --headless")
@@ -93,10 +103,13 @@ def station(
         raise Refused("--wait must be above 0 seconds")
     if station_id is not None and not 200 <= station_id <= 255:
         raise Refused("--station-id must be from 200 to 255")
-    if not headless and not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
-        raise Refused("there is no terminal here; use --headless")
-    if not 0 <= foxglove_port <= 65535:
-        raise Refused("--foxglove-port must be from 0 to 65535")
+    if headless and web:
+        raise Refused("--web shows the terminal in a browser; with --headless there is none")
+    if not (headless or web) and not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
+        raise Refused("there is no terminal here; use --headless, or --web for a browser")
+    for name, port in (("foxglove", foxglove_port), ("web", web_port)):
+        if not 0 <= port <= 65535:
+            raise Refused(f"--{name}-port must be from 0 to 65535")
     plan: Plan | None = None
     if mission is not None:
         try:
@@ -136,7 +149,8 @@ def station(
     )
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None, override=override))
-    return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write))
+    page = WebOptions(host=web_host, port=web_port) if web else None
+    return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write, web=page))
 
 
 def _print_json(line: msgspec.Struct) -> None:

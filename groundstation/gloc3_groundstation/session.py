@@ -2,6 +2,7 @@
 
 import asyncio
 import getpass
+import os
 import secrets
 import signal
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -28,6 +29,7 @@ from gloc3_groundstation.recording import Recording
 from gloc3_groundstation.services_desk import ServicesDesk
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.vehicles import Vehicles
+from gloc3_groundstation.web import WebOptions, WebServer, Window, exposure
 
 INTERRUPTED: Final = 128 + signal.SIGINT
 
@@ -108,17 +110,27 @@ class Session:
                 run.say(wording.farewell(station.fleet))
                 return 0 if self._plan is None else INTERRUPTED
 
-    async def show(self, *, is_starting: bool, is_closing: bool, keep: Callable[[Configuration], bool]) -> int:
+    async def show(
+        self,
+        *,
+        is_starting: bool,
+        is_closing: bool,
+        keep: Callable[[Configuration], bool],
+        web: WebOptions | None = None,
+    ) -> int:
         """Opens the terminal.
 
         Args:
             is_starting: starts the mission at hand without waiting for the key.
             is_closing: closes when that mission has ended.
             keep: is given the configuration when the terminal closes; tells whether it could be kept.
+            web: where it is shown to a browser; None for the terminal that it was started in.
 
         Returns:
             The exit code.
         """
+        if web is not None:
+            os.environ.setdefault("TEXTUAL_COLOR_SYSTEM", "truecolor")  # read by Textual when it is loaded
         from gloc3_groundstation.desk import Desk
         from gloc3_groundstation.tui.app import StationApp
 
@@ -137,13 +149,18 @@ class Session:
                 waiting_for=self._links.describe,
                 is_starting=is_starting,
                 is_closing=is_closing,
+                is_in_browser=web is not None,
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                loop.add_signal_handler(number, app.action_interrupt)
+                loop.add_signal_handler(number, app.interrupt)
             if self._problem:
                 station.note("", Severity.WARNING, self._problem)
-            end = await app.run_async()
+            if web is None:
+                end = await app.run_async()
+            else:
+                async with _served(station, web, lambda: app.window):
+                    end = await app.run_async()
             if not keep(app.configuration()) and not self._problem:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
             kept = app.desk.missions.keep_unsaved(unsaved_folder())
@@ -231,6 +248,21 @@ class Session:
         except Gloc3Error as error:
             tell(str(error))
             return None
+
+
+@asynccontextmanager
+async def _served(station: Station, options: WebOptions, window: Callable[[], Window | None]) -> AsyncIterator[None]:
+    """The page for a browser, and what is said of it in the terminal that the station was started in."""
+
+    def told(text: str) -> None:
+        station.note("", Severity.NOTICE, text)
+        narrate(text)
+
+    async with WebServer(window, options, told).serving() as url:
+        if options.is_exposed:
+            narrate(exposure(url, operator()))
+        narrate(f"the station is at {url} (Ctrl-C here ends it)")
+        yield
 
 
 def operator() -> str:

@@ -21,7 +21,10 @@ def run(*arguments: str) -> object:
         (["--headless", "--station-id", "1"], "--station-id must be from 200 to 255"),
         (["--headless", "--mission", "nowhere.yaml"], "there is no mission file 'nowhere.yaml'"),
         (["--headless", "--link", "udp://1.2.3.4:5"], "use udpin:// to listen or udpout:// to send"),
-        ([], "there is no terminal here; use --headless"),
+        ([], "there is no terminal here; use --headless, or --web for a browser"),
+        (["--web", "--headless"], "with --headless there is none"),
+        (["--web", "--web-port", "65536"], "--web-port must be from 0 to 65535"),
+        (["--headless", "--foxglove-port", "-1"], "--foxglove-port must be from 0 to 65535"),
     ],
 )
 def test_wrong_use_is_refused_with_the_reason(arguments: list[str], reason: str) -> None:

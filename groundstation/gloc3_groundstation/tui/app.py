@@ -16,6 +16,7 @@ from gloc3_groundstation.desk import Desk, Move
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.browser_driver import BrowserDriver
 from gloc3_groundstation.tui.help import help_for
 from gloc3_groundstation.tui.in_view import InView
 from gloc3_groundstation.tui.keys import GENERAL_KEYS
@@ -61,6 +62,7 @@ class StationApp(App[End | None]):
         waiting_for: Callable[[], str] = lambda: "the link",
         is_starting: bool = False,
         is_closing: bool = False,
+        is_in_browser: bool = False,
     ) -> None:
         """The terminal.
 
@@ -71,9 +73,11 @@ class StationApp(App[End | None]):
             waiting_for: what is listened to, told while no platform is heard.
             is_starting: starts the mission at hand without waiting for the key.
             is_closing: closes when that mission has ended, or could not be started.
+            is_in_browser: shown to a browser by `window`, instead of in the terminal that it was started in.
         """
         is_monochrome = bool(os.environ.get("NO_COLOR"))
-        super().__init__(ansi_color=True if is_monochrome else None)
+        driver = BrowserDriver if is_in_browser else None
+        super().__init__(driver, ansi_color=True if is_monochrome else None)
         self.desk: Final = desk
         self._configuration = configuration
         desk.missions.recent = configuration.session.missions
@@ -114,6 +118,11 @@ class StationApp(App[End | None]):
         return replace(self._configuration, theme=theme, session=session)
 
     # --- what is shown ---
+
+    @property
+    def window(self) -> BrowserDriver | None:
+        """What a browser looks at; None before the start, and in a terminal."""
+        return self._driver if isinstance(self._driver, BrowserDriver) else None
 
     @property
     def platform(self) -> PlatformSnapshot | None:
@@ -244,7 +253,14 @@ class StationApp(App[End | None]):
             self.confirm("\n\n".join(questions), "quit", lambda: self.exit(None))
 
     def action_interrupt(self) -> None:
-        """Closes at once, asking nothing: Ctrl-C, or a signal to the process."""
+        """Ctrl-C closes at once; in a browser, where it is how people copy, it asks as the key q does."""
+        if self.is_web:
+            self.action_leave()
+        else:
+            self.interrupt()
+
+    def interrupt(self) -> None:
+        """Closes at once, asking nothing."""
         self.exit(None, return_code=INTERRUPTED)
 
     # --- work that takes time ---

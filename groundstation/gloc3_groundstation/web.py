@@ -1,0 +1,307 @@
+"""The station in a browser: one page with textual-serve's terminal, one websocket, one window at a time.
+
+The station itself runs in this process, from its start to its end. A browser only looks in: when its window is closed
+or loaded again, links, recording and control go on.
+"""
+
+import asyncio
+import secrets
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from importlib.resources import files
+from ipaddress import ip_address
+from pathlib import Path
+from socket import gethostname
+from typing import TYPE_CHECKING, Final, Protocol
+from urllib.parse import urlsplit
+
+import msgspec
+
+from gloc3.errors import Gloc3Error, Refused
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+HOST: Final = "127.0.0.1"
+PORT: Final = 8000
+HEARTBEAT_S: Final = 5.0
+"""A browser that has not answered for half of that is taken for gone."""
+MOST_WAITING: Final = 1_000_000
+"""Bytes that wait for a slow browser; beyond them the terminal is drawn anew once it has taken what is under way."""
+NOT_YET_S: Final = 0.05
+LARGEST: Final = 1000
+"""Columns or lines that a browser may ask for."""
+HEADERS: Final = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+TAKEN: Final = (
+    "\x1b[2J\x1b[H\r\n  The station is shown in another window.\r\n\r\n  Press enter to have it here; it is then no "
+    "longer shown there.\r\n"
+)
+
+Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
+
+
+class Window(Protocol):
+    """The terminal, as a browser sees it."""
+
+    def attach(self, show: Callable[[bytes], None], columns: int, lines: int) -> None:
+        """Draws it from its beginning, and from then on what changes."""
+
+    def detach(self) -> None:
+        """Draws nothing more."""
+
+    def typed(self, text: str) -> None:
+        """Takes what a terminal sends for keys and the mouse."""
+
+    def resized(self, columns: int, lines: int) -> None:
+        """Lays out for another size."""
+
+    def focused(self, is_focused: bool) -> None:
+        """Whether keys go to the terminal."""
+
+
+class WebOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the page is served."""
+
+    host: str = HOST
+    port: int = PORT
+    """0 takes any free one."""
+
+    @property
+    def is_exposed(self) -> bool:
+        """Whether other computers reach it."""
+        try:
+            return not ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host != "localhost"
+
+
+class _Glass:
+    """One browser's websocket: what is drawn waits here until it is taken."""
+
+    def __init__(self, socket: "web.WebSocketResponse", columns: int, lines: int) -> None:
+        self.socket: Final = socket
+        self.columns, self.lines = columns, lines
+        self.is_behind = False
+        """Whether something was left out, so that all must be drawn anew."""
+        self._waiting = bytearray()
+        self._has_some = asyncio.Event()
+
+    def show(self, data: bytes) -> None:
+        if len(self._waiting) + len(data) > MOST_WAITING:
+            self.is_behind = True
+            self._waiting.clear()
+        elif not self.is_behind:
+            self._waiting += data
+        self._has_some.set()
+
+    async def send(self, draw_anew: Callable[[], None]) -> None:
+        """Sends what is drawn, until it is cancelled or the browser has gone."""
+        while not self.socket.closed:
+            await self._has_some.wait()
+            self._has_some.clear()
+            if self.is_behind:
+                self.is_behind = False
+                draw_anew()
+            data, self._waiting = bytes(self._waiting), bytearray()
+            try:
+                await self.socket.send_bytes(data)
+            except ConnectionError:
+                return
+
+
+class WebServer:
+    """Serves the page, and leads the one browser that looks to the terminal."""
+
+    def __init__(self, window: Callable[[], Window | None], options: WebOptions, told: Callable[[str], None]) -> None:
+        """A server that does not listen yet.
+
+        Args:
+            window: gives the terminal; None before it is there.
+            options: where to serve.
+            told: is told who looks.
+        """
+        self._window = window
+        self._options = options
+        self._told = told
+        self._key = secrets.token_urlsafe(12) if options.is_exposed else ""
+        self._sockets: set[web.WebSocketResponse] = set()
+        self._shown: _Glass | None = None
+        self._page = files("gloc3_groundstation").joinpath("web_page.html").read_text(encoding="utf-8")
+
+    @asynccontextmanager
+    async def serving(self) -> AsyncIterator[str]:
+        """Serves; gives the URL.
+
+        Raises:
+            Gloc3Error: a package is not installed.
+            Refused: the address cannot be had.
+        """
+        try:
+            import textual_serve
+            from aiohttp import WSCloseCode, web
+        except ImportError as error:
+            raise Gloc3Error("--web needs textual-serve: pip install 'gloc3[groundstation]'") from error
+
+        @web.middleware
+        async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+            return await self._guarded(request, handler)
+
+        app = web.Application(middlewares=[guard])
+        way = f"/{self._key}" if self._key else ""
+        app.router.add_get(f"{way}/", self._index)
+        app.router.add_get(f"{way}/ws", self._look_in)
+        app.router.add_static(f"{way}/static", Path(str(textual_serve.__file__)).parent / "static")
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await runner.setup()
+        host, port = self._options.host, self._options.port
+        try:
+            try:
+                await web.TCPSite(runner, host, port).start()
+            except OSError as error:
+                reason = (error.strerror or str(error)).lower()
+                raise Refused(
+                    f"the page cannot be served on {host} port {port}: {reason}; another port: --web-port, 0 for any "
+                    "free one; another address: --web-host"
+                ) from error
+            port = runner.addresses[0][1]
+            yield f"http://{_named(host)}:{port}{way}/"
+        finally:
+            self._shown = None
+            for socket in tuple(self._sockets):
+                await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the station was closed")
+            await runner.cleanup()
+
+    # --- requests ---
+
+    async def _guarded(self, request: "web.Request", handler: Handler) -> "web.StreamResponse":
+        """Lets nobody in who comes by another site's page, or by a name that somebody else has pointed here."""
+        from aiohttp import web
+
+        if not self._options.is_exposed and not _is_loopback_name(request.host, self._options.host):
+            raise web.HTTPForbidden(text=f"The station is not served under the name {request.host!r}.\n")
+        origin = request.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != request.host:
+            raise web.HTTPForbidden(text=f"The station is not for pages of {origin!r}.\n")
+        response = await handler(request)
+        if not response.prepared:
+            response.headers.update(HEADERS)
+        return response
+
+    async def _index(self, request: "web.Request") -> "web.Response":
+        from aiohttp import web
+
+        return web.Response(text=self._page, content_type="text/html")
+
+    async def _look_in(self, request: "web.Request") -> "web.WebSocketResponse":
+        """One browser's window, from its opening to its end."""
+        from aiohttp import WSMsgType, web
+
+        socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=1_000_000)
+        await socket.prepare(request)
+        self._sockets.add(socket)
+        glass = _Glass(socket, *(_side(request.query.get(name), name) for name in ("width", "height")))
+        sender = asyncio.get_running_loop().create_task(glass.send(lambda: self._draw(glass)))
+        who = request.remote or "a browser"
+        try:
+            if self._shown is None:
+                self._take(glass, who)
+            else:
+                glass.show(TAKEN.encode())
+            async for message in socket:
+                if message.type is WSMsgType.TEXT:
+                    await self._told_by(glass, message.data, who)
+        finally:
+            sender.cancel()
+            self._sockets.discard(socket)
+            self._leave(glass, who)
+        return socket
+
+    async def _told_by(self, glass: _Glass, data: str, who: str) -> None:
+        """Does what textual-serve's page asks for; what cannot be understood is left alone."""
+        try:
+            kind, *values = msgspec.json.decode(data, type=list[object])
+        except (msgspec.DecodeError, ValueError):
+            return
+        is_shown, window = self._shown is glass, self._window()
+        match kind, *values:
+            case "ping", str(value):
+                await glass.socket.send_str(msgspec.json.encode(["pong", value]).decode())
+            case "resize", {"width": int(columns), "height": int(lines)}:
+                glass.columns, glass.lines = _side(columns, "width"), _side(lines, "height")
+                if is_shown and window is not None:
+                    window.resized(glass.columns, glass.lines)
+            case "stdin", str(text) if not is_shown:
+                if "\r" in text:
+                    self._take(glass, who)
+            case "stdin", str(text) if window is not None:
+                window.typed(text)
+            case ("focus" | "blur",) if is_shown and window is not None:
+                window.focused(kind == "focus")
+
+    # --- whose window it is ---
+
+    def _take(self, glass: _Glass, who: str) -> None:
+        other, self._shown = self._shown, glass
+        if other is not None:
+            other.show(TAKEN.encode())
+        self._told(f"the station is shown to {who}")
+        self._draw(glass)
+
+    def _draw(self, glass: _Glass) -> None:
+        """Draws all of the terminal; a little later where that is not there yet."""
+        window = self._window()
+        if self._shown is not glass:
+            return
+        if window is None:
+            asyncio.get_running_loop().call_later(NOT_YET_S, self._draw, glass)
+        else:
+            window.attach(glass.show, glass.columns, glass.lines)
+
+    def _leave(self, glass: _Glass, who: str) -> None:
+        if self._shown is glass:
+            self._shown = None
+            window = self._window()
+            if window is not None:
+                window.detach()
+            self._told(f"{who} has gone; the station runs on, and nobody looks at it")
+
+
+def exposure(url: str, user: str) -> str:
+    """What a page that other computers reach lays open, in words."""
+    port = urlsplit(url).port
+    return (
+        f"warning: whoever has the address {url} commands every vehicle of this station (start, abort, disarm, "
+        f"parameters) and reads and writes mission files here as {user or 'this user'}; nothing is encrypted. Without "
+        f"--web-host only this computer reaches it, and others by: ssh -L {port}:127.0.0.1:{port} THIS_COMPUTER"
+    )
+
+
+def _named(host: str) -> str:
+    """A host as it stands in a URL."""
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return host
+    if address.is_unspecified:
+        return gethostname()
+    return f"[{address}]" if address.version == 6 else str(address)
+
+
+def _is_loopback_name(host: str, served: str) -> bool:
+    """Whether the header `Host` names this computer, under any port: a tunnel may have its own."""
+    name = urlsplit(f"//{host}").hostname or ""
+    try:
+        return ip_address(name).is_loopback
+    except ValueError:
+        return name in ("localhost", served)
+
+
+def _side(value: object, name: str) -> int:
+    """Columns or lines as a browser tells them."""
+    number = int(value) if isinstance(value, int) or (isinstance(value, str) and value.isdecimal()) else 0
+    return min(number, LARGEST) if number > 0 else {"width": 80, "height": 24}[name]

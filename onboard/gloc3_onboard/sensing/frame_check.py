@@ -5,6 +5,7 @@ from typing import Annotated, Final
 from gloc3.camera_model import CameraModel
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import Image
+from gloc3_onboard.calibration.fit import misfit
 
 BLACK_MEAN: Final = 6.0
 BLACK_MAX: Final = 48
@@ -36,8 +37,8 @@ class FrameCheck:
     """
 
     def __init__(self, model: CameraModel | None = None, *, may_repeat: bool = False) -> None:
-        self._size = (model.width, model.height) if model is not None else None
-        self._is_calibrated = model is not None
+        self._model = model
+        self._size: tuple[int, int] | None = None
         self._may_repeat = may_repeat
         self._last = b""
 
@@ -48,12 +49,12 @@ class FrameCheck:
         size, count = (image.width, image.height), len(image.data)
         if min(size) <= 0 or image.width * image.height != count:
             return f"torn: {count} bytes of a picture of {image.width} x {image.height}"
+        if self._model is not None and (problem := misfit(self._model, *size)):
+            return problem
         if self._size is None:
             self._size = size
         if size != self._size:
-            wanted = f"{self._size[0]} x {self._size[1]}"
-            whose = f"the calibration is for {wanted}" if self._is_calibrated else f"it began with {wanted}"
-            return f"the picture is {image.width} x {image.height}, and {whose}"
+            return f"the picture is {size[0]} x {size[1]}, and the first was {self._size[0]} x {self._size[1]}"
         is_same, self._last = image.data == self._last, image.data
         if is_same and not self._may_repeat:
             return "the same picture again: the camera is stuck"

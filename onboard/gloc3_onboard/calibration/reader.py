@@ -1,0 +1,116 @@
+"""Reads a calibration file of any known form, told by its content, into camera models."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+from urllib.parse import parse_qsl
+
+from gloc3.camera_model import CameraModel
+from gloc3.document import load_bytes, parse
+from gloc3.errors import Finding, InputError, Refused, nearest
+from gloc3_onboard.calibration.euroc import looks_like_euroc, read_euroc
+from gloc3_onboard.calibration.kalibr import looks_like_kalibr, read_kalibr
+from gloc3_onboard.calibration.kitti import looks_like_kitti, read_kitti
+from gloc3_onboard.calibration.mounting import Transform, frd_from_axes
+from gloc3_onboard.calibration.numbers import Values
+from gloc3_onboard.calibration.opencv import looks_like_opencv, read_opencv
+from gloc3_onboard.calibration.picture_size import picture_size
+
+FORMS: Final = "OpenCV (YAML, XML), Kalibr camchain, EuRoC sensor.yaml, KITTI calib.txt"
+
+
+class Calibration(NamedTuple):
+    """What a file tells."""
+
+    file: str
+    form: str
+    cameras: dict[str, CameraModel]
+    """By their names in the file."""
+    warnings: Sequence[Finding] = ()
+
+    def camera(self, name: str = "") -> CameraModel:
+        """One camera; without a name the only one.
+
+        Raises:
+            InputError: there is none of that name, or there are several to choose from.
+        """
+        if name in self.cameras:
+            return self.cameras[name]
+        if not name and len(self.cameras) == 1:
+            return next(iter(self.cameras.values()))
+        if name:
+            finding = Finding(file=self.file, message=f"it has no camera {name!r}", hint=nearest(name, [*self.cameras]))
+        else:
+            hint = f"write {self.file}#{next(iter(self.cameras))}"
+            finding = Finding(file=self.file, message=f"it has {len(self.cameras)} cameras", hint=hint)
+        raise InputError([finding])
+
+
+def read_calibration(path: Path, *, axes: str = "", size: tuple[int, int] | None = None) -> Calibration:
+    """Reads a calibration file.
+
+    Args:
+        path: the file.
+        axes: where x, y and z of the file's IMU or body point, `flu` for forward, left, up; default: *frd*, and for
+            EuRoC's own files *urf*.
+        size: of the pictures, for files that do not tell it; default: that of a picture beside a KITTI file.
+
+    Raises:
+        InputError: with everything that is wrong in it.
+        Refused: the axes are none.
+    """
+    file = str(path)
+    text = load_bytes(path).decode("utf-8-sig", "replace")
+    body = Transform((0.0, 0.0, 0.0), frd_from_axes(axes or "frd"))
+    if looks_like_kitti(text):
+        return Calibration(file, "KITTI", read_kitti(text, file, size or picture_size(path.parent)))
+    if text.lstrip().startswith("<"):
+        return _checked(file, "OpenCV", *read_opencv(text, file))
+    plain = _without_directive(text)
+    if "!!opencv" not in text:
+        document = parse(plain, file)
+        if looks_like_kalibr(document.value):
+            return _checked(file, "Kalibr", *read_kalibr(document, body))
+        if looks_like_euroc(document.value):
+            body = body if axes else Transform((0.0, 0.0, 0.0), frd_from_axes("urf"))
+            return _checked(file, "EuRoC", *read_euroc(document, body))
+    if looks_like_opencv(text):
+        return _checked(file, "OpenCV", *read_opencv(text, file))
+    raise InputError([Finding(file=file, message="this is no calibration that is known", hint=FORMS)])
+
+
+def read_reference(reference: str, folder: Path) -> tuple[Calibration, CameraModel]:
+    """A camera by a reference such as `front.yaml#cam0` or `front.yaml?axes=flu#cam1`, relative to a folder.
+
+    Raises:
+        InputError: with everything that is wrong in the file.
+        Refused: the reference is none.
+    """
+    rest, _, camera = reference.partition("#")
+    name, _, query = rest.partition("?")
+    options = dict(parse_qsl(query))
+    unknown = sorted(set(options) - {"axes", "size"})
+    if unknown or not name:
+        raise Refused(f"calibration {reference!r}: write it as FILE?axes=flu&size=640x480#CAMERA")
+    size: tuple[int, int] | None = None
+    if "size" in options:
+        width, _, height = options["size"].partition("x")
+        if not (width.isdecimal() and height.isdecimal()):
+            raise Refused(f"calibration {reference!r}: the size is written as 640x480")
+        size = (int(width), int(height))
+    calibration = read_calibration(folder / name, axes=options.get("axes", ""), size=size)
+    return calibration, calibration.camera(camera)
+
+
+def _without_directive(text: str) -> str:
+    """Blanks OpenCV's first line, which also stands in files that OpenCV has not written."""
+    return "\n" + text.partition("\n")[2] if text.startswith("%YAML") else text
+
+
+def _checked(file: str, form: str, cameras: dict[str, CameraModel], values: Values) -> Calibration:
+    findings = sorted(values.findings)
+    if any(not finding.is_warning for finding in findings):
+        raise InputError(findings)
+    if not cameras:
+        raise InputError([Finding(file=file, message="no camera is in it")])
+    return Calibration(file, form, cameras, findings)

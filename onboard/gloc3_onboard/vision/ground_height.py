@@ -1,0 +1,78 @@
+"""The height of a camera above the floor: a range finder's echoes, smoothed by what the pictures say of height changes."""
+
+import math
+from typing import Final
+
+_GATE: Final = 4.0
+_GATE_SHARE: Final = 0.04
+"""An echo may differ by this share of the height before it is said to come from something else than the floor."""
+
+
+class GroundHeight:
+    """A scalar Kalman filter on the vertical distance to the floor that the odometer moves over.
+
+    Args:
+        noise_m: Standard deviation of a single echo.
+        scale_std: Standard deviation of the share by which all echoes may be wrong; it is not averaged away.
+    """
+
+    def __init__(self, noise_m: float, scale_std: float) -> None:
+        self._noise_m, self._scale_std = noise_m, scale_std
+        self._mean_m, self._variance = math.nan, math.inf
+        self.away_s = 0.0
+        """For how long no echo has come from the floor."""
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there has been an echo."""
+        return math.isfinite(self._mean_m)
+
+    @property
+    def mean_m(self) -> float:
+        """The height."""
+        return self._mean_m
+
+    @property
+    def std_m(self) -> float:
+        """How well it is known, the error that all echoes share included."""
+        return math.hypot(math.sqrt(self._variance), self._scale_std * self._mean_m)
+
+    def begin(self, height_m: float) -> None:
+        """Believes one echo, whatever was before."""
+        self._mean_m, self._variance = height_m, self._noise_m**2
+        self.away_s = 0.0
+
+    def forget(self) -> None:
+        """Knows nothing."""
+        self._mean_m, self._variance = math.nan, math.inf
+
+    def rise(self, ratio: float, ratio_std: float, floor_shift_m: float = 0.0) -> None:
+        """Moves to another place: the height there in heights here, and how far its floor lies below this one."""
+        self._variance = ratio**2 * self._variance + (ratio_std * self._mean_m) ** 2
+        self._mean_m = ratio * self._mean_m + floor_shift_m
+
+    def update(self, height_m: float, ratio: float, reliefs_m: tuple[float, ...], period_s: float) -> bool:
+        """Takes an echo from a place where the height is `ratio` times the one that is filtered.
+
+        Args:
+            height_m: Vertical distance to what was hit.
+            ratio: Height there in heights here.
+            reliefs_m: How far what may have been hit stands above the floor; the best fitting one counts.
+            period_s: Time since the echo before.
+
+        Returns:
+            Whether it fits one of them; else it changes nothing.
+        """
+        candidates = [(height_m + relief_m) / ratio for relief_m in reliefs_m]
+        taken_m = min(candidates, key=lambda candidate: abs(candidate - self._mean_m))
+        noise = (self._noise_m / ratio) ** 2
+        away_m = taken_m - self._mean_m
+        gate_m = _GATE * math.sqrt(self._variance + noise) + _GATE_SHARE * self._mean_m
+        if abs(away_m) > gate_m:
+            self.away_s += period_s
+            return False
+        gain = self._variance / (self._variance + noise)
+        self._mean_m += gain * away_m
+        self._variance *= 1.0 - gain
+        self.away_s = 0.0
+        return True

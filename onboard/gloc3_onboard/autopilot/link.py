@@ -26,6 +26,7 @@ from gloc3_onboard.autopilot.commands import CommandDesk
 from gloc3_onboard.autopilot.fence_upload import FenceUpload
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.px4 import Px4
+from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
@@ -92,7 +93,8 @@ class AutopilotLink:
         self._inspection = Inspection(self.own, self._commands)
         self._node = Node(self.own, [self._commands, self._peers, self._plans, self._texts, self._inspection])
         self._telemetry = Telemetry()
-        self._wanted = {codec.shape(name).id for name in Telemetry.HANDLES}
+        self.sensors = AutopilotSensors(lambda: self._post(self._ask_for_sensors))
+        self._wanted = {codec.shape(name).id for name in (*Telemetry.HANDLES, *AutopilotSensors.HANDLES)}
         self._target: Address | None = None
         self._strangers: set[Address] = set()
         self._desk = CommandDesk(self._commands, self._telemetry.texts_since)
@@ -128,6 +130,7 @@ class AutopilotLink:
                 message = frame.decode()
                 if message is not None:
                     self._telemetry.receive(message, now_s)
+                    self.sensors.receive(message, now_s, self._telemetry)
         if not is_settled:
             self._settle(now_s)
         self._tell()
@@ -201,9 +204,15 @@ class AutopilotLink:
 
     def _ask_all(self, now_s: float) -> None:
         """Asks for everything that we need of the autopilot."""
-        self._streams.ask_all(self.style.streams)
+        self._streams.ask_all([*self.style.streams, *self.sensors.streams(self.style.style)])
         if self._target is not None:
             self._inspection.adopt(self._target, self.style.style, TABLES[self.style.style].names(), now_s)
+
+    def _ask_for_sensors(self) -> None:
+        """Asks for what sensors are used, once there is an autopilot."""
+        if self._target is not None:
+            for stream in self.sensors.streams(self.style.style):
+                self._streams.ask(stream)
 
     def _tell(self) -> None:
         """Rings for what is new."""

@@ -39,6 +39,11 @@ class StreamRequests:
         self._waiting = deque(streams)
         self._promised.clear()
 
+    def ask(self, stream: Stream) -> None:
+        """Asks for one more message, or for one at another rate."""
+        self._promised.pop(stream.message_id, None)
+        self._waiting.append(stream)
+
     def heard(self, message_id: int, now_s: float) -> None:
         """A message has come."""
         self._heard_s[message_id] = now_s

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 import msgspec
 
-from gloc3.frames import normalize
+from gloc3.frames import normalize, yaw_of
 from gloc3.link.codec import MavlinkMessage
 from gloc3.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.style import AutopilotStyle
@@ -44,9 +44,9 @@ class BootClock:
         """Times that the autopilot's clock has begun anew."""
         self._offset_s = math.inf
         self._last_s = 0.0
-        self._last_boot_ms = 0
+        self._last_boot_ms = 0.0
 
-    def t_s(self, boot_ms: int, now_s: float) -> float:
+    def t_s(self, boot_ms: float, now_s: float) -> float:
         """Our time of something that the autopilot stamps with its own; never later than now."""
         if boot_ms + RESTARTED_MS < self._last_boot_ms:
             self.restarts += 1
@@ -111,6 +111,19 @@ class Telemetry:
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
         return self._clock.boot_ms(now_s)
+
+    @property
+    def yaw_rad(self) -> float | None:
+        """The heading, clockwise from north; None before the first attitude."""
+        return yaw_of(self._attitude) if self._has_attitude else None
+
+    def t_s(self, boot_ms: float, now_s: float) -> float:
+        """Our time of one of the autopilot's stamps that has just come; never later than now."""
+        restarts = self._clock.restarts
+        t_s = self._clock.t_s(boot_ms, now_s)
+        if self._clock.restarts != restarts:
+            self._forget()
+        return t_s
 
     def t_s_of_boot(self, boot_s: float) -> float | None:
         """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""

@@ -19,7 +19,7 @@ from gloc3_onboard.samplers.imu import ImuSampler
 from gloc3_onboard.samplers.laser import LaserSampler
 from gloc3_onboard.samplers.stereo_camera import StereoCameraSampler
 
-from .scripted import HEIGHT, WIDTH, OneModel, ScriptedSource, felt, picture, scan
+from .scripted_sources import HEIGHT, WIDTH, OneModel, ScriptedSource, felt, picture, scan
 
 PERIOD_S = 0.05
 

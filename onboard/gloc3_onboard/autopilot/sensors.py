@@ -1,0 +1,129 @@
+"""The sensors that are wired to an autopilot and told over MAVLink: inertial unit, range finders, range scanner.
+
+MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE. Messages are asked for once
+somebody uses them.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import ClassVar, Final, Protocol
+
+from gloc3.frames import Vector3
+from gloc3.link.codec import MavlinkMessage
+from gloc3.perception import ImuSample
+from gloc3.vehicle import Style
+from gloc3_onboard.autopilot.ranges import FAR_S, RangeRing, scan_of_obstacles
+from gloc3_onboard.autopilot.style import DISTANCE_SENSOR, Stream
+from gloc3_onboard.autopilot.telemetry import BootClock
+from gloc3_onboard.devices import Bell, StampedImu, StampedScan
+
+HIGHRES_IMU, SCALED_IMU, OBSTACLE_DISTANCE = 105, 26, 330
+IMU_OF: Final = {Style.PX4: HIGHRES_IMU, Style.ARDUPILOT: SCALED_IMU}
+IMU_HZ: Final = 100.0
+SCAN_HZ: Final = 10.0
+KEPT: Final = 256
+"""Samples of the inertial unit that are kept for who comes to fetch them."""
+MILLI_G: Final = 9.80665e-3
+UTC_US: Final = 10**15
+"""A stamp above this is of UTC, not since boot."""
+
+
+class Clockwork(Protocol):
+    """What maps the autopilot's time, and knows its heading."""
+
+    @property
+    def yaw_rad(self) -> float | None:
+        """Its heading, clockwise from north; None while it is not known."""
+
+    def t_s(self, boot_ms: float, now_s: float) -> float:
+        """Our time of one of its stamps."""
+
+
+class AutopilotSensors:
+    """Keeps the latest of each sensor; each message replaces immutable values.
+
+    Args:
+        changed: called when other messages are wanted than before.
+    """
+
+    HANDLES: ClassVar = ("HIGHRES_IMU", "SCALED_IMU", "RAW_IMU", "OBSTACLE_DISTANCE", "DISTANCE_SENSOR")
+
+    def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
+        self.obstacles: StampedScan | None = None
+        """By OBSTACLE_DISTANCE."""
+        self.ranges: StampedScan | None = None
+        """By range finders that look level, DISTANCE_SENSOR each."""
+        self.imu_bell, self.obstacles_bell, self.ranges_bell = Bell(), Bell(), Bell()
+        self._changed = changed
+        self._samples: deque[StampedImu] = deque(maxlen=KEPT)
+        self._imu_kind, self._imu_s = "", -math.inf
+        self._utc = BootClock()
+        self._ring = RangeRing()
+        self._rates_hz: dict[str, float] = {}
+
+    # --- what is wanted ---
+
+    def want(self, what: str, rate_hz: float) -> None:
+        """Has the messages of *imu*, *obstacles* or *ranges* asked for; from any thread."""
+        if self._rates_hz.get(what) != rate_hz:
+            self._rates_hz = {**self._rates_hz, what: rate_hz}
+            self._changed()
+
+    def streams(self, style: Style) -> list[Stream]:
+        """The messages that are wanted of an autopilot of this family."""
+        ids = {"imu": IMU_OF[style], "obstacles": OBSTACLE_DISTANCE, "ranges": DISTANCE_SENSOR}
+        return [Stream(ids[what], rate_hz) for what, rate_hz in sorted(self._rates_hz.items())]
+
+    def samples(self, after_s: float) -> Sequence[StampedImu]:
+        """What the inertial unit felt after a time."""
+        found: list[StampedImu] = []
+        for stamped in reversed(self._samples.copy()):
+            if stamped.t_s <= after_s:
+                break
+            found.append(stamped)
+        return found[::-1]
+
+    # --- what comes ---
+
+    def receive(self, message: MavlinkMessage, now_s: float, clockwork: Clockwork) -> None:
+        """Takes a message in."""
+        match message.name:
+            case "HIGHRES_IMU" | "SCALED_IMU" | "RAW_IMU":
+                self._imu(message, now_s, clockwork)
+            case "OBSTACLE_DISTANCE":
+                t_s = self._t_s(message.time_usec, now_s, clockwork)
+                self.obstacles = StampedScan(t_s, scan_of_obstacles(message, clockwork.yaw_rad))
+                self.obstacles_bell.ring()
+            case "DISTANCE_SENSOR":
+                scan = self._ring.take(message, now_s)
+                if scan is not None:
+                    self.ranges = StampedScan(clockwork.t_s(message.time_boot_ms, now_s), scan)
+                    self.ranges_bell.ring()
+
+    def _t_s(self, time_us: int, now_s: float, clockwork: Clockwork) -> float:
+        if time_us == 0:
+            return now_s
+        if time_us > UTC_US:
+            return self._utc.t_s((time_us - UTC_US) * 1e-3, now_s)
+        return clockwork.t_s(time_us * 1e-3, now_s)
+
+    def _imu(self, message: MavlinkMessage, now_s: float, clockwork: Clockwork) -> None:
+        """Of several messages about inertial units only the first kind that comes is taken, and its first unit."""
+        if message.name != self._imu_kind and now_s - self._imu_s < FAR_S:
+            return
+        if getattr(message, "id_", 0):
+            return
+        self._imu_kind, self._imu_s = message.name, now_s
+        if message.name == "SCALED_IMU":
+            t_s = clockwork.t_s(message.time_boot_ms, now_s)
+        else:
+            t_s = self._t_s(message.time_usec, now_s, clockwork)
+        force: Vector3 = (message.xacc, message.yacc, message.zacc)
+        rate: Vector3 = (message.xgyro, message.ygyro, message.zgyro)
+        if message.name != "HIGHRES_IMU":  # in thousandths of g and of radians per second
+            force = (force[0] * MILLI_G, force[1] * MILLI_G, force[2] * MILLI_G)
+            rate = (rate[0] * 1e-3, rate[1] * 1e-3, rate[2] * 1e-3)
+        sample = ImuSample(rate_frd_rad_s=rate, specific_force_frd_m_s2=force)
+        self._samples.append(StampedImu(t_s, sample))
+        self.imu_bell.ring()

@@ -1,5 +1,6 @@
 """The whole autopilot without I/O: readings in, throttles out, 250 times a second."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -77,6 +78,8 @@ class Autopilot:
         self.thrust = 0.0
         """Collective thrust asked for, as a fraction of full."""
         self.on_outer: list[Callable[[float], None]] = []
+        self.imu_recent: Final[deque[ImuReading]] = deque(maxlen=_OUTER)
+        """Those of the outer period that ends now, oldest first."""
         """Called with the time after each outer period."""
         self.logger: Final = FlightLogger(self)
         self._mixer = Mixer(airframe.thrust_curve)
@@ -135,6 +138,7 @@ class Autopilot:
                 dt_s = t_s - self._imu_s
                 self._imu_s = t_s
                 self.imu = reading
+                self.imu_recent.append(reading)
                 estimator.imu(
                     reading.specific_force_frd_m_s2,
                     reading.rate_frd_rad_s,

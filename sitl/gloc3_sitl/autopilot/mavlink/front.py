@@ -19,7 +19,7 @@ from gloc3.link.timesync import TimeSync
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.craft import Home
-from gloc3_sitl.autopilot.mavlink import commands
+from gloc3_sitl.autopilot.mavlink import commands, motion_telemetry
 from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
 from gloc3_sitl.autopilot.mavlink.odometry import HeadingOffset
@@ -39,6 +39,8 @@ _CALIBRATION_S: Final = 1.0
 _BUSY_S: Final = 1.0
 """So long after the last message to or from a service they are looked at in every outer period, and rarely otherwise."""
 _RARELY_S: Final = 0.1
+_IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IMU")}
+"""What is asked for at more than the rate of the outer loop."""
 
 
 class Front:
@@ -174,6 +176,11 @@ class Front:
         made: dict[int, MavlinkMessage | None] = {}
         for link, streams in self._streams.items():
             for number in streams.due(now_s):
+                if number in _IMU:
+                    rate_hz = streams.rate_hz(_IMU[number])
+                    for message in motion_telemetry.imu_messages(_IMU[number], self.autopilot, rate_hz):
+                        link.send(link.encoder.encode(message))
+                    continue
                 if number in made:
                     message = made[number]
                 else:

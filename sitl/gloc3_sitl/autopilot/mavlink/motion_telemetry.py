@@ -1,12 +1,13 @@
 """What the autopilot tells about its motion and its sensors: one producer a message."""
 
 from math import atan2, degrees, hypot, isfinite, nan, tau
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from gloc3.link.codec import message
 from gloc3.link.message import MavlinkMessage
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
 from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, short
+from gloc3_sitl.sensors.readings import ImuReading
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
@@ -189,9 +190,24 @@ def distance_sensor(autopilot: "Autopilot") -> MavlinkMessage | None:
     )
 
 
-def scaled_imu(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """SCALED_IMU."""
-    imu = autopilot.imu
+OUTER_S: Final = 0.02
+"""Period of the loop that sends."""
+
+
+def imu_messages(name: str, autopilot: "Autopilot", rate_hz: float) -> list[MavlinkMessage]:
+    """SCALED_IMU or HIGHRES_IMU at a rate above that of the outer loop: several, with the times of their readings."""
+    recent = list(autopilot.imu_recent)
+    if not recent:
+        return []
+    count = min(len(recent), max(1, round(rate_hz * OUTER_S)))
+    make = scaled_imu if name == "SCALED_IMU" else highres_imu
+    chosen = [recent[(index + 1) * len(recent) // count - 1] for index in range(count)]
+    return [made for reading in chosen if (made := make(autopilot, reading)) is not None]
+
+
+def scaled_imu(autopilot: "Autopilot", reading: ImuReading | None = None) -> MavlinkMessage | None:
+    """SCALED_IMU, of a reading or of the last one."""
+    imu = reading or autopilot.imu
     if imu is None:
         return None
     fx, fy, fz = imu.specific_force_frd_m_s2
@@ -199,7 +215,7 @@ def scaled_imu(autopilot: "Autopilot") -> MavlinkMessage | None:
     field = autopilot.magnetometer.field_frd_tesla if autopilot.magnetometer is not None else (0.0, 0.0, 0.0)
     return message(
         "SCALED_IMU",
-        time_boot_ms=boot_ms(autopilot),
+        time_boot_ms=int(imu.t_s * 1e3) & 0xFFFFFFFF,
         xacc=short(fx / 9.80665e-3),
         yacc=short(fy / 9.80665e-3),
         zacc=short(fz / 9.80665e-3),
@@ -212,9 +228,9 @@ def scaled_imu(autopilot: "Autopilot") -> MavlinkMessage | None:
     )
 
 
-def highres_imu(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """HIGHRES_IMU."""
-    imu = autopilot.imu
+def highres_imu(autopilot: "Autopilot", reading: ImuReading | None = None) -> MavlinkMessage | None:
+    """HIGHRES_IMU, of a reading or of the last one."""
+    imu = reading or autopilot.imu
     if imu is None:
         return None
     fx, fy, fz = imu.specific_force_frd_m_s2
@@ -223,7 +239,7 @@ def highres_imu(autopilot: "Autopilot") -> MavlinkMessage | None:
     barometer = autopilot.barometer
     return message(
         "HIGHRES_IMU",
-        time_usec=microseconds(autopilot),
+        time_usec=int(imu.t_s * 1e6),
         xacc=fx,
         yacc=fy,
         zacc=fz,

@@ -178,8 +178,8 @@ class Front:
             for number in streams.due(now_s):
                 if number in _IMU:
                     rate_hz = streams.rate_hz(_IMU[number])
-                    for message in motion_telemetry.imu_messages(_IMU[number], self.autopilot, rate_hz):
-                        link.send(link.encoder.encode(message))
+                    for felt in motion_telemetry.imu_messages(_IMU[number], self.autopilot, rate_hz):
+                        link.send(link.encoder.encode(felt))
                     continue
                 if number in made:
                     message = made[number]

@@ -52,7 +52,7 @@ class GroundSettings(NamedTuple):
 
     height_noise_m: float = 0.02
     """Standard deviation of one height."""
-    height_scale_std: float = 0.005
+    height_scale_std: float = 0.007
     """Standard deviation of the share by which all heights (or the focal length) may be wrong."""
     is_slant: bool = False
     """The height is measured along the body's down axis, as a range finder does that is fixed to it, not vertically."""

@@ -29,6 +29,8 @@ PERIOD_S: Final = 0.02
 """How often a running simulator advances, in simulated time: the period of the autopilot's outer loops."""
 
 _GROUND_PERIOD_STEPS: Final = 10
+_STEP_UP_M: Final = 0.3
+"""What is higher above the vehicle than this is not ground that it has sunk into, but something that it is under."""
 _MOST_LATE_S: Final = 5.0
 """A simulator that is further behind the wall clock than this gives up catching up: its clock slips."""
 _MOST_AT_ONCE_S: Final = 0.5
@@ -96,7 +98,7 @@ class Simulator:
         """Times that a wall clock ran away."""
         self._throttles = self.autopilot.throttles
         self._timer: TimerHandle | None = None
-        self._has_boxes = bool(world.file.boxes)
+        self._is_flat = world.is_flat
 
     # -- time ---------------------------------------------------------------------------------------------------------
 
@@ -114,7 +116,7 @@ class Simulator:
             quadrotor.step(throttles)
             t_s = count / rate_hz
             throttles = step(sample(quadrotor, t_s), t_s)
-            if self._has_boxes and count % _GROUND_PERIOD_STEPS == 0:
+            if not self._is_flat and count % _GROUND_PERIOD_STEPS == 0:
                 self._raise_ground()
         self._throttles = throttles
 
@@ -185,10 +187,11 @@ class Simulator:
         self.front.say(severity, text)
 
     def _raise_ground(self) -> None:
-        """Brings the ground under the vehicle to the height of the box below it."""
+        """Brings the ground under the vehicle to the height of the box or slope below it."""
         truth = self.quadrotor.truth()
-        x, y, _ = self.world.local(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
-        self.quadrotor.set_ground(self.world.frame.origin.altitude_m + self.world.height_at(x, y))
+        x, y, height = self.world.local(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
+        ground_m = self.world.height_at(x, y, self.now_s, height + _STEP_UP_M)
+        self.quadrotor.set_ground(self.world.frame.origin.altitude_m + ground_m)
 
 
 __all__ = ["PERIOD_S", "STYLES", "LinkKind", "Simulator"]

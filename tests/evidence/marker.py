@@ -14,6 +14,7 @@ from gloc3_sitl.flight_messages import SimTruth
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 
 MUST_MARGIN_PX = 8.0
 """A marker that lies so far inside the image by the truth must be found."""
@@ -24,7 +25,7 @@ NEVER_MARGIN_PX = -80.0
 def compare(out: Path) -> dict[str, int]:
     """Counts images that must show the marker, that do, and that show it though it is out of view."""
     world = World.load("hold")
-    camera = Camera(world)
+    camera = Camera(world, GROUND, GROUND_IMAGER)
     with LogReader(_truth_log(out)) as reader:
         truths = [
             (entry.envelope.t_s, entry.envelope.payload)

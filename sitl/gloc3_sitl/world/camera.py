@@ -1,115 +1,99 @@
-"""A simulated camera: where it sits, what it sees, and whether the tag is in view."""
+"""A simulated camera on a vehicle: where it sits, what it sees, and whether the tag is in view."""
 
-from math import dist, pi
+from math import ceil, dist, hypot
 from typing import Annotated, Final
 
 import msgspec
 import numpy as np
 
-from gloc3.frames import Quaternion, Vector3, conjugate, from_euler, multiply, rotate, rotate_back
+from gloc3.camera_model import CameraModel, Lens
+from gloc3.frames import Quaternion, Vector3, rotate_back
 from gloc3_sitl.truth import Truth
+from gloc3_sitl.world.lens import project
 from gloc3_sitl.world.model import Positive
-from gloc3_sitl.world.renderer import Matrix, Renderer
+from gloc3_sitl.world.placing import Placing
+from gloc3_sitl.world.studio import Studio
 from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
 
+_BLUR_STEP_PX: Final = 1.0
+_MOST_STEPS: Final = 12
+_NEAR_M: Final = 0.3
 
-class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A pinhole camera without distortion, and how it sits on the body."""
 
-    name: str = "ground"
+class Imager(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a camera takes pictures, besides what its lens is."""
+
+    name: str
     """The camera's name."""
-    width: Annotated[int, msgspec.Meta(ge=16, le=4096)] = 640
-    """Columns."""
-    height: Annotated[int, msgspec.Meta(ge=16, le=4096)] = 480
-    """Rows."""
-    focal_px: Positive = 400.0
-    """Focal length; 400 of 640 columns see 77 by 62 degrees. The optical axis meets the middle of the picture."""
-    rate_hz: Positive = 5.0
+    rate_hz: Positive = 15.0
     """Pictures per second, for whoever asks for them."""
-    position_frd_m: Vector3 = (0.0, 0.0, 0.07)
-    """The optical centre, from the centre of gravity."""
-    euler_deg: Vector3 = (0.0, 0.0, 90.0)
-    """Roll, pitch and yaw of the camera's axes (right, down, forward) on the body's; (0, 0, 90) looks down, top ahead."""
     noise_grey: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)] = 1.5
     """Standard deviation of each pixel's noise."""
-
-    @property
-    def frd_from_rdf(self) -> Quaternion:
-        """Rotation of camera axes to body axes."""
-        roll, pitch, yaw = self.euler_deg
-        return from_euler(roll * pi / 180.0, pitch * pi / 180.0, yaw * pi / 180.0)
-
-    @property
-    def center_px(self) -> tuple[float, float]:
-        """Where the optical axis meets the picture; pixel centres have whole coordinates."""
-        return (self.width - 1) / 2.0, (self.height - 1) / 2.0
-
-
-GROUND_CAMERA: Final = CameraModel()
-"""The camera under the vehicle: 640 by 480, straight down."""
 
 
 class Photo(msgspec.Struct, frozen=True, kw_only=True):
     """A picture and when it was taken."""
 
     t_s: float
-    """Time of exposure."""
+    """The middle of the exposure."""
     pixels: Image
     """Grey values, rows by columns."""
 
 
 class Camera:
-    """A camera in a world. Textures are painted at the first picture; each picture then takes about a millisecond.
+    """A camera in a world. Textures are painted at the first picture.
 
-    Pictures are the same for the same machine, seed and order of calls; processors with other vector units may differ
-    by single grey values.
+    A picture is a function of the truth, the models and the seed, not of those taken before. Processors with other
+    vector units may differ by single grey values.
+
+    Args:
+        world: what there is to see.
+        model: lens, size and place on the body.
+        imager: name, rate and noise.
+        seed: of noise, dust and jumps of the exposure.
     """
 
-    def __init__(self, world: World, model: CameraModel = GROUND_CAMERA, seed: int = 0) -> None:
+    def __init__(self, world: World, model: CameraModel, imager: Imager, seed: int = 0) -> None:
         self.world: Final = world
         self.model: Final = model
-        self._random = np.random.Generator(np.random.PCG64([seed, 0xCA3E7A]))
-        self._renderer: Renderer | None = None
-        self._noise = np.zeros((0, 0), np.int16)
-        bearing = world.frame.x_axis_bearing_deg * pi / 180.0
-        # Local axes are those of NED turned by the bearing, then half a turn about x.
-        self._local_from_ned = conjugate(multiply(from_euler(0.0, 0.0, bearing), (0.0, 1.0, 0.0, 0.0)))
+        self.imager: Final = imager
+        self._seed = seed
+        self._placing = Placing(world)
+        self._studio: Studio | None = None
 
     def pose(self, truth: Truth) -> tuple[Quaternion, Vector3]:
         """`local_from_rdf` and the optical centre as `[x, y, height]`."""
-        local_from_frd = multiply(self._local_from_ned, truth.attitude_wxyz)
-        x, y, height = self.world.local(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
-        mx, my, mz = rotate(local_from_frd, self.model.position_frd_m)
-        place = (x + mx, y + my, height + truth.standing_height_m + mz)
-        return multiply(local_from_frd, self.model.frd_from_rdf), place
+        return self._placing.body(truth).mounted(self.model.position_frd_m, self.model.frd_from_rdf)
 
     def capture(self, truth: Truth) -> Photo:
-        """Take a picture."""
-        if self._renderer is None:
-            focal_px, (column, row) = self.model.focal_px, self.model.center_px
-            intrinsics: Matrix = np.array([[focal_px, 0.0, column], [0.0, focal_px, row], [0.0, 0.0, 1.0]])
-            self._renderer = Renderer(self.world, intrinsics, self.model.width, self.model.height)
-            shape = (self.model.height + 256, self.model.width + 256)
-            noise = self._random.standard_normal(shape, np.float32) * self.model.noise_grey
-            self._noise = np.round(noise).astype(np.int16)
-        local_from_rdf, place = self.pose(truth)
-        columns = [rotate_back(local_from_rdf, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-        pixels = self._renderer.draw(np.array(columns).T, place)
-        if self.model.noise_grey > 0.0:
-            down, across = self._random.integers(0, 256, 2)
-            cut = self._noise[down : down + self.model.height, across : across + self.model.width]
-            pixels = np.clip(pixels + cut, 0, 255).astype(np.uint8)
+        """Take a picture, with the shutter open around the time of the truth."""
+        if self._studio is None:
+            self._studio = Studio(self.world, self.model, self.imager.noise_grey, self._seed, self.imager.name)
+        bodies = [self._placing.body(truth, later_s) for later_s in self._moments_s(truth)]
+        eyes = [body.mounted(self.model.position_frd_m, self.model.frd_from_rdf) for body in bodies]
+        pixels = self._studio.picture(eyes, bodies[len(bodies) // 2], truth.t_s)
         return Photo(t_s=truth.t_s, pixels=pixels)
+
+    def _moments_s(self, truth: Truth) -> list[float]:
+        """When to look while the shutter is open, from the middle: as often as the picture moves by a pixel."""
+        open_s = self.world.file.exposure.time_s
+        if open_s == 0.0:
+            return [0.0]
+        near_m = max(self.world.geometry.clearance_m(self.pose(truth)[1], truth.t_s), _NEAR_M)
+        turn_rad_s = hypot(*truth.rate_frd_rad_s) + hypot(*truth.velocity_ned_m_s) / near_m
+        moved_px = turn_rad_s * open_s * max(self.model.focal_px)
+        count = min(max(1, ceil(moved_px / _BLUR_STEP_PX)), _MOST_STEPS)
+        return [((n + 0.5) / count - 0.5) * open_s for n in range(count)]
 
     def project(self, truth: Truth, point_m: Vector3) -> tuple[float, float] | None:
         """Column and row at which a point `[x, y, height]` appears, also beyond the picture; None if it is behind."""
         local_from_rdf, (cx, cy, cz) = self.pose(truth)
-        right, down, forward = rotate_back(local_from_rdf, (point_m[0] - cx, point_m[1] - cy, point_m[2] - cz))
-        if forward <= 0.01:
+        seen = rotate_back(local_from_rdf, (point_m[0] - cx, point_m[1] - cy, point_m[2] - cz))
+        if seen[2] <= 0.01 and self.model.lens is not Lens.EQUIDISTANT:
             return None
-        column, row = self.model.center_px
-        return column + self.model.focal_px * right / forward, row + self.model.focal_px * down / forward
+        ((column, row),) = project(self.model, np.array([seen]))
+        return float(column), float(row)
 
     def marker_corners_px(self, truth: Truth) -> list[tuple[float, float]] | None:
         """Where the corners of the tag's black square appear: far left, far right, near right, near left of the x axis."""

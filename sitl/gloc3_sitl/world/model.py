@@ -1,5 +1,6 @@
 """The world file: what can stand in it."""
 
+from math import cos, tau
 from typing import Annotated
 
 import msgspec
@@ -9,6 +10,8 @@ from gloc3.platform import FrameRow, Name
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e5)]
 Grey = Annotated[float, msgspec.Meta(ge=0.0, le=255.0)]
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Length = Annotated[float, msgspec.Meta(ge=0.0, le=1e3)]
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -26,15 +29,56 @@ class Spawn(_Row, frozen=True, kw_only=True):
     """Clockwise from north."""
 
 
+class Lamp(_Row, frozen=True, kw_only=True):
+    """A lamp on the vehicle: it lights what is near and ahead of it, by the inverse square of the distance."""
+
+    position_frd_m: Vector3 = (0.1, 0.0, 0.05)
+    """Where it sits on the body."""
+    direction_frd: Vector3 = (1.0, 0.0, 0.0)
+    """Where it points, on the body."""
+    strength: Positive = 8.0
+    """Factor on the grey values of a surface that it meets squarely at 1 m."""
+    beam_deg: Annotated[float, msgspec.Meta(gt=1.0, le=180.0)] = 90.0
+    """Full angle at which its light has halved."""
+
+
 class Lighting(_Row, frozen=True, kw_only=True):
     """How bright the world is."""
 
     ambient: Annotated[float, msgspec.Meta(ge=0.0, le=2.0)] = 1.0
     """Factor on every grey value of a texture."""
+    lamps: tuple[Lamp, ...] = ()
+    """Lamps that the vehicle carries here."""
+
+
+class Dust(_Row, frozen=True, kw_only=True):
+    """Dust in the air: a haze, and grains that the light catches."""
+
+    haze_per_m: Share = 0.0
+    """Share of the light that is scattered on each metre of its way."""
+    haze_grey: Grey = 60.0
+    """Grey value of air that is too thick to look through."""
+    grains_per_m3: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)] = 0.0
+    """Grains that float in the air."""
+    grain_grey: Grey = 90.0
+    """How much brighter a grain at 0.5 m makes the picture; less with the square of the distance."""
+
+
+class Exposure(_Row, frozen=True, kw_only=True):
+    """How the cameras of the vehicle expose here."""
+
+    time_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.1)] = 0.0
+    """How long the shutter is open: what moves meanwhile is blurred; 0 freezes it."""
+    is_automatic: bool = False
+    """Whether the gain follows the brightness of what is in view."""
+    jump: Annotated[float, msgspec.Meta(ge=1.0, le=8.0)] = 1.0
+    """The gain jumps by a factor of up to this, up and down…"""
+    jump_every_s: Positive = 3.0
+    """…and stays for so long; the same for all cameras."""
 
 
 class Texture(_Row, frozen=True, kw_only=True):
-    """A procedurally made grey texture: stains of many sizes, plate seams and speckles. It repeats beyond its size."""
+    """A procedurally made grey texture: stains of many sizes, and what steel bears. It repeats beyond its size."""
 
     size_m: tuple[Positive, Positive]
     """Width and height."""
@@ -46,10 +90,18 @@ class Texture(_Row, frozen=True, kw_only=True):
     """Mean grey value."""
     contrast: Grey = 60.0
     """How far the stains go from the mean, up and down."""
-    seam_m: Annotated[float, msgspec.Meta(ge=0.0, le=1e3)] = 0.0
-    """Distance between the seams of plates; 0 for none."""
+    seam_m: Length = 0.0
+    """Distance between the welds of plates; 0 for none. It should divide the size."""
+    ribs_m: Length = 0.0
+    """Distance between upright frames; 0 for none. It should divide the width."""
+    rust: Share = 0.0
+    """Share of the area that is rusty, with streaks below."""
+    grain: Grey = 0.0
+    """Deviation from pixel to pixel: the roughness of paint and rust."""
     speckles_per_m2: Annotated[float, msgspec.Meta(ge=0.0, le=1e3)] = 0.0
     """Small bright and dark spots."""
+    label: Annotated[str, msgspec.Meta(max_length=24)] = ""
+    """Words that are stencilled on it."""
 
 
 class Surface(_Row, frozen=True, kw_only=True):
@@ -65,6 +117,15 @@ class Surface(_Row, frozen=True, kw_only=True):
     """Which texture it bears."""
 
 
+class Shuttle(_Row, frozen=True, kw_only=True):
+    """A motion to and fro, smooth at its ends; it begins at one end at the start of the simulation."""
+
+    by_m: Vector3
+    """From one end to the other, as `[x, y, height]`."""
+    period_s: Positive
+    """There and back."""
+
+
 class Box(_Row, frozen=True, kw_only=True):
     """A solid box with level top; it is an obstacle, and ground to stand on."""
 
@@ -74,6 +135,29 @@ class Box(_Row, frozen=True, kw_only=True):
     """The opposite corner."""
     texture: Name
     """Which texture its top and sides bear."""
+    shuttle: Shuttle | None = None
+    """How it moves; its corners are those at the start."""
+
+    def offset_m(self, t_s: float) -> Vector3:
+        """How far it has moved at a time."""
+        if self.shuttle is None:
+            return (0.0, 0.0, 0.0)
+        share = 0.5 - 0.5 * cos(tau * t_s / self.shuttle.period_s)
+        x, y, height = self.shuttle.by_m
+        return (x * share, y * share, height * share)
+
+
+class Light(_Row, frozen=True, kw_only=True):
+    """A bright spot in the world that is not the vehicle's: it can lead a tracker astray."""
+
+    position_m: Vector3
+    """Where it is, as `[x, y, height]`."""
+    radius_m: Positive = 0.02
+    """Radius of what shines."""
+    from_s: Length = 0.0
+    """When it goes on."""
+    to_s: Length = 1e3
+    """When it goes off."""
 
 
 class Marker(_Row, frozen=True, kw_only=True):
@@ -98,10 +182,48 @@ class WorldFile(_Row, frozen=True, kw_only=True):
     is_movable: bool = False
     """Whether it may be put anywhere on Earth by the home of a flight."""
     lighting: Lighting = Lighting()
+    dust: Dust = Dust()
+    exposure: Exposure = Exposure()
     textures: dict[Name, Texture] = {}
     """Textures by name."""
     surfaces: dict[Name, Surface] = {}
     """Rectangles by name."""
     boxes: dict[Name, Box] = {}
     """Boxes by name."""
+    lights: dict[Name, Light] = {}
+    """Bright spots by name."""
     marker: Marker | None = None
+
+
+class VariantFile(_Row, frozen=True, kw_only=True):
+    """A file that says how a world differs from one of the package; what it does not name stays."""
+
+    world: Name
+    """The variant's name."""
+    based_on: Name
+    """The world that it differs from."""
+    spawn: Spawn | None = None
+    lighting: Lighting | None = None
+    dust: Dust | None = None
+    exposure: Exposure | None = None
+    textures: dict[Name, Texture] = {}
+    """Textures that are added, or that take the place of those of the same name."""
+    surfaces: dict[Name, Surface] = {}
+    """Rectangles, likewise."""
+    boxes: dict[Name, Box] = {}
+    """Boxes, likewise."""
+    lights: dict[Name, Light] = {}
+    """Bright spots, likewise."""
+
+    def applied_to(self, base: WorldFile) -> WorldFile:
+        """The world that results."""
+        plain = {"spawn": self.spawn, "lighting": self.lighting, "dust": self.dust, "exposure": self.exposure}
+        return msgspec.structs.replace(
+            base,
+            world=self.world,
+            textures={**base.textures, **self.textures},
+            surfaces={**base.surfaces, **self.surfaces},
+            boxes={**base.boxes, **self.boxes},
+            lights={**base.lights, **self.lights},
+            **{name: value for name, value in plain.items() if value is not None},
+        )

@@ -1,14 +1,19 @@
 """A world: where it is on Earth, where the vehicle starts, how high the ground is, and what there is to see."""
 
+from functools import cached_property
 from importlib.resources import files
+from math import inf
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gloc3.document import Document, load_bytes, parse
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.schema import check
-from gloc3_sitl.world.model import Box, Marker, Surface, WorldFile
+from gloc3_sitl.world.model import Box, Marker, Surface, VariantFile, WorldFile
+
+if TYPE_CHECKING:
+    from gloc3_sitl.world.geometry import Geometry
 
 _SHIPPED: Final = files("gloc3_sitl.world") / "worlds"
 
@@ -32,8 +37,24 @@ class World:
         self.home: Final = self.frame.to_geo(self.spawn_m)
         """The ground where the vehicle starts."""
         self.marker: Final[Marker | None] = file.marker
-        self.surfaces: Final = (*file.surfaces.values(), *(side for box in file.boxes.values() for side in _sides(box)))
-        """Everything that can be seen, as rectangles."""
+        self.surfaces: Final = (
+            *file.surfaces.values(),
+            *(side for box in file.boxes.values() for side in box_sides(box)),
+        )
+        """Everything that can be seen, as rectangles, at the start."""
+        self._slopes: Final = [slope for slope in map(_slope, file.surfaces.values()) if slope is not None]
+
+    @cached_property
+    def geometry(self) -> "Geometry":
+        """Its shape, to be asked for distances and lines of sight."""
+        from gloc3_sitl.world.geometry import Geometry
+
+        return Geometry(list(self.file.surfaces.values()), list(self.file.boxes.values()))
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether the ground is at height 0 everywhere, and nothing stands on it."""
+        return not self.file.boxes and not self._slopes
 
     @staticmethod
     def names() -> list[str]:
@@ -52,38 +73,90 @@ class World:
         Raises:
             InputError: With everything that is wrong in the file, or if a world that is not movable is to be moved.
         """
-        if name_or_path.endswith((".yaml", ".yml")):
-            name, data = name_or_path, load_bytes(Path(name_or_path))
-        else:
-            name = f"{name_or_path}.yaml"
-            resource = _SHIPPED / name
-            if name_or_path not in World.names():
-                hint = nearest(name_or_path, World.names())
-                raise InputError([Finding(file=name_or_path, message=f"no world named {name_or_path!r}", hint=hint)])
-            data = resource.read_bytes()
-        document = parse(data, name)
+        name, data = _read(name_or_path)
         findings: list[Finding] = []
-        file = check(document.root, WorldFile, name, findings)
-        if file is not None:
-            findings.extend(_doubts(document, file))
-            if home is not None and not file.is_movable:
-                message = f"the world {file.world} has its own place on Earth and cannot be moved to a home"
-                findings.append(Finding(file=name, message=message, hint="use the world open"))
+        file = _parsed(name, data, findings)
+        if file is not None and home is not None and not file.is_movable:
+            message = f"the world {file.world} has its own place on Earth and cannot be moved to a home"
+            findings.append(Finding(file=name, message=message, hint="use the world open"))
         if findings or file is None:
             raise InputError(sorted(findings))
         return World(file, home, heading_deg)
 
-    def height_at(self, x_m: float, y_m: float) -> float:
-        """Height of the ground at a place: the top of the highest box there, else 0."""
+    def height_at(self, x_m: float, y_m: float, t_s: float = 0.0, below_m: float = inf) -> float:
+        """Height of the ground at a place: the top of the highest box or slope there below a height, else 0."""
         height_m = 0.0
         for box in self.file.boxes.values():
-            if box.min_m[0] <= x_m <= box.max_m[0] and box.min_m[1] <= y_m <= box.max_m[1]:
-                height_m = max(height_m, box.max_m[2])
+            (x0, y0, _), (x1, y1, z1) = box.min_m, box.max_m
+            dx, dy, dz = box.offset_m(t_s)
+            if x0 + dx <= x_m <= x1 + dx and y0 + dy <= y_m <= y1 + dy and z1 + dz <= below_m:
+                height_m = max(height_m, z1 + dz)
+        for slope in self._slopes:
+            height_m = max(height_m, slope.height_at(x_m, y_m))
         return height_m
 
     def local(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
         """Local position `[x, y, height]` of a place on Earth."""
         return self.frame.from_geo(latitude_deg, longitude_deg, altitude_m)
+
+
+class _Slope:
+    """A rectangle that is ground, but not level at height 0."""
+
+    def __init__(self, surface: Surface, normal: Vector3) -> None:
+        self._surface, self._normal = surface, normal
+
+    def height_at(self, x_m: float, y_m: float) -> float:
+        """Its height at a place; 0 beside it."""
+        (cx, cy, cz), (nx, ny, nz) = self._surface.corner_m, self._normal
+        height_m = cz - (nx * (x_m - cx) + ny * (y_m - cy)) / nz
+        offset = (x_m - cx, y_m - cy, height_m - cz)
+        for side in (self._surface.across_m, self._surface.down_m):
+            share = sum(a * b for a, b in zip(offset, side, strict=True)) / sum(a * a for a in side)
+            if not 0.0 <= share <= 1.0:
+                return 0.0
+        return height_m
+
+
+def _slope(surface: Surface) -> _Slope | None:
+    """The slope of a surface that lies rather than stands and reaches above height 0; None for others."""
+    (ax, ay, az), (bx, by, bz) = surface.across_m, surface.down_m
+    normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    size = sum(part * part for part in normal) ** 0.5
+    heights = [surface.corner_m[2] + up for up in (0.0, az, bz, az + bz)]
+    is_ground = abs(normal[2]) > 0.3 * size and min(heights) < 0.5 and max(heights) > 0.0
+    return _Slope(surface, normal) if is_ground else None
+
+
+def _read(name_or_path: str) -> tuple[str, bytes]:
+    """The name of a world's file, and what is in it."""
+    if name_or_path.endswith((".yaml", ".yml")):
+        return name_or_path, load_bytes(Path(name_or_path))
+    if name_or_path not in World.names():
+        hint = nearest(name_or_path, World.names())
+        raise InputError([Finding(file=name_or_path, message=f"no world named {name_or_path!r}", hint=hint)])
+    name = f"{name_or_path}.yaml"
+    return name, (_SHIPPED / name).read_bytes()
+
+
+def _parsed(name: str, data: bytes, findings: list[Finding]) -> WorldFile | None:
+    """The world that a file says, alone or as a variant of another."""
+    document = parse(data, name)
+    if not isinstance(document.value, dict) or "based_on" not in document.value:
+        file = check(document.root, WorldFile, name, findings)
+    else:
+        variant = check(document.root, VariantFile, name, findings)
+        if variant is None:
+            return None
+        if variant.based_on not in World.names():
+            hint = nearest(variant.based_on, World.names())
+            findings.append(document.finding(("based_on",), f"no world named {variant.based_on!r}", hint))
+            return None
+        base = _parsed(*_read(variant.based_on), findings)
+        file = None if base is None else variant.applied_to(base)
+    if file is not None:
+        findings.extend(_doubts(document, file))
+    return file
 
 
 def _doubts(document: Document, file: WorldFile) -> list[Finding]:
@@ -104,8 +177,8 @@ def _doubts(document: Document, file: WorldFile) -> list[Finding]:
     return found
 
 
-def _sides(box: Box) -> list[Surface]:
-    """The top and the four sides of a box."""
+def box_sides(box: Box) -> list[Surface]:
+    """The top and the four sides of a box at the start, and its lower side if it hangs above the ground."""
     (x0, y0, z0), (x1, y1, z1) = box.min_m, box.max_m
     width, depth, height = x1 - x0, y1 - y0, z1 - z0
     down = (0.0, 0.0, -height)
@@ -116,4 +189,6 @@ def _sides(box: Box) -> list[Surface]:
         ((x0, y0, z1), (width, 0.0, 0.0), down),
         ((x1, y1, z1), (-width, 0.0, 0.0), down),
     ]
+    if z0 > 0.0:
+        corners.append(((x0, y1, z0), (0.0, -depth, 0.0), (width, 0.0, 0.0)))
     return [Surface(corner_m=c, across_m=a, down_m=d, texture=box.texture) for c, a, d in corners]

@@ -3,18 +3,21 @@
 from collections.abc import Callable
 from math import dist, pi
 
+import msgspec
 import numpy as np
 import pytest
 
 from gloc3.frames import Vector3
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import GROUND_CAMERA, Camera, CameraModel
+from gloc3_sitl.world.camera import Camera, Imager
+from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 from gloc3_sitl.world.texture import Image
 
 pytestmark = pytest.mark.thorough
 
 TruthAt = Callable[..., Truth]
+CLEAN = Imager(name="ground", noise_grey=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +27,7 @@ def hold() -> World:
 
 @pytest.fixture(scope="module")
 def camera(hold: World) -> Camera:
-    return Camera(hold)
+    return Camera(hold, GROUND, GROUND_IMAGER)
 
 
 def find_tag(picture: Image) -> tuple[int, list[tuple[float, float]]] | None:
@@ -94,7 +97,7 @@ def test_the_picture_s_top_is_ahead_and_its_right_is_to_the_right(
 ) -> None:
     truth = truth_at(hold, (5.0, 5.0, 2.0))
     middle = camera.project(truth, (5.0, 5.0, 0.0))
-    assert middle == pytest.approx(GROUND_CAMERA.center_px)
+    assert middle == pytest.approx(GROUND.center_px)
     ahead, right = camera.project(truth, (6.0, 5.0, 0.0)), camera.project(truth, (5.0, 4.0, 0.0))
     assert ahead is not None
     assert right is not None
@@ -107,7 +110,7 @@ def test_the_picture_s_top_is_ahead_and_its_right_is_to_the_right(
 def test_a_step_sideways_moves_the_picture_by_as_much_as_geometry_says(hold: World, truth_at: TruthAt) -> None:
     import cv2
 
-    camera = Camera(hold, CameraModel(noise_grey=0.0))
+    camera = Camera(hold, GROUND, CLEAN)
     first = camera.capture(truth_at(hold, (5.0, 5.0, 4.0))).pixels.astype(np.float32)
     second = camera.capture(truth_at(hold, (5.3, 5.1, 4.0))).pixels.astype(np.float32)
     (across, down), _ = cv2.phaseCorrelate(first, second, cv2.createHanningWindow((640, 480), cv2.CV_32F))
@@ -117,7 +120,9 @@ def test_a_step_sideways_moves_the_picture_by_as_much_as_geometry_says(hold: Wor
 
 def test_pictures_have_texture_everywhere_and_noise_of_the_stated_strength(hold: World, truth_at: TruthAt) -> None:
     truth = truth_at(hold, (16.0, 9.0, 3.0))
-    noisy, clean = (Camera(hold, CameraModel(noise_grey=grey)).capture(truth).pixels for grey in (3.0, 0.0))
+    noisy, clean = (
+        Camera(hold, GROUND, Imager(name="ground", noise_grey=grey)).capture(truth).pixels for grey in (3.0, 0.0)
+    )
     assert float((noisy.astype(int) - clean).std()) == pytest.approx(3.0, rel=0.05)
     blocks = clean.reshape(6, 80, 8, 80).std(axis=(1, 3))
     assert blocks.min() > 3.0
@@ -125,15 +130,17 @@ def test_pictures_have_texture_everywhere_and_noise_of_the_stated_strength(hold:
 
 def test_the_same_seed_gives_the_same_pictures_and_another_seed_other_noise(hold: World, truth_at: TruthAt) -> None:
     truth = truth_at(hold, (3.0, 3.0, 2.0), (0.1, 0.1, 1.0))
-    cameras = [Camera(hold, seed=seed) for seed in (1, 1, 2)]
-    first, again, other = ([camera.capture(truth).pixels.tobytes() for _ in range(2)] for camera in cameras)
+    truths = [truth, msgspec.structs.replace(truth, t_s=truth.t_s + 0.2)]
+    cameras = [Camera(hold, GROUND, GROUND_IMAGER, seed) for seed in (1, 1, 2)]
+    first, again, other = ([camera.capture(truth).pixels.tobytes() for truth in truths] for camera in cameras)
     assert first == again
     assert first != other
     assert first[0] != first[1]
+    assert cameras[0].capture(truth).pixels.tobytes() == first[0], "a picture does not depend on those before it"
 
 
 def test_walls_come_into_view_near_them(hold: World, truth_at: TruthAt) -> None:
-    camera = Camera(hold, CameraModel(noise_grey=0.0))
+    camera = Camera(hold, GROUND, CLEAN)
     picture = camera.capture(truth_at(hold, (20.0, 5.0, 5.0))).pixels
     wall_foot = camera.project(truth_at(hold, (20.0, 5.0, 5.0)), (21.0, 5.0, 0.0))
     assert wall_foot is not None
@@ -145,7 +152,7 @@ def test_walls_come_into_view_near_them(hold: World, truth_at: TruthAt) -> None:
 
 def test_open_ground_goes_on_for_ever_and_has_its_tag_ahead_of_the_home(truth_at: TruthAt) -> None:
     world = World.load("open")
-    camera = Camera(world)
+    camera = Camera(world, GROUND, GROUND_IMAGER)
     far = camera.capture(truth_at(world, (640.0, -410.0, 60.0))).pixels
     assert float(far.std()) > 5.0
     found = find_tag(camera.capture(truth_at(world, (3.0, 0.0, 5.0), (0.0, 0.0, pi / 3))).pixels)
@@ -154,7 +161,7 @@ def test_open_ground_goes_on_for_ever_and_has_its_tag_ahead_of_the_home(truth_at
 
 def test_repeated_texture_has_no_seam(truth_at: TruthAt) -> None:
     world = World.load("open")
-    camera = Camera(world, CameraModel(noise_grey=0.0))
+    camera = Camera(world, GROUND, CLEAN)
     for x_m in (8.0, 24.0, 40.0):
         picture = camera.capture(truth_at(world, (x_m, 8.0, 4.0))).pixels.astype(int)
         steps = np.abs(np.diff(picture, axis=0)).mean(axis=1)
@@ -162,10 +169,10 @@ def test_repeated_texture_has_no_seam(truth_at: TruthAt) -> None:
 
 
 def test_a_camera_that_looks_ahead_sees_the_wall(hold: World, truth_at: TruthAt) -> None:
-    front = Camera(hold, CameraModel(name="front", euler_deg=(90.0, 0.0, 90.0), noise_grey=0.0))
+    front = Camera(hold, msgspec.structs.replace(GROUND, frd_from_rdf=(0.5, 0.5, 0.5, 0.5)), CLEAN)
     truth = truth_at(hold, (15.0, 5.0, 3.0))
     place = front.project(truth, (21.0, 5.0, 3.0 + 0.0973 - 0.07))
-    assert place == pytest.approx(CameraModel().center_px, abs=0.01)
+    assert place == pytest.approx(GROUND.center_px, abs=0.01)
     left = front.project(truth, (21.0, 6.0, 3.0))
     assert left is not None
     assert left[0] < 319.5, "y is to the left"

@@ -32,13 +32,13 @@ def load(tmp_path: Path, text: str) -> World:
 
 
 def test_the_package_brings_a_hold_and_open_ground() -> None:
-    assert World.names() == ["hold", "open"]
+    assert World.names() == ["corridor", "hold", "hold_busy", "hold_hard", "open", "tank"]
     hold = World.load("hold")
     assert (hold.name, hold.frame_name) == ("hold", "hold")
     assert hold.spawn_m == (0.0, 0.0, 0.0)
     assert hold.home == pytest.approx(hold.frame.origin, abs=1e-6)
     assert hold.marker is not None
-    assert len(hold.surfaces) == 5
+    assert len(hold.surfaces) == 8 + 3 * 5 + 6
 
 
 def test_the_hold_s_walls_stand_round_everything_that_missions_use() -> None:

@@ -1,0 +1,79 @@
+"""A texture at full, half, quarter… resolution, repeated as far as a picture can need it."""
+
+from functools import lru_cache
+from math import ceil, log2
+from typing import Any, Final
+
+from gloc3_sitl.world.model import Marker, Texture
+from gloc3_sitl.world.texture import MARKER_CELLS, MARKER_PIXELS_PER_CELL, Image, paint, paint_marker
+
+RIM_PX: Final = 2
+_SMALL_PX: Final = 24
+_SPAN_PX: Final = 1400
+"""What a band of a surface covers of its texture at most, as a rule, when its resolution fits that of the picture."""
+
+
+class Level:
+    """One resolution of a texture, with a rim that keeps what lies beyond the edge out of the interpolation.
+
+    OpenCV is ten times slower where it has to look beyond a picture's edge by any other rule than *nothing is there*.
+    """
+
+    def __init__(self, cv2: Any, bare: Image, scale_px_m: float, *, is_repeated: bool) -> None:
+        self.bare = bare
+        """One period, without the rim."""
+        self.scale_px_m = scale_px_m
+        rows, columns = bare.shape
+        self.period_px = (columns, rows)
+        if not is_repeated:
+            self.sheet = cv2.copyMakeBorder(bare, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_REPLICATE)
+            return
+        across, down = (ceil(_SPAN_PX / side) * side for side in (columns, rows))
+        margins = (RIM_PX, down + RIM_PX, RIM_PX, across + RIM_PX)
+        tiled = bare
+        while tiled.shape[0] < margins[1] or tiled.shape[1] < margins[3]:
+            tiled = cv2.hconcat([tiled, tiled]) if tiled.shape[1] < margins[3] else cv2.vconcat([tiled, tiled])
+        self.sheet = cv2.copyMakeBorder(tiled, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_WRAP)
+
+
+class Cloth:
+    """A painted texture; each resolution is made when it is first needed."""
+
+    def __init__(self, cv2: Any, picture: Image, pixels_per_m: float, *, is_repeated: bool = True) -> None:
+        self._cv2 = cv2
+        self._is_repeated = is_repeated
+        self.is_repeated: Final = is_repeated
+        self._pixels_per_m = pixels_per_m
+        self._bare = [picture]
+        while min(self._bare[-1].shape) > _SMALL_PX and all(side % 2 == 0 for side in self._bare[-1].shape):
+            half = cv2.resize(self._bare[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            self._bare.append(half)
+        self._levels: list[Level | None] = [None] * len(self._bare)
+
+    def level(self, pixel_m: float) -> Level:
+        """The resolution that fits pixels that are so wide on the surface."""
+        wanted = round(log2(max(pixel_m * self._pixels_per_m, 1e-9)))
+        index = min(max(0, wanted), len(self._bare) - 1)
+        found = self._levels[index]
+        if found is None:
+            scale_px_m = self._pixels_per_m / 2**index
+            found = Level(self._cv2, self._bare[index], scale_px_m, is_repeated=self._is_repeated)
+            self._levels[index] = found
+        return found
+
+
+@lru_cache(maxsize=24)
+def cloth_of(texture: Texture) -> Cloth:
+    """The cloth of a texture, one for all cameras of the process."""
+    import cv2
+
+    return Cloth(cv2, paint(texture), texture.resolution_px_m)
+
+
+@lru_cache(maxsize=4)
+def cloth_of_marker(marker: Marker) -> Cloth:
+    """The tag with its white border."""
+    import cv2
+
+    side_m = marker.size_m * MARKER_CELLS / 6.0
+    return Cloth(cv2, paint_marker(marker), MARKER_CELLS * MARKER_PIXELS_PER_CELL / side_m, is_repeated=False)

@@ -1,0 +1,129 @@
+"""The shape of a world: rays, distances and lines of sight against its rectangles and boxes. Numpy only.
+
+All positions and directions are `[x, y, height]` in the world's frame; times are those of the simulation, which decide
+where moving boxes are.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.frames import Vector3
+from gloc3_sitl.world.model import Box, Surface
+
+Floats = NDArray[np.float64]
+_EDGE_M: Final = 1e-6
+_BLIND_M: Final = 1e-9
+
+
+class Geometry:
+    """Rectangles and boxes that can be asked where a ray ends and how near they are.
+
+    Args:
+        surfaces: rectangles.
+        boxes: solid boxes; those with a `shuttle` move.
+    """
+
+    def __init__(self, surfaces: list[Surface], boxes: list[Box]) -> None:
+        self._corners = _array([surface.corner_m for surface in surfaces])
+        across = _array([surface.across_m for surface in surfaces])
+        down = _array([surface.down_m for surface in surfaces])
+        self._lengths = np.stack([np.linalg.norm(across, axis=1), np.linalg.norm(down, axis=1)])
+        self._across = across / self._lengths[0][:, None]
+        self._down = down / self._lengths[1][:, None]
+        self._normals = np.cross(self._across, self._down)
+        self._boxes = boxes
+        self._min, self._max = _array([box.min_m for box in boxes]), _array([box.max_m for box in boxes])
+        self._moving = [index for index, box in enumerate(boxes) if box.shuttle is not None]
+
+    def boxes_at(self, t_s: float) -> tuple[Floats, Floats]:
+        """Least and greatest corners of all boxes at a time, each of shape `(n, 3)`."""
+        if not self._moving:
+            return self._min, self._max
+        least, most = self._min.copy(), self._max.copy()
+        for index in self._moving:
+            offset = self._boxes[index].offset_m(t_s)
+            least[index] += offset
+            most[index] += offset
+        return least, most
+
+    def ranges(self, origins_m: Floats, directions: Floats, t_s: float) -> Floats:
+        """Distance along each ray to what it meets first; infinity where it meets nothing.
+
+        Args:
+            origins_m: where the rays begin, shape `(n, 3)` or `(3,)` for one place.
+            directions: unit vectors, shape `(n, 3)`.
+            t_s: the time.
+        """
+        origins = np.broadcast_to(np.asarray(origins_m, float), directions.shape)
+        found = np.minimum(self._to_surfaces(origins, directions), self._to_boxes(origins, directions, t_s))
+        return found
+
+    def is_clear(self, origin_m: Vector3, targets_m: Floats, t_s: float) -> NDArray[np.bool_]:
+        """Whether nothing stands between a place and each target, shape `(n, 3)`; a target may lie on a surface."""
+        along = np.asarray(targets_m, float) - np.array(origin_m)
+        lengths = np.linalg.norm(along, axis=1)
+        ranges = self.ranges(np.array(origin_m), along / np.maximum(lengths, _BLIND_M)[:, None], t_s)
+        clear: NDArray[np.bool_] = ranges >= lengths - 1e-3
+        return clear
+
+    def clearance_m(self, point_m: Vector3, t_s: float) -> float:
+        """Distance from a place to the nearest rectangle or box; 0 inside a box, infinity in an empty world."""
+        return min(self.surface_clearance_m(point_m), self.box_clearance_m(point_m, t_s))
+
+    def surface_clearance_m(self, point_m: Vector3) -> float:
+        """Distance to the nearest rectangle."""
+        if not len(self._corners):
+            return float("inf")
+        from_corner = np.array(point_m) - self._corners
+        beyond = []
+        for axes, lengths in ((self._across, self._lengths[0]), (self._down, self._lengths[1])):
+            place = (from_corner * axes).sum(axis=1)
+            beyond.append(place - np.clip(place, 0.0, lengths))
+        off = (from_corner * self._normals).sum(axis=1)
+        return float(np.sqrt(off**2 + beyond[0] ** 2 + beyond[1] ** 2).min())
+
+    def box_clearance_m(self, point_m: Vector3, t_s: float) -> float:
+        """Distance to the nearest box; 0 inside one."""
+        least, most = self.boxes_at(t_s)
+        if not len(least):
+            return float("inf")
+        point = np.array(point_m)
+        return float(np.linalg.norm(np.maximum(np.maximum(least - point, point - most), 0.0), axis=1).min())
+
+    def _to_surfaces(self, origins: Floats, directions: Floats) -> Floats:
+        if not len(self._corners):
+            return np.full(len(directions), np.inf)
+        height = origins @ self._normals.T - (self._corners * self._normals).sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = -height / (directions @ self._normals.T)
+            inside = reach > _BLIND_M
+            for axes, lengths in ((self._across, self._lengths[0]), (self._down, self._lengths[1])):
+                begin = origins @ axes.T - (self._corners * axes).sum(axis=1)
+                place = begin + reach * (directions @ axes.T)
+                inside &= (place >= -_EDGE_M) & (place <= lengths + _EDGE_M)
+        nearest: Floats = np.where(inside, reach, np.inf).min(axis=1)
+        return nearest
+
+    def _to_boxes(self, origins: Floats, directions: Floats, t_s: float) -> Floats:
+        """By slabs (Kay and Kajiya 1986); from inside a box its wall is met."""
+        least, most = self.boxes_at(t_s)
+        if not len(least):
+            return np.full(len(directions), np.inf)
+        enter = np.full((len(directions), len(least)), -np.inf)
+        leave = np.full((len(directions), len(least)), np.inf)
+        for axis in range(3):
+            slope = directions[:, axis, None]
+            slope = 1.0 / np.where(np.abs(slope) < 1e-12, 1e-12, slope)
+            near = (least[:, axis] - origins[:, axis, None]) * slope
+            far = (most[:, axis] - origins[:, axis, None]) * slope
+            np.maximum(enter, np.minimum(near, far), out=enter)
+            np.minimum(leave, np.maximum(near, far), out=leave)
+        reach = np.where(enter > _BLIND_M, enter, leave)
+        nearest: Floats = np.where((leave >= enter) & (leave > _BLIND_M), reach, np.inf).min(axis=1)
+        return nearest
+
+
+def _array(rows: list[Vector3]) -> Floats:
+    return np.array(rows, float).reshape(-1, 3)

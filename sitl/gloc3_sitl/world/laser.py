@@ -1,0 +1,111 @@
+"""A planar laser scanner: rays against the world from a tilted vehicle, with noise and drop-outs."""
+
+from math import pi
+from typing import Annotated, Final
+from zlib import crc32
+
+import msgspec
+import numpy as np
+
+from gloc3.frames import IDENTITY, Quaternion, Vector3, multiply, rotate
+from gloc3.perception import LaserScan
+from gloc3_sitl.truth import Truth
+from gloc3_sitl.world.geometry import Floats
+from gloc3_sitl.world.model import Length, Positive, Share
+from gloc3_sitl.world.placing import Place, Placing
+from gloc3_sitl.world.world import World
+
+_FLU_FROM_FRD: Final[Quaternion] = (0.0, 1.0, 0.0, 0.0)
+"""Half a turn about x: a scanner counts its angles to the left, seen from above."""
+
+
+class LaserModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A scanner, and how it sits on the body. The defaults are a 30 m class scanner that sees all round."""
+
+    name: str = "laser"
+    """The scanner's name."""
+    beams: Annotated[int, msgspec.Meta(ge=2, le=10_000)] = 360
+    """Rays of one turn."""
+    angle_min_rad: float = -pi
+    """Angle of the first ray, counted to the left from straight ahead."""
+    angle_step_rad: float = 2.0 * pi / 360.0
+    """From one ray to the next."""
+    range_min_m: Length = 0.1
+    """What is nearer is not seen."""
+    range_max_m: Positive = 30.0
+    """What is farther is not seen."""
+    noise_m: Length = 0.01
+    """Standard deviation of a range."""
+    drop_out: Share = 0.002
+    """Share of rays that come back empty for no reason."""
+    rate_hz: Positive = 10.0
+    """Turns per second."""
+    duration_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0
+    """From the first ray to the last, while the vehicle moves on; 0 for all at once."""
+    position_frd_m: Vector3 = (0.0, 0.0, -0.08)
+    """Where it sits on the body."""
+    frd_from_scanner: Quaternion = IDENTITY
+    """How its axes (forward, right, down) sit on those of the body."""
+
+
+class LaserScanner:
+    """A scanner on a vehicle in a world. A scan is a function of the truth and the seed, not of those before."""
+
+    def __init__(self, world: World, model: LaserModel, seed: int = 0) -> None:
+        self.model: Final = model
+        self._world, self._seed = world, seed
+        self._stream = crc32(model.name.encode())
+        self._placing = Placing(world)
+        self._angles = model.angle_min_rad + np.arange(model.beams) * model.angle_step_rad
+        ahead = np.array((np.cos(self._angles), np.sin(self._angles), np.zeros(model.beams))).T
+        self._directions: Floats = ahead
+
+    def pose(self, truth: Truth) -> Place:
+        """Where the scanner is, with axes forward, left and up."""
+        return self._mounted(self._placing.body(truth))
+
+    def true_ranges_m(self, truth: Truth) -> Floats:
+        """Distance along each ray to what it meets, the last ray at the time of the truth; infinity for nothing."""
+        origins, directions = self._rays(truth)
+        return self._world.geometry.ranges(origins, directions, truth.t_s)
+
+    def scan(self, truth: Truth) -> LaserScan:
+        """One turn that ends at the truth, as the scanner reports it: what it does not see is at `range_max_m`."""
+        model = self.model
+        moment = max(0, round(truth.t_s * 1e6))
+        random = np.random.Generator(np.random.PCG64([self._seed, self._stream, moment]))
+        ranges = self.true_ranges_m(truth)
+        lost = (ranges < model.range_min_m) | (random.random(model.beams) < model.drop_out)
+        ranges = ranges + model.noise_m * random.standard_normal(model.beams)
+        ranges = np.where(lost | ~(ranges < model.range_max_m), model.range_max_m, np.maximum(ranges, model.range_min_m))
+        return LaserScan(
+            scanner=model.name,
+            angle_min_rad=model.angle_min_rad,
+            angle_step_rad=model.angle_step_rad,
+            range_min_m=model.range_min_m,
+            range_max_m=model.range_max_m,
+            ranges_m=ranges.astype("<f4").tobytes(),
+            duration_s=model.duration_s,
+        )
+
+    def _mounted(self, body: Place) -> Place:
+        return body.mounted(self.model.position_frd_m, multiply(self.model.frd_from_scanner, _FLU_FROM_FRD))
+
+    def _rays(self, truth: Truth) -> tuple[Floats, Floats]:
+        """Where the rays begin and which way they go, in the world."""
+        place = self.pose(truth)
+        turned = self._directions @ _matrix(place.local_from_here).T
+        if self.model.duration_s == 0.0:
+            return np.array(place.position_m), turned
+        # The turn is short: place and direction change evenly in it.
+        first = self._mounted(self._placing.body(truth, -self.model.duration_s))
+        before = self._directions @ _matrix(first.local_from_here).T
+        share = np.linspace(0.0, 1.0, self.model.beams)[:, None]
+        directions = before * (1.0 - share) + turned * share
+        origins = np.array(first.position_m) * (1.0 - share) + np.array(place.position_m) * share
+        return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def _matrix(a_from_b: Quaternion) -> Floats:
+    axes: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return np.array([rotate(a_from_b, axis) for axis in axes]).T

@@ -1,0 +1,52 @@
+"""What the example vehicles carry: their cameras and their laser scanner, with the lenses that they have in flight.
+
+The platform files name the same calibration; a real vehicle has files of its own.
+"""
+
+from math import pi
+from typing import Final
+
+from gloc3.camera_model import CameraModel, Lens
+from gloc3.frames import from_euler
+from gloc3_sitl.world.camera import Imager
+from gloc3_sitl.world.laser import LaserModel
+
+BASELINE_M: Final = 0.15
+"""Between the two eyes of the stereo pair."""
+
+GROUND: Final = CameraModel(
+    width=640,
+    height=480,
+    focal_px=(400.0, 400.0),
+    center_px=(319.5, 239.5),
+    position_frd_m=(0.0, 0.0, 0.07),
+    frd_from_rdf=from_euler(0.0, 0.0, pi / 2.0),
+)
+"""The camera under the vehicle: it looks straight down, the top of its picture ahead; 77 by 62 degrees, no distortion."""
+GROUND_IMAGER: Final = Imager(name="ground")
+
+FRONT_LEFT: Final = CameraModel(
+    width=640,
+    height=480,
+    focal_px=(430.0, 430.0),
+    center_px=(321.3, 238.1),
+    lens=Lens.RADTAN,
+    distortion=(-0.11, 0.035, 0.0004, -0.0003),
+    position_frd_m=(0.12, -BASELINE_M / 2.0, 0.02),
+)
+"""The left eye of the stereo pair, which looks ahead: 80 degrees across."""
+FRONT_RIGHT: Final = CameraModel(
+    width=640,
+    height=480,
+    focal_px=(431.5, 431.5),
+    center_px=(318.2, 240.6),
+    lens=Lens.RADTAN,
+    distortion=(-0.108, 0.033, -0.0002, 0.0003),
+    position_frd_m=(0.12, BASELINE_M / 2.0, 0.02),
+)
+"""The right eye."""
+FRONT_LEFT_IMAGER: Final = Imager(name="front_left")
+FRONT_RIGHT_IMAGER: Final = Imager(name="front_right")
+
+LASER: Final = LaserModel()
+"""The scanner on top of the vehicle: all round, 1 degree, 30 m, 10 mm."""

@@ -7,7 +7,8 @@ from typing import Final, Self
 from gloc3.errors import Refused
 from gloc3.frame_stream import GreyFrame, encode
 from gloc3_sitl.simulator import Simulator
-from gloc3_sitl.world.camera import GROUND_CAMERA, Camera
+from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 
 MOST_CLIENTS: Final = 4
 
@@ -17,7 +18,7 @@ class CameraServer:
 
     def __init__(self, simulator: Simulator, loop: asyncio.AbstractEventLoop, seed: int, name: str = "ground") -> None:
         self._simulator, self._loop, self._name = simulator, loop, name
-        self._camera = Camera(simulator.world, GROUND_CAMERA, seed)
+        self._camera = Camera(simulator.world, GROUND, GROUND_IMAGER, seed)
         self._clients: list[asyncio.StreamWriter] = []
         self._server: asyncio.Server | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -63,7 +64,7 @@ class CameraServer:
         self._timer = self._loop.call_later(0.02, self._tick)
         self._clients = [client for client in self._clients if not client.is_closing()]
         now_s = self._simulator.now_s
-        if not self._clients or now_s - self._last_s < 1.0 / GROUND_CAMERA.rate_hz - 1e-6:
+        if not self._clients or now_s - self._last_s < 1.0 / GROUND_IMAGER.rate_hz - 1e-6:
             return
         self._last_s = now_s
         photo = self._camera.capture(self._simulator.truth())

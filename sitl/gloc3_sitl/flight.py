@@ -51,7 +51,8 @@ from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.flight_messages import SimFault, SimTruth
 from gloc3_sitl.path_error import Sample
 from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
-from gloc3_sitl.sim_camera import NoCamera, SimCamera
+from gloc3_sitl.sim_devices import NoCamera
+from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
@@ -59,7 +60,7 @@ from gloc3_sitl.world import World
 STATION_ID: Final = 255
 STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
-DEVICES: Final = (*HOST_DEVICES, "ground_camera")
+DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES)
 """What the onboard process of a flight has."""
 FLUSH_S: Final = 1.0
 """How long a message stays in memory: in virtual time a second is over in some milliseconds."""
@@ -82,6 +83,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """Of the autopilot, that differ from its defaults."""
     battery: float = 1.0
     """Charge at the start, 1 to 0."""
+    world: str = ""
+    """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
     is_plain_gps: bool = False
     station_link: Conditions = STATION_RADIO
     """Both ways between station and platform."""
@@ -171,7 +174,8 @@ class Flight:
             battery_remaining=plan.battery,
             parameters=plan.parameters,
         )
-        self.camera: Final = self._camera(world)
+        self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
+        """The cameras and the laser scanner; they cost nothing until they are opened."""
         self.cable: Final = MemoryLink(self.loop, Random(plan.seed + 1), AUTOPILOT_CABLE)
         self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
         self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
@@ -196,17 +200,15 @@ class Flight:
 
     def _world(self) -> World:
         """The world that the mission's frame belongs to; for missions on Earth open ground at their first place."""
-        if self.mission.frame != "geo":
-            return World.load("hold")
+        if self.mission.frame != "geo" or self.plan.world:
+            return World.load(self.plan.world or "hold")
         from gloc3_sitl.earth import home_of
 
         return World.load("open", home=home_of(self.mission))
 
-    def _camera(self, world: World) -> NoCamera | SimCamera:
-        """A camera only where a mission uses it: a picture costs as much as everything else together."""
-        if any(action.capability == "record_images" for action in self.mission.actions().values()):
-            return SimCamera(world, self.simulator.truth, lambda: self.simulator.now_s, self.plan.seed)
-        return NoCamera()
+    def _takes_pictures(self) -> bool:
+        """Whether the mission does: a picture costs as much as everything else together."""
+        return any(action.capability == "record_images" for action in self.mission.actions().values())
 
     async def __aenter__(self) -> Self:
         """Starts everything."""
@@ -244,7 +246,8 @@ class Flight:
         devices = {
             "autopilot": self.autopilot_link,
             "computer": SimulatedComputer(self.clock),
-            "ground_camera": self.camera,
+            **self.rig.devices,
+            **({} if self._takes_pictures() else {"ground_camera": NoCamera()}),
             "pictures": self._pictures,
             "site": Site(platform, self._journal, self._progress),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),

@@ -6,10 +6,10 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from gloc3.camera_model import CameraModel, Lens
+from gloc3.camera_geometry import project
+from gloc3.camera_model import CameraModel
 from gloc3.frames import Quaternion, Vector3, rotate_back
 from gloc3_sitl.truth import Truth
-from gloc3_sitl.world.lens import project
 from gloc3_sitl.world.model import Positive
 from gloc3_sitl.world.placing import Placing
 from gloc3_sitl.world.studio import Studio
@@ -90,7 +90,7 @@ class Camera:
         """Column and row at which a point `[x, y, height]` appears, also beyond the picture; None if it is behind."""
         local_from_rdf, (cx, cy, cz) = self.pose(truth)
         seen = rotate_back(local_from_rdf, (point_m[0] - cx, point_m[1] - cy, point_m[2] - cz))
-        if seen[2] <= 0.01 and self.model.lens is not Lens.EQUIDISTANT:
+        if seen[2] <= 0.01:
             return None
         ((column, row),) = project(self.model, np.array([seen]))
         return float(column), float(row)

@@ -57,8 +57,7 @@ class Geometry:
             t_s: the time.
         """
         origins = np.broadcast_to(np.asarray(origins_m, float), directions.shape)
-        found = np.minimum(self._to_surfaces(origins, directions), self._to_boxes(origins, directions, t_s))
-        return found
+        return np.minimum(self._to_surfaces(origins, directions), self._to_boxes(origins, directions, t_s))
 
     def is_clear(self, origin_m: Vector3, targets_m: Floats, t_s: float) -> NDArray[np.bool_]:
         """Whether nothing stands between a place and each target, shape `(n, 3)`; a target may lie on a surface."""

@@ -7,7 +7,8 @@ from zlib import crc32
 import msgspec
 import numpy as np
 
-from gloc3.frames import IDENTITY, Quaternion, Vector3, multiply, rotate
+from gloc3.camera_geometry import matrix
+from gloc3.frames import IDENTITY, Quaternion, Vector3, multiply
 from gloc3.perception import LaserScan
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world.geometry import Floats
@@ -77,7 +78,9 @@ class LaserScanner:
         ranges = self.true_ranges_m(truth)
         lost = (ranges < model.range_min_m) | (random.random(model.beams) < model.drop_out)
         ranges = ranges + model.noise_m * random.standard_normal(model.beams)
-        ranges = np.where(lost | ~(ranges < model.range_max_m), model.range_max_m, np.maximum(ranges, model.range_min_m))
+        ranges = np.where(
+            lost | ~(ranges < model.range_max_m), model.range_max_m, np.maximum(ranges, model.range_min_m)
+        )
         return LaserScan(
             scanner=model.name,
             angle_min_rad=model.angle_min_rad,
@@ -94,18 +97,13 @@ class LaserScanner:
     def _rays(self, truth: Truth) -> tuple[Floats, Floats]:
         """Where the rays begin and which way they go, in the world."""
         place = self.pose(truth)
-        turned = self._directions @ _matrix(place.local_from_here).T
+        turned = self._directions @ matrix(place.local_from_here).T
         if self.model.duration_s == 0.0:
             return np.array(place.position_m), turned
         # The turn is short: place and direction change evenly in it.
         first = self._mounted(self._placing.body(truth, -self.model.duration_s))
-        before = self._directions @ _matrix(first.local_from_here).T
+        before = self._directions @ matrix(first.local_from_here).T
         share = np.linspace(0.0, 1.0, self.model.beams)[:, None]
         directions = before * (1.0 - share) + turned * share
         origins = np.array(first.position_m) * (1.0 - share) + np.array(place.position_m) * share
         return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
-
-
-def _matrix(a_from_b: Quaternion) -> Floats:
-    axes: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    return np.array([rotate(a_from_b, axis) for axis in axes]).T

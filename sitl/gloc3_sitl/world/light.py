@@ -59,7 +59,7 @@ class Light:
     def glow(self, sheets: Sheets, patch: Patch, eye: Floats) -> Glow:
         """The light over a patch."""
         points = _grid_m(sheets, patch)
-        normal = sheets.normals[patch.index]
+        normal = sheets.normals[patch.sheet]
         if (eye - patch.corner_m) @ normal < 0.0:
             normal = -normal
         factor = np.full(points.shape[:2], self._lighting.ambient)
@@ -119,10 +119,8 @@ def _grid_m(sheets: Sheets, patch: Patch) -> Floats:
     depth = np.maximum(depth * sign, 1e-4) * sign  # beyond the horizon of the plane nothing is drawn
     right_m = (matrix[0, 0] * across + matrix[0, 1] * down[:, None] + matrix[0, 2]) / depth
     down_m = (matrix[1, 0] * across + matrix[1, 1] * down[:, None] + matrix[1, 2]) / depth
-    index = patch.index
-    found: Floats = (
-        patch.corner_m + right_m[..., None] * sheets.across[index] + down_m[..., None] * sheets.down[index]
-    )
+    index = patch.sheet
+    found: Floats = patch.corner_m + right_m[..., None] * sheets.across[index] + down_m[..., None] * sheets.down[index]
     return found
 
 

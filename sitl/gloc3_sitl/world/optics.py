@@ -9,10 +9,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gloc3.camera_geometry import unproject
 from gloc3.camera_model import CameraModel, Lens
-from gloc3.errors import Misuse
 from gloc3_sitl.world.geometry import Floats
-from gloc3_sitl.world.lens import rays
 from gloc3_sitl.world.patches import Pinhole
 from gloc3_sitl.world.texture import Image
 
@@ -41,11 +40,7 @@ class Canvas(NamedTuple):
 
 
 class Optics:
-    """The canvases of a camera, and how they become its picture.
-
-    Raises:
-        Misuse: the lens sees further back than a cube without its rear side shows.
-    """
+    """The canvases of a camera, and how they become its picture; what the lens cannot show stays black."""
 
     def __init__(self, model: CameraModel) -> None:
         import cv2
@@ -74,14 +69,13 @@ class Optics:
         if model.lens is Lens.PINHOLE:
             return [Canvas(np.eye(3), Pinhole(model.focal_px, model.center_px, model.width, model.height), None, None)]
         columns, rows = np.meshgrid(np.arange(model.width, dtype=float), np.arange(model.height, dtype=float))
-        looks = rays(model, np.column_stack([columns.ravel(), rows.ravel()]))
-        forward = looks[:, 2]
-        if forward.min() > 0.0 and (np.abs(looks[:, :2]) / forward[:, None]).max() < _ONE_CANVAS_TAN:
+        flat = unproject(model, np.column_stack([columns.ravel(), rows.ravel()]))
+        is_shown = np.isfinite(flat[:, 0]) & np.isfinite(flat[:, 1])
+        looks = np.column_stack([np.where(is_shown[:, None], flat, 0.0), np.ones(len(flat))])
+        if is_shown.all() and np.abs(flat).max() < _ONE_CANVAS_TAN:
             return [self._canvas(np.eye(3), looks, None)]
         towards = np.stack([looks @ np.array(face[2]) for face in _FACES])
-        best = towards.argmax(axis=0)
-        if towards.max(axis=0).min() < 0.5:
-            raise Misuse("the lens sees too far back to be drawn")
+        best = np.where(is_shown, towards.argmax(axis=0), -1)
         return [self._canvas(np.array(face), looks, best == n) for n, face in enumerate(_FACES) if (best == n).any()]
 
     def _canvas(self, face_from_rdf: Floats, looks: Floats, chosen: NDArray[np.bool_] | None) -> Canvas:
@@ -94,7 +88,9 @@ class Optics:
         left, top = float(columns[inside].min()) - _RIM_PX, float(rows[inside].min()) - _RIM_PX
         width = int(np.ceil(columns[inside].max() - left)) + 1 + _RIM_PX
         height = int(np.ceil(rows[inside].max() - top)) + 1 + _RIM_PX
-        across, down = ((line - begin).reshape(shape).astype(np.float32) for line, begin in ((columns, left), (rows, top)))
+        across, down = (
+            (line - begin).reshape(shape).astype(np.float32) for line, begin in ((columns, left), (rows, top))
+        )
         maps = cv2.convertMaps(across, down, cv2.CV_16SC2)
         mask = None if chosen is None else (chosen.reshape(shape) * np.uint8(255)).astype(np.uint8)
         return Canvas(face_from_rdf, Pinhole(model.focal_px, (-left, -top), width, height), maps, mask)

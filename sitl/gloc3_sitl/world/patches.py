@@ -40,7 +40,7 @@ class Pinhole(NamedTuple):
 class Patch(NamedTuple):
     """A convex part of a rectangle."""
 
-    index: int
+    sheet: int
     """Which rectangle."""
     outline_px: list[tuple[float, float]]
     """Columns and rows of its corners in the picture."""

@@ -50,7 +50,7 @@ class Renderer:
         """The region of a patch, all of it covered with its texture."""
         cv2 = self._cv2
         left, top, right, bottom = patch.region
-        level = self._sheets.cloths[patch.index].level(patch.pixel_m)
+        level = self._sheets.cloths[patch.sheet].level(patch.pixel_m)
         sheet, texture_from_m, border = self._placed(patch, level)
         from_region = np.array([[1.0, 0.0, left], [0.0, 1.0, top], [0.0, 0.0, 1.0]])
         drawn: Image = cv2.warpPerspective(
@@ -65,9 +65,9 @@ class Renderer:
     def _placed(self, patch: Patch, level: Level) -> tuple[Image, Floats, int]:
         """The part of the cloth that a patch bears: the picture, the map of metres into it, the rule at its border."""
         cv2, scale = self._cv2, level.scale_px_m
-        start_x, start_y = self._sheets.starts_m[patch.index]
+        start_x, start_y = self._sheets.starts_m[patch.sheet]
         shift_x, shift_y = start_x * scale - 0.5, start_y * scale - 0.5
-        if not self._sheets.cloths[patch.index].is_repeated:
+        if not self._sheets.cloths[patch.sheet].is_repeated:
             return level.sheet, _scaling(scale, shift_x + RIM_PX, shift_y + RIM_PX), cv2.BORDER_CONSTANT
         spots = [spot_m(patch, column, row) for column, row in patch.outline_px]
         columns, rows = [x * scale + shift_x for x, _ in spots], [y * scale + shift_y for _, y in spots]

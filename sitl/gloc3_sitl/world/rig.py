@@ -48,5 +48,15 @@ FRONT_RIGHT: Final = CameraModel(
 FRONT_LEFT_IMAGER: Final = Imager(name="front_left")
 FRONT_RIGHT_IMAGER: Final = Imager(name="front_right")
 
+CAMERAS: Final = {
+    imager.name: (model, imager)
+    for model, imager in (
+        (GROUND, GROUND_IMAGER),
+        (FRONT_LEFT, FRONT_LEFT_IMAGER),
+        (FRONT_RIGHT, FRONT_RIGHT_IMAGER),
+    )
+}
+"""All cameras of the vehicle, by name."""
+
 LASER: Final = LaserModel()
 """The scanner on top of the vehicle: all round, 1 degree, 30 m, 10 mm."""

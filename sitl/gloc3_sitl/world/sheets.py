@@ -21,23 +21,23 @@ class Sheets:
     """All rectangles of a world."""
 
     def __init__(self, world: World) -> None:
-        rows: list[tuple[Surface, Cloth, bool]] = []
+        textures = world.file.textures
+        rows: list[tuple[Surface, Cloth, bool]] = [
+            (surface, cloth_of(textures[surface.texture]), False) for surface in world.file.surfaces.values()
+        ]
         self._moves: list[tuple[slice, Box]] = []
-        self.starts_m: list[tuple[float, float]] = []
-        """Where on its cloth the upper left corner of each sheet lies: no two boxes look alike."""
-        for surface in world.file.surfaces.values():
-            rows.append((surface, cloth_of(world.file.textures[surface.texture]), False))
         for box in world.file.boxes.values():
             sides = box_sides(box)
             if box.shuttle is not None:
                 self._moves.append((slice(len(rows), len(rows) + len(sides)), box))
-            rows += [(side, cloth_of(world.file.textures[side.texture]), True) for side in sides]
+            rows += [(side, cloth_of(textures[side.texture]), True) for side in sides]
         self.tag: Final = len(rows) if world.marker is not None else -1
         """Index of the tag; -1 without one."""
         if world.marker is not None:
             rows.append((_tag(world.marker), cloth_of_marker(world.marker), False))
         self.cloths: Final = [cloth for _, cloth, _ in rows]
-        self.starts_m = [_start_m(index) if is_box else (0.0, 0.0) for index, (_, _, is_box) in enumerate(rows)]
+        self.starts_m: Final = [_start_m(index) if is_box else (0.0, 0.0) for index, (_, _, is_box) in enumerate(rows)]
+        """Where on its cloth the upper left corner of each sheet lies: no two boxes look alike."""
         self._is_box = np.array([is_box for _, _, is_box in rows])
         corner = np.array([surface.corner_m for surface, _, _ in rows], float).reshape(-1, 3)
         across = np.array([surface.across_m for surface, _, _ in rows], float).reshape(-1, 3)

@@ -5,9 +5,8 @@ from zlib import crc32
 
 import numpy as np
 
+from gloc3.camera_geometry import matrix
 from gloc3.camera_model import CameraModel
-from gloc3.frames import Quaternion, rotate_back
-from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.grains import Grains
 from gloc3_sitl.world.light import Light
 from gloc3_sitl.world.optics import Canvas, Optics
@@ -55,10 +54,12 @@ class Studio:
             body: the place of the vehicle with its lamps (axes forward, right, down); None where it has none.
             t_s: the middle of the exposure.
         """
-        light = Light(self._world.file.lighting, self._world.file.dust, is_metered=self._world.file.exposure.is_automatic)
+        light = Light(
+            self._world.file.lighting, self._world.file.dust, is_metered=self._world.file.exposure.is_automatic
+        )
         if body is not None:
             light.move(body)
-        rotations = [_rdf_from_local(eye.local_from_here) for eye in eyes]
+        rotations = [matrix(eye.local_from_here).T for eye in eyes]
         canvases = []
         for canvas, renderer in zip(self._optics.canvases, self._renderers, strict=True):
             views = [
@@ -106,9 +107,3 @@ class Studio:
         cut = self._noise[down : down + self._model.height, across : across + self._model.width]
         noisy: Image = self._cv2.add(image, cut, dtype=self._cv2.CV_8U)
         return noisy
-
-
-def _rdf_from_local(local_from_rdf: Quaternion) -> Floats:
-    """The inverse rotation as a matrix."""
-    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    return np.array([rotate_back(local_from_rdf, axis) for axis in axes]).T

@@ -13,6 +13,8 @@ Image = NDArray[np.uint8]
 Picture = NDArray[np.float32]
 """Grey values while they are painted."""
 
+DARKEST = 12
+"""The least grey value of painted steel: what is black in a picture is not there."""
 MARKER_PIXELS_PER_CELL = 16
 MARKER_CELLS = 8
 """Cells across a tag with its white border: four of code, two of black frame, two of white."""
@@ -39,7 +41,7 @@ def paint(texture: Texture) -> Image:
         _stencil(cv2, random, picture, texture)
     if texture.grain > 0.0:
         picture += random.standard_normal(picture.shape, np.float32) * np.float32(texture.grain)
-    image: Image = np.clip(picture, 0.0, 255.0).astype(np.uint8)
+    image: Image = np.clip(picture, DARKEST, 255.0).astype(np.uint8)
     _speckles(cv2, random, image, texture)
     image.flags.writeable = False
     return image
@@ -73,10 +75,10 @@ def _rust(cv2: Any, random: np.random.Generator, picture: Picture, texture: Text
     """Dark, rough blotches with ragged edges, and the streaks that water has drawn down from them."""
     height, width = picture.shape
     field = _stains(cv2, random, texture.size_m, 0.7, width, height)
-    field = field + np.float32(0.6) * _stains(cv2, random, texture.size_m, 0.12, width, height)
-    field = field + np.float32(0.35) * _stains(cv2, random, texture.size_m, 0.04, width, height)
+    field += np.float32(0.6) * _stains(cv2, random, texture.size_m, 0.12, width, height)
+    field += np.float32(0.35) * _stains(cv2, random, texture.size_m, 0.04, width, height)
     edge = np.quantile(field[::8, ::8], 1.0 - texture.rust)
-    depth = np.clip((field - edge) / np.float32(0.35), 0.0, 1.0)
+    depth: Picture = np.clip((field - edge) / np.float32(0.35), 0.0, 1.0)
     length = max(1, round(0.6 * texture.resolution_px_m))
     padded = np.concatenate([depth[-length:], depth])
     streaks = cv2.blur(padded, (1, 2 * length + 1), borderType=cv2.BORDER_REPLICATE)[:height]
@@ -99,7 +101,7 @@ def _welds(random: np.random.Generator, picture: Picture, texture: Texture) -> N
         across = picture if axis == 0 else picture.T
         length = across.shape[1]
         ripple = np.float32(18.0) * np.sign(np.sin(np.arange(length, dtype=np.float32) * np.float32(np.pi / half)))
-        bead = ripple + random.normal(26.0, 8.0, length).astype(np.float32)
+        bead = ripple + random.normal(26.0, 8.0, (length,)).astype(np.float32)
         for start in (round(place) for place in places):
             across[start : start + half] -= np.float32(38.0)
             across[start + half : start + 3 * half] += bead

@@ -71,7 +71,8 @@ class Browser:
         return result
 
     async def open(self, url: str) -> None:
-        """Loads a page."""
+        """Loads a page; what an earlier one showed is forgotten."""
+        self.terminal = Emulator(*self.terminal.size)
         await self.call("Page.navigate", url=url)
 
     async def evaluate(self, expression: str) -> Any:

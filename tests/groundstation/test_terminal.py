@@ -207,6 +207,18 @@ async def test_a_terminal_that_is_too_small_says_so_and_the_emergency_key_works_
 
 
 @pytest.mark.sockets
+async def test_the_line_of_keys_is_laid_out_anew_when_the_terminal_is_made_narrower() -> None:
+    async with scene(None, size=(250, 70)) as here:
+        here.platform.speak()
+        await here.until("keys", "? Help")
+        now_s = here.station.now_s()
+        here.station.now_s = lambda: now_s  # type: ignore[misc]  # nothing else changes the keys
+        await here.pilot.resize_terminal(80, 24)
+        await here.wait(lambda: len(here.shown("keys")) <= 80)
+        assert here.shown("keys").rstrip().endswith("space HOLD  ? Help")
+
+
+@pytest.mark.sockets
 async def test_the_emergency_key_works_over_a_dialogue_and_while_typing_with_control() -> None:
     async with scene(None) as here:
         here.platform.speak()

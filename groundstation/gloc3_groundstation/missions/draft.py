@@ -60,6 +60,11 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
         return sum(not finding.is_warning for finding in self.findings)
 
     @property
+    def first_error(self) -> int:
+        """Which finding of `told` is the first error; 0 where none is."""
+        return next((number for number, finding in enumerate(self.told) if not finding.is_warning), 0)
+
+    @property
     def is_ok(self) -> bool:
         """Whether it may fly."""
         return self.outline is not None and not self.errors

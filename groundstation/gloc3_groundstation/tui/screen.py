@@ -144,6 +144,7 @@ class StationScreen(Screen[None]):
         if is_small and self._is_there:
             self.panel("too_small").show(too_small_lines(width, height, SMALLEST))
         self.call_after_refresh(self.look_again)
+        self.call_after_refresh(self._show_keys)
 
     def show(self, view: View) -> None:
         """Shows a view."""

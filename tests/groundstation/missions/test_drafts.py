@@ -10,6 +10,7 @@ from gloc3.errors import InputError, Refused
 from gloc3.mission.formats import exported
 from gloc3.mission.reader import read_mission
 from gloc3_groundstation.missions.draft import (
+    Draft,
     checked,
     edited,
     new_draft,
@@ -120,3 +121,12 @@ def test_a_plan_becomes_a_mission_and_goes_back_with_what_is_lost_told(tmp_path:
     assert (tmp_path / "x.plan").read_text().startswith("{")
     with pytest.raises(InputError, match="no place on Earth"):
         written_as(opened("hop", None), tmp_path / "hop.plan", None)
+
+
+def test_the_first_error_is_found_behind_the_warnings_before_it() -> None:
+    text = "mission: x\nframe: hold\ntasks:\n  a:\n    actions:\n      up: {take_off: {hieght_m: 2}}\n"
+    text += "      stay: {hold: {duration_s: 5}, after: [up]}\n"
+    draft = checked(Draft(name="x.yaml", text=text), known_platform("pelican"))
+    assert draft.told[0].is_warning
+    assert not draft.told[draft.first_error].is_warning
+    assert draft.told[draft.first_error].line == 6

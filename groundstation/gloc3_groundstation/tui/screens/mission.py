@@ -223,7 +223,7 @@ class MissionScreen(StationScreen):
     # --- text ---
 
     def action_text(self) -> None:
-        """Shows the text of the mission at hand, at the first thing that is wrong in it."""
+        """Shows the text of the mission at hand, at the first error in it."""
         draft = self.desk.missions.draft
         if draft is None:
             return
@@ -233,7 +233,7 @@ class MissionScreen(StationScreen):
         text = self.query_one(MissionText)
         text.editor.focus()
         if draft.errors:
-            self.call_after_refresh(text.point_at, 0)
+            self.call_after_refresh(text.point_at, draft.first_error)
         self.refresh_bindings()
 
     def action_graph(self) -> None:

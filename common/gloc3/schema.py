@@ -45,8 +45,8 @@ def check(node: Node, kind: type[T], file: str, findings: list[Finding], name: s
     return None
 
 
-def _plain_message(error: Exception) -> str:
-    """A msgspec message in words for people who write YAML."""
+def in_words(error: Exception) -> str:
+    """A msgspec message in words for people who write YAML, or fill in a form."""
 
     def words(match: re.Match[str]) -> str:
         return " or ".join(_KINDS.get(kind, kind) for kind in match[1].split(" | "))
@@ -128,7 +128,7 @@ class _Checker:
         try:
             msgspec.convert(key, kind)
         except msgspec.ValidationError as error:
-            self._add(*node.key_places[key], f"name {key!r}: {_plain_message(error)}")
+            self._add(*node.key_places[key], f"name {key!r}: {in_words(error)}")
 
     def _sequence(self, node: Node, shape: Any, name: str) -> None:
         items = typing.get_args(shape)
@@ -145,7 +145,7 @@ class _Checker:
         try:
             msgspec.convert(node.value, kind)
         except msgspec.ValidationError as error:
-            message, hint = _plain_message(error), ""
+            message, hint = in_words(error), ""
             words = _words(kind)
             if isinstance(node.value, str) and words:
                 message, hint = f"{node.value[:_SHOWN_MAX]!r} is not possible here", nearest(node.value, words)

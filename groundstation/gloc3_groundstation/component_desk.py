@@ -1,5 +1,6 @@
 """What can be asked of a component: the commands that its state allows, and its functions, typed."""
 
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,6 +12,7 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.functions import GENERIC
 from gloc3.lci import CREATE, TABLE, Command, State, allowed
 from gloc3.messages import Severity
+from gloc3.schema import in_words
 from gloc3_groundstation import flights
 from gloc3_groundstation.data_chain import Wiring
 from gloc3_groundstation.plans import known_platform
@@ -151,7 +153,8 @@ def arguments(entry: FunctionEntry, texts: Mapping[str, str]) -> dict[str, Any]:
     try:
         checked = msgspec.convert(values, entry.request, strict=False)
     except msgspec.ValidationError as error:
-        raise Refused(str(error).replace("`$.", "`")) from None
+        where = re.search(r"`\$\.([^`]+)`$", str(error))
+        raise Refused(f"{where[1]}: {in_words(error)}" if where else in_words(error)) from None
     return {name: msgspec.to_builtins(getattr(checked, fields[name].name)) for name in values}
 
 

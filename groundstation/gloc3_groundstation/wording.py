@@ -85,6 +85,12 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
 
 
+def roughly(seconds: float) -> str:
+    """`8 s`, `3 min`, `2 h`: for a column."""
+    whole = int(seconds)
+    return f"{whole} s" if whole < 60 else f"{whole // 60} min" if whole < 3600 else f"{whole // 3600} h"
+
+
 def clock(seconds: float) -> str:
     """`03:05`, or `2:10:00` from an hour on: time since the station's start."""
     whole = max(0, int(seconds))

@@ -108,8 +108,8 @@ def test_what_is_typed_becomes_arguments_and_what_is_empty_is_left_out(
     ("texts", "reason"),
     [
         ({"rate_hz": ""}, "rate_hz must be given"),
-        ({"rate_hz": "fast"}, "rate_hz"),
-        ({"rate_hz": "-1"}, "> 0.0"),
+        ({"rate_hz": "fast"}, "rate_hz: expected a number, got text"),
+        ({"rate_hz": "-1"}, "rate_hz: expected a number > 0.0"),
         ({"rate_hz": "nan"}, "rate_hz"),
         ({"rate_hz": "[1"}, "no JSON"),
     ],

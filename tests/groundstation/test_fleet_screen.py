@@ -27,7 +27,7 @@ def test_a_links_line_tells_what_passes_who_is_behind_it_or_what_is_wrong() -> N
     udp, _, tcp = (text_of(link_line(link, 120)) for link in LINKS)
     assert udp.split()[:6] == ["udpin://0.0.0.0:14550", "18.4", "k", "640", "120,311", "4,012"]
     assert "heron, autopilot 1/1" in udp
-    assert "10.0.0.7:5760: connection" in tcp
+    assert tcp.rstrip().endswith("connection refused")
     assert [rate(value) for value in (0.0, 9_999.0, 18_400.0, 2.5e6)] == ["0", "9999", "18.4 k", "2.5 M"]
 
 

@@ -89,7 +89,7 @@ def test_the_values_of_now_have_units_and_what_they_should_be() -> None:
         "wanted 2.00",
         "heading 23°",
         " m/s",
-        "sure to 0.60 m  height 0.30 m",
+        "± x, y  0.60 m  height 0.30 m",
         "14.80 V  12.1 A",
     ):
         assert expected in text

@@ -8,7 +8,7 @@ from gloc3_groundstation.tui.dots import Dots
 from gloc3_groundstation.tui.lines import Line, Tone, text_of
 from gloc3_groundstation.tui.views.sensors import (
     field_rows,
-    no_topics_line,
+    no_topics_lines,
     plot_lines,
     scan_lines,
     sight_line,
@@ -46,8 +46,8 @@ def test_a_topic_that_has_fallen_silent_looks_so_and_one_that_speaks_now_and_the
 def test_topics_are_found_by_name_type_and_component() -> None:
     for wanted, name in (("INTERN", "components/pose/internal"), ("image", "camera/ground"), ("limiter", "setpoint")):
         assert [key for key, _ in topic_rows(TOPICS, None, wanted, 40)] == [name]
-    assert "asked for by its name" in text_of(no_topics_line(TOPICS, "nix", ""))
-    assert "no viewer" in text_of(no_topics_line([], "", "it has no viewer"))
+    assert "asked for by its name" in " ".join(map(text_of, no_topics_lines(TOPICS, "nix", "", 80)))
+    assert "no viewer" in text_of(no_topics_lines([], "", "it has no viewer", 80)[0])
 
 
 def test_values_stand_with_their_units_and_old_ones_look_old() -> None:
@@ -69,9 +69,9 @@ def test_the_line_above_tells_how_much_of_a_topic_is_seen() -> None:
         "Hz,",
         "seen",
         "4.9",
-        "Hz",
         "of",
         "5",
+        "Hz",
         "now",
     ]
     late = sight_line(seen, 5.0, 110.0, 60)
@@ -103,7 +103,7 @@ def test_a_scan_is_seen_from_above_with_north_up_and_one_scale() -> None:
     corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (0.0, 5.0)]
     lines = scan_lines(corners, 40, 11)
     assert dots(lines) == 4
-    assert "4 points, 5.0 m east by 10.0 m north" in text_of(lines[-1])
+    assert "4 points, 5.0 × 10.0 m" in text_of(lines[-1])
     rows = [y for y, line in enumerate(lines[:-1]) if dots([line])]
     columns = [x for line in lines for x, char in enumerate(text_of(line)) if 0x2800 < ord(char) < 0x2900]
     assert rows == [0, 9]

@@ -100,7 +100,7 @@ async def test_a_topic_that_is_not_listed_is_asked_for_by_its_name_and_a_wrong_o
         await here.wait(lambda: watched(here) == ["obstacles"])
         scan = ObstacleScan(points_ne_m=[(0.0, 0.0), (4.0, 3.0), (4.0, -3.0)])
         viewer.show("obstacles", scan, 1.0)
-        await here.until("plot", "3 points, 6.0 m east by 4.0 m north")
+        await here.until("plot", "3 points, 6.0 × 4.0 m")
 
 
 async def test_leaving_the_vehicle_leaves_its_topics_too() -> None:

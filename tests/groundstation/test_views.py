@@ -177,6 +177,19 @@ def test_alerts_are_listed_until_nothing_is_wrong() -> None:
     assert texts(alert_lines(view(PLATFORM), 60)) == [" Nothing is wrong."]
 
 
+def test_in_a_narrow_column_an_alert_goes_on_below_its_severity() -> None:
+    lines = texts(alert_lines(view(flying(battery_percent=9)), 30))
+    assert lines == [" ▲ 00:10  critical: battery at", "          or below 15 %"]
+
+
+def test_a_vehicle_that_is_silent_and_asked_for_is_told_without_cutting_anything() -> None:
+    asked = replace(PLATFORM, control=Timed(ControlState(holder="255", requested_by="254"), 100.0))
+    lines = {line.split()[0]: line for line in texts(detail_lines(view(asked, now_s=100.0 + 312.0)))}
+    assert lines["link"] == " link      silent for 5 min 12 s"
+    assert lines["control"] == " control   here; station 254 asks"
+    assert "silent 5 min" in text_of(vehicle_line(view(asked, now_s=412.0), asked, 80))
+
+
 def test_components_stand_in_the_order_of_the_data_one_a_line() -> None:
     rows = component_rows(PLATFORM, 100.0, 80)
     lines = texts([line for _, line in rows])
@@ -206,7 +219,7 @@ def test_an_unwell_component_says_why() -> None:
 
 def test_components_that_were_not_heard_of_lately_are_shown_as_what_they_were() -> None:
     lines = [line for _, line in component_rows(PLATFORM, 110.0, 90)]
-    assert "was work" in text_of(lines[0])
+    assert "was working" in text_of(lines[0])
     assert {tone for line in lines for tone in tones(line)} <= {Tone.STALE, Tone.DIM}
     assert components_title(PLATFORM, 110.0) == "components, as last heard"
 

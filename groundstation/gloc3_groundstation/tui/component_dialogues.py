@@ -15,6 +15,7 @@ from gloc3.component_description import FieldLine, fields_of
 from gloc3.errors import Refused
 from gloc3_groundstation.tui.lines import Span, Tone
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.questions import choices
 
 FORCE_QUESTION: Final = "{} {}?\n{}\nForced, the actions that need it fail, and the mission's on_failure decides."
 
@@ -33,7 +34,7 @@ class ComponentMenu(ModalScreen[str | None]):
         with Vertical(classes="question"):
             yield Static(self._title, markup=False)
             yield ListPanel(id="menu", classes="plain")
-            yield Static("enter  do it\nesc    leave it", classes="choices", markup=False)
+            yield choices(("enter", "do it"), ("esc", "leave it"))
 
     def on_mount(self) -> None:
         """Fills the list."""
@@ -79,10 +80,10 @@ class FunctionForm(ModalScreen[dict[str, str] | None]):
             doc = " ".join(self._entry.doc.strip().partition("\n\n")[0].split())
             yield Static(f"{self._component}: {self._entry.name}\n{doc}", markup=False)
             for field in self._fields:
-                yield Static(_label(field), classes="choices", markup=False)
+                yield Static(_label(field), classes="label", markup=False)
                 yield Input(id=f"argument_{field.name}", placeholder=_default(field), compact=True)
             yield Static("", id="form_error", classes="wrong", markup=False)
-            yield Static("enter  send it\ntab    next line\nesc    leave it", classes="choices", markup=False)
+            yield choices(("enter", "send it"), ("tab", "next line"), ("esc", "leave it"))
 
     @on(Input.Submitted)
     def send(self) -> None:

@@ -32,6 +32,7 @@ GENERAL_KEYS: Final[list[BindingType]] = [
     Binding("question_mark", "help", "Help", tooltip="this page"),
     Binding("ctrl+p,colon", "command_palette", "All commands", tooltip="everything, by name"),
     Binding("q", "leave", "Quit"),
+    Binding("ctrl+q", "leave", "Quit", show=False, priority=True),  # Textual's own asks nothing
     Binding("ctrl+c", "interrupt", "Quit", show=False, priority=True, tooltip="asking nothing"),
 ]
 """What works on every screen."""

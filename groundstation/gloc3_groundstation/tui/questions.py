@@ -5,6 +5,7 @@ from typing import Final
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical
+from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
@@ -15,6 +16,15 @@ LEAVE_QUESTION: Final = (
     "{} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."
 )
 UNSAVED_QUESTION: Final = "{} has changes that are not saved. They are put beside the station's own files."
+
+
+def choices(*keys: tuple[str, str], hint: str = "") -> Static:
+    """The keys of a dialogue with what they do, one a line; above them a hint, where there is one."""
+    width = max(len(key) for key, _ in keys) + 2
+    said = Content.styled(hint, "$quiet") if hint else Content()
+    for key, what in keys:
+        said += Content.assemble("\n" if said else "", (f"{key:<{width}}", "bold $primary"), what)
+    return Static(said, classes="choices", markup=False)
 
 
 class Question(ModalScreen[bool]):
@@ -31,7 +41,7 @@ class Question(ModalScreen[bool]):
         """The question and the two keys."""
         with Vertical(classes="question"):
             yield Static(self._question, markup=False)
-            yield Static(f"y  {self._yes}\nn  leave it", classes="choices", markup=False)
+            yield choices(("y", self._yes), ("n", "leave it"))
 
     def action_answer(self, answer: bool) -> None:
         """Closes with the answer."""
@@ -56,8 +66,12 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
         """The choices."""
         with Vertical(classes="question"):
             yield Static(f"Emergency: {self._platform}", markup=False)
-            choices = "space  hold again\nl      land here\nd      DISARM: the motors stop, in flight it falls\nesc    leave it"
-            yield Static(choices, classes="choices", markup=False)
+            yield choices(
+                ("space", "hold again"),
+                ("l", "land here"),
+                ("d", "DISARM: the motors stop, in flight it falls"),
+                ("esc", "leave it"),
+            )
 
     def action_choose(self, verb: str) -> None:
         """Closes with hold or land."""
@@ -95,7 +109,7 @@ class AskFor(ModalScreen[str | None]):
         with Vertical(classes="question"):
             yield Static(self._question, markup=False)
             yield Input(self._value)
-            yield Static(f"{self._hint}\nenter  go on\nesc    leave it".strip(), classes="choices", markup=False)
+            yield choices(("enter", "go on"), ("esc", "leave it"), hint=self._hint)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Closes with what was typed."""

@@ -9,6 +9,8 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from gloc3_groundstation.tui.questions import choices
+
 
 class Unsaved(StrEnum):
     """What becomes of the changes."""
@@ -35,7 +37,7 @@ class UnsavedQuestion(ModalScreen[Unsaved]):
         """The question and the keys."""
         with Vertical(classes="question"):
             yield Static(f"{self._name_of_mission} has changes that are not saved.", markup=False)
-            yield Static("s    save them first\nd    discard them\nesc  stay here", classes="choices", markup=False)
+            yield choices(("s", "save them first"), ("d", "discard them"), ("esc", "stay here"))
 
     def action_answer(self, answer: str) -> None:
         """Closes with the answer."""

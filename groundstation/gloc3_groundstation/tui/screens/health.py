@@ -26,7 +26,7 @@ from gloc3_groundstation.tui.views.components import (
     components_title,
 )
 
-AROUND: Final = 10
+AROUND: Final = 8
 """Lines that are left to what stands above and below the components."""
 
 

@@ -87,7 +87,8 @@ class MapScreen(StationScreen):
         if width <= 0 or height <= 0:
             return
         chart = self._chart(view, width, height)
-        panel.show(map_lines(chart, width, height), f"map: {map_title(chart)}")
+        follows = f", following {view.platform.name}" if self._is_following and view.platform is not None else ""
+        panel.show(map_lines(chart, width, height), f"map: {map_title(chart)}{follows}")
         place = (chart.projection.north_m, chart.projection.east_m)
         if self._pointed is not None:
             column, row = self._pointed

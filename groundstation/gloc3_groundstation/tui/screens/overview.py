@@ -34,6 +34,9 @@ class OverviewScreen(StationScreen):
     BINDINGS = MISSION_KEYS
     AUTO_FOCUS = "#vehicles"
 
+    _seen = ""
+    """The vehicle that was in view; the cursor goes with it when another comes into view."""
+
     def body(self) -> ComposeResult:
         """Vehicles; facts, mission and alerts side by side; events."""
         yield Panel(id="vehicles_header", classes="plain line", can_focus=False)
@@ -54,6 +57,9 @@ class OverviewScreen(StationScreen):
             for index, platform in enumerate(view.fleet)
         ]
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
+        if view.platform is not None and view.platform.name != self._seen:
+            self._seen = view.platform.name
+            vehicles.point_at(self._seen)
         vehicles.styles.height = max(1 if rows else 4, min(len(rows), self.size.height // 3))
         facts.show(detail_lines(view), detail_title(view))
         lines = mission_lines(view.platform, view.plan, view.now_s, mission.width - 1)

@@ -8,6 +8,7 @@ from textual.binding import Binding
 from gloc3.preflight import red
 from gloc3_groundstation.desk import Move
 from gloc3_groundstation.preflight_desk import CheckList
+from gloc3_groundstation.tui.lines import cut
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.questions import AskFor
@@ -17,6 +18,8 @@ from gloc3_groundstation.tui.views.overview import waiting_lines
 from gloc3_groundstation.tui.views.preflight import preflight_headline, preflight_rows, preflight_title
 
 OVERRIDE_QUESTION: Final = "Start {} although it is not fit?\n{}\n\nSay why; it is logged with your name."
+LINE: Final = 56
+"""Characters of each red line in the question."""
 SHOWN: Final = 4
 """So many red lines stand in the question; the list behind it has them all."""
 
@@ -87,7 +90,7 @@ class PreflightScreen(StationScreen):
         if view is None or view.platform is None or checks is None:
             return
         name, bad = view.platform.name, red(checks.checks)
-        lines = [f"✗ {check.title}: {check.finding}" for check in bad[:SHOWN]]
+        lines = [cut(f"✗ {check.title}: {check.finding}", LINE) for check in bad[:SHOWN]]
         if len(bad) > SHOWN:
             lines.append(f"and {len(bad) - SHOWN} more")
 

@@ -21,7 +21,7 @@ from gloc3_groundstation.tui.views.sensors import (
     POINTS,
     STALE_S,
     field_rows,
-    no_topics_line,
+    no_topics_lines,
     plot_lines,
     preview_line,
     scan_lines,
@@ -98,8 +98,9 @@ class SensorsScreen(StationScreen):
         watches = self.desk.station.watcher.watches
         entries, name = watches.entries(platform.name), platform.name
         rows = topic_rows(entries, watches.activity(name), self._filter, topics.width)
-        nothing = Row(no_topics_line(entries, self._filter, watches.problem(name)), self._filter if entries else "")
-        topics.show_rows([Row(line, key) for key, line in rows] or [nothing])
+        first, *more = no_topics_lines(entries, self._filter, watches.problem(name), topics.width)
+        nothing = [Row(first, self._filter if entries else ""), *(Row(line) for line in more)]
+        topics.show_rows([Row(line, key) for key, line in rows] or nothing)
         if topics.chosen != self._topic:
             self._topic, self._since_s = topics.chosen, view.now_s
         self._want(name, view.now_s)

@@ -6,7 +6,7 @@ from typing import Final
 from gloc3.ci import Health
 from gloc3_groundstation.data_chain import Stage, Wiring, stages
 from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, text_of
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
 
 SIGNS: Final = {
@@ -93,19 +93,17 @@ def _said(
     stopped = next((stage for stage in chain if stage.stops), None)
     if stopped is not None:
         who = ", ".join(f"{each.name} is {each.health}" for each in stopped.stops)
-        said, tone = (
-            f" {'as last heard, ' * is_stale}the data stops at {stopped.kind}: {who}{_lacks(starved)}",
-            Tone.BAD,
-        )
+        said, tone = f"the data stops at {stopped.kind}: {who}{_lacks(starved)}", Tone.BAD
     elif starved:
-        said, tone = f" what is required works{_lacks(starved)}", Tone.WARN
+        said, tone = f"what is required works{_lacks(starved)}", Tone.WARN
     elif all(component.is_well or component.health is None for component in components):
-        said, tone = " the data flows from end to end", Tone.GOOD
+        said, tone = "the data flows from end to end", Tone.GOOD
     else:
         unwell = ", ".join(each.name for each in components if not each.is_well and each.health is not None)
-        said, tone = f" the data flows; not required, and not well: {unwell}", Tone.WARN
-    line = (Span(cut(said, width - 1), Tone.STALE if is_stale else tone),)
-    return line if text_of(line).strip() else EMPTY
+        said, tone = f"the data flows; not required, and not well: {unwell}", Tone.WARN
+    if is_stale:
+        return (Span(cut(f" as last heard, {said}", width - 1), Tone.STALE),)
+    return (Span(cut(f" {said}", width - 1), tone),)
 
 
 def _lacks(starved: Mapping[str, str]) -> str:

@@ -123,8 +123,7 @@ def alert_line(view: View, width: int) -> Line:
     pending = view.alerts.pending
     if not pending:
         return EMPTY
-    alert, more = pending[0], f"  +{len(pending) - 1} more" if len(pending) > 1 else ""
-    tail = f"{more}   x acknowledges "
+    alert, others = pending[0], f"  +{len(pending) - 1} more" if len(pending) > 1 else ""
     who = f"{alert.platform}: " if alert.platform else ""
     said = f" {alert.severity.name.lower()}: {who}{' '.join(alert.text.split())}"
     said += (
@@ -132,8 +131,9 @@ def alert_line(view: View, width: int) -> Line:
         if alert.is_over and alert.since_s != alert.last_s
         else ""
     )
-    tone = tone_of(alert.severity)
-    return spread((Span(cut(said, width - len(tail) - 2), tone),), (Span(tail, Tone.DIM),), width)
+    tails = (f"{others}   x acknowledges ", f"{others} ")  # the key stands in the last line too
+    tail = next((tail for tail in tails if len(said) + len(tail) + 2 <= width), tails[-1])
+    return spread((Span(cut(said, width - len(tail) - 2), tone_of(alert.severity)),), (Span(tail, Tone.DIM),), width)
 
 
 def keys_line(keys: Sequence[Key], width: int) -> Line:

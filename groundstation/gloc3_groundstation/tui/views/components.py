@@ -31,7 +31,7 @@ KINDS: Final = {
 COLUMNS: Final = (
     Column("", 2),
     Column("component", 16, grows=1, most=24),
-    Column("state", 9),
+    Column("state", 11),
     Column("rate", 13, is_right=True),
     Column("load", 5, is_right=True),
     Column("late", 5, is_right=True),

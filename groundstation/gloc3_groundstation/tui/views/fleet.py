@@ -16,20 +16,20 @@ COLUMNS: Final = (
     Column("", 3),
     Column("vehicle", 10, grows=1, most=20),
     Column("mode", 9, rank=2),
-    Column("state", 9, grows=1, most=16),
-    Column("battery", 7, is_right=True),
-    Column("link", 10),
-    Column("mission", 9, grows=1, most=20),
+    Column("state", 13, grows=1, most=16),
+    Column("bat", 5, is_right=True),
+    Column("link", 12),
+    Column("mission", 8, grows=1, most=20),
     Column("progress", 15, rank=3),
     Column("control", 13, rank=3),
-    Column("components", 18, rank=1, grows=2, most=36),
+    Column("components", 16, rank=1, grows=2, most=36),
 )
 LINK_COLUMNS: Final = (
-    Column("link", 26, grows=1, most=44),
-    Column("in B/s", 9, is_right=True),
-    Column("out B/s", 9, is_right=True),
-    Column("frames in", 10, is_right=True, rank=2),
-    Column("frames out", 10, is_right=True, rank=2),
+    Column("link", 28, grows=1, most=44),
+    Column("in B/s", 8, is_right=True),
+    Column("out B/s", 8, is_right=True, rank=2),
+    Column("frames in", 10, is_right=True, rank=3),
+    Column("frames out", 10, is_right=True, rank=3),
     Column("dropped", 7, is_right=True, rank=1),
     Column("behind it", 20, grows=4),
 )
@@ -53,7 +53,7 @@ def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], w
             link_span(platform, view.now_s),
             *mission_cells(platform, view.now_s),
             _control(view, platform),
-            worst_span(platform, view.now_s),
+            worst_span(platform, view.now_s, is_brief=True),
         ]
     )
 
@@ -105,6 +105,7 @@ def link_line(link: LinkSnapshot, width: int) -> Line:
     is_lost = bool(link.problem) and not link.is_connected
     behind = ", ".join((*link.platforms, *link.heard)) or ("nobody is heard" if link.is_connected else "nobody yet")
     tone = Tone.TEXT if link.platforms or link.heard else Tone.DIM
+    problem = link.problem.removeprefix(f"{link.url.partition('://')[2]}: ")
     return Table(LINK_COLUMNS, width).line(
         [
             Span(link.url, Tone.BAD if is_lost else Tone.TEXT),
@@ -113,7 +114,7 @@ def link_line(link: LinkSnapshot, width: int) -> Line:
             Span(f"{link.frames_in:,}", Tone.DIM),
             Span(f"{link.frames_out:,}", Tone.DIM),
             Span(f"{link.dropped:,}" if link.dropped else "·", Tone.WARN if link.dropped else Tone.DIM),
-            Span(link.problem, Tone.BAD) if is_lost else Span(behind, tone),
+            Span(problem, Tone.BAD) if is_lost else Span(behind, tone),
         ]
     )
 

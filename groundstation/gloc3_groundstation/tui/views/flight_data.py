@@ -198,7 +198,7 @@ def _facts(view: View, values: dict[Channel, float]) -> Sequence[tuple[str, Line
     if motion is not None and covariance is not None:
         across_m = SURE * sqrt(max(covariance[0], covariance[2])) / 100.0
         up_m = SURE * motion.height_std_cm / 100.0
-        facts.append(("sure to", (Span(f"{across_m:.2f} m"), Span(f"  height {up_m:.2f} m", Tone.DIM))))
+        facts.append(("± x, y", (Span(f"{across_m:.2f} m"), Span(f"  height {up_m:.2f} m", Tone.DIM))))
     level = told(Channel.BATTERY_PERCENT, 0, " %")
     voltage, current = values[Channel.BATTERY_V], values[Channel.BATTERY_A]
     supply = "" if isnan(voltage) else f"  {voltage:.2f} V  {_told(current, 1)} A"

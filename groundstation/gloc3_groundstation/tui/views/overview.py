@@ -10,6 +10,7 @@ from gloc3_groundstation.snapshots import PlatformSnapshot, Timed
 from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, bar, wrapped
 from gloc3_groundstation.tui.tables import Column, Table
 from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.chain import SIGNS
 from gloc3_groundstation.tui.views.chrome import battery, tone_of
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
 
@@ -19,7 +20,7 @@ COLUMNS: Final = (
     Column("mode", 9),
     Column("state", 16),
     Column("battery", 8, is_right=True),
-    Column("link", 11),
+    Column("link", 12),
     Column("mission", 9, grows=2, most=20),
     Column("progress", 15, rank=2),
     Column("position", 24, rank=3),
@@ -29,6 +30,9 @@ COLUMNS: Final = (
 BAR_WIDTH: Final = 9
 GOOD_PERCENT: Final = 50
 """A position of less quality is worth a look."""
+NARROW_ALERTS: Final = 60
+"""Columns below which an alert's severity has no column of its own."""
+SEVERITY: Final = 9
 SLOW_TRIP_S: Final = 1.0
 """A round trip from which the operator should know that keys act late."""
 
@@ -117,21 +121,20 @@ def alert_lines(view: View, width: int) -> list[Line]:
         who = f"{alert.platform}: " if alert.platform and len(view.fleet.platforms) > 1 else ""
         times = f" ({alert.count} times)" if alert.count > 1 else ""
         head = f" {sign} {wording.clock(alert.since_s - view.started_s)}  "
-        severity = f"{alert.severity.name.lower():<9}"
+        name = alert.severity.name.lower()
         rest = Tone.DIM if alert.is_acknowledged else Tone.TEXT
-        blank = len(head) + len(severity) + 2
-        for n, row in enumerate(wrapped(f"{who}{alert.text}{times}", width - blank)):
-            if n == 0:
-                lines.append(
-                    (
-                        Span(head, Tone.DIM),
-                        Span(severity.rstrip(), tone),
-                        Span(" " * (len(severity) - len(severity.rstrip()) + 2)),
-                        Span(row, rest),
-                    )
-                )
-            else:
-                lines.append((Span(" " * blank), Span(row, rest)))
+        said = f"{who}{alert.text}{times}"
+        if width < NARROW_ALERTS:  # the severity stands before the text, which goes on below it
+            first, *more = wrapped(f"{name}: {said}", width - len(head))
+            lines.append((Span(head, Tone.DIM), Span(name, tone), Span(first[len(name) :], rest)))
+            blank = len(head)
+        else:
+            blank = len(head) + SEVERITY + 2
+            first, *more = wrapped(said, width - blank)
+            lines.append(
+                (Span(head, Tone.DIM), Span(name, tone), Span(" " * (SEVERITY + 2 - len(name))), Span(first, rest))
+            )
+        lines += [(Span(" " * blank), Span(row, rest)) for row in more]
     if not lines and view.platform is not None:
         return [(Span(" Nothing is wrong.", Tone.GOOD),)]
     return lines
@@ -148,7 +151,7 @@ def alerts_title(view: View) -> str:
 def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
     """`ok`, `12 % lost`, or for how long it has been silent."""
     if platform.is_quiet_link(now_s):
-        return Span(f"no {wording.duration(platform.age_s(now_s))}", Tone.BAD)
+        return Span(f"silent {wording.roughly(platform.age_s(now_s))}", Tone.BAD)
     if platform.link.loss >= wording.LOSS_WORTH_TELLING:
         return Span(f"{platform.link.loss * 100.0:.0f} % lost", Tone.WARN)
     return Span("ok", Tone.GOOD)
@@ -156,8 +159,8 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
 
 def link_detail(view: View, platform: PlatformSnapshot) -> Span:
     """`98 % arrives, 320 ms there and back`, or for how long it has been silent."""
-    if silence := wording.silence(platform, view.now_s):
-        return Span(silence, Tone.BAD)
+    if platform.is_quiet_link(view.now_s):
+        return Span(f"silent for {wording.duration(platform.age_s(view.now_s))}", Tone.BAD)
     loss, trip_s = platform.link.loss, view.round_trip_s
     is_slow = trip_s is not None and trip_s >= SLOW_TRIP_S
     trip = f", {trip_s * 1000.0:.0f} ms round" if trip_s is not None else ""
@@ -165,8 +168,8 @@ def link_detail(view: View, platform: PlatformSnapshot) -> Span:
     return Span(f"{(1.0 - loss) * 100.0:.0f} % arrives{trip}", tone)
 
 
-def worst_span(platform: PlatformSnapshot, now_s: float) -> Span:
-    """The worst component, or that all are well."""
+def worst_span(platform: PlatformSnapshot, now_s: float, *, is_brief: bool = False) -> Span:
+    """The worst component, or that all are well; in brief a sign tells its state."""
     components = platform.components(now_s)
     if not platform.has_companion:
         return Span("no companion", Tone.DIM)
@@ -179,8 +182,9 @@ def worst_span(platform: PlatformSnapshot, now_s: float) -> Span:
     if not unwell:
         return Span(f"all {len(components)} well", Tone.GOOD)
     worst = max(unwell, key=lambda component: order.index(component.health or Health.WORKING))
+    said = f"{SIGNS[worst.health]} {worst.name}" if is_brief else f"{worst.name} {worst.health}"
     more = f" +{len(unwell) - 1}" if len(unwell) > 1 else ""
-    return Span(f"{worst.name} {worst.health}{more}", HEALTH_TONES[worst.health or Health.WORKING])
+    return Span(f"{said}{more}", HEALTH_TONES[worst.health or Health.WORKING])
 
 
 def vehicle_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
@@ -233,8 +237,10 @@ def _alerts(view: View, platform: PlatformSnapshot) -> Span:
 
 
 def _control(view: View, platform: PlatformSnapshot) -> Span:
-    asks = platform.control.value.requested_by if platform.control is not None else ""
-    text = wording.holder(platform, view.station) + (f", station {asks} asks for it" if asks else "")
+    asks, held = "", wording.holder(platform, view.station)
+    if platform.control is not None:
+        asks = platform.control.value.requested_by
+    text = f"{'here' if view.is_in_control else 'elsewhere'}; station {asks} asks" if asks else held
     if platform.is_quiet_link(view.now_s):
         return Span(text, Tone.STALE)
     return Span(text, Tone.TEXT if view.is_in_control and not asks else Tone.WARN)

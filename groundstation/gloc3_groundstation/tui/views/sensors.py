@@ -14,7 +14,7 @@ from gloc3_groundstation.watches import Sight
 
 COLUMNS: Final = (
     Column("topic", 16, grows=3, most=34),
-    Column("type", 12, rank=2, grows=1, most=20),
+    Column("type", 16, rank=2, grows=1, most=20),
     Column("Hz", 5, is_right=True),
     Column("of", 4, rank=3, is_right=True),
     Column("age", 6, rank=1, is_right=True),
@@ -65,13 +65,13 @@ def topic_rows(
     return found
 
 
-def no_topics_line(entries: Sequence[TopicEntry], wanted: str, problem: str) -> Line:
-    """Why no topic is shown."""
+def no_topics_lines(entries: Sequence[TopicEntry], wanted: str, problem: str, width: int) -> list[Line]:
+    """Why no topic is shown; the first line stands for what is asked for by its name."""
     if entries:
-        return (Span(f" “{wanted}” is not in the list; asked for by its name.", Tone.DIM),)
+        return [(Span(f" {wanted}"),), *text_lines("not in the list, asked for by its name", width)]
     if problem:
-        return (Span(f" {problem}", Tone.WARN),)
-    return (Span(" Asking which topics there are…", Tone.DIM),)
+        return text_lines(problem, width, Tone.WARN)
+    return text_lines("asking which topics there are…", width)
 
 
 def sight_line(sight: Sight, wanted_hz: float, now_s: float, width: int) -> Line:
@@ -82,7 +82,7 @@ def sight_line(sight: Sight, wanted_hz: float, now_s: float, width: int) -> Line
         return (Span(" nothing has come yet", Tone.DIM),)
     age_s = now_s - sight.heard_s
     is_old = age_s > max(STALE_S, 3.0 / wanted_hz)
-    speaks = f" speaks {sight.source_rate_hz:.1f} Hz, seen {sight.rate_hz:.1f} Hz of {wanted_hz:g}"
+    speaks = f" speaks {sight.source_rate_hz:.1f} Hz, seen {sight.rate_hz:.1f} of {wanted_hz:g} Hz"
     age = f"{wording.duration(age_s)} ago" if age_s >= 1.0 else "now"
     return spread(
         (Span(speaks, Tone.STALE if is_old else Tone.DIM),),
@@ -136,8 +136,8 @@ def scan_lines(points_ne_m: Sequence[tuple[float, float]], width: int, height: i
         x = round((e_m - middle[1]) / metres + dots.width / 2.0 - 0.5)
         y = round((middle[0] - n_m) / metres + dots.height / 2.0 - 0.5)
         dots.dot(x, y)
-    across = f"{len(points_ne_m)} points, {max(east) - min(east):.1f} m east by {max(north) - min(north):.1f} m north"
-    return [*((Span(row),) for row in dots.rows()), (Span(cut(f" {across}; north is up", width), Tone.DIM),)]
+    across = f"{len(points_ne_m)} points, {max(east) - min(east):.1f} × {max(north) - min(north):.1f} m, north is up"
+    return [*((Span(row),) for row in dots.rows()), (Span(cut(f" {across}", width), Tone.DIM),)]
 
 
 def _strip(points: Sequence[tuple[float, float]], name: str, width: int, rows: int) -> list[Line]:

@@ -7,8 +7,8 @@ from gloc3_groundstation.vehicle_desk import CalibrationKind, CalibrationState, 
 
 WHAT: Final = {
     CalibrationKind.GYRO: "keep the vehicle still on the ground",
-    CalibrationKind.ACCELEROMETER: "the vehicle is laid on each of its sides",
-    CalibrationKind.MAGNETOMETER: "the vehicle is turned about each axis, far from iron",
+    CalibrationKind.ACCELEROMETER: "lay the vehicle on each of its sides",
+    CalibrationKind.MAGNETOMETER: "turn it about each axis, far from iron",
     CalibrationKind.LEVEL: "put the vehicle level, and keep it still",
 }
 TONES: Final = {

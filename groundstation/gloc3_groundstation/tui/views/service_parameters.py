@@ -29,9 +29,9 @@ COLUMNS: Final = (
 DIFF_COLUMNS: Final = (
     Column("", 5),
     Column("name", 16),
-    Column("on vehicle", 12, is_right=True, grows=1, most=18),
-    Column("in file", 12, is_right=True, grows=1, most=18),
-    Column("", 20, rank=1, grows=3),
+    Column("on vehicle", 10, is_right=True, grows=1, most=18),
+    Column("in file", 10, is_right=True, grows=1, most=18),
+    Column("", 28, rank=1, grows=3),
 )
 _VALUES_SHOWN: Final = 12
 
@@ -147,9 +147,9 @@ def diff_line(row: DiffRow, left_out: Collection[str], width: int) -> Line:
     if row.kind is DiffKind.DIFFERENT:
         sign, note = ("write", Tone.WARN) if is_written else ("leave", Tone.DIM), ""
     elif row.kind is DiffKind.NOT_ALLOWED:
-        sign, note = ("wrong", Tone.BAD), row.reason
+        sign, note = ("wrong", Tone.BAD), row.reason.removeprefix(f"{row.name} ")
     else:
-        sign, note = ("none", Tone.DIM), "the vehicle has no such parameter"
+        sign, note = ("none", Tone.DIM), "not on the vehicle"
     return table_of(DIFF_COLUMNS, width).line(
         [
             Span(*sign),

@@ -9,12 +9,12 @@ from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone
 from gloc3_groundstation.tui.tables import Column, Table, table_of
 
 COLUMNS: Final = (
-    Column("", 3, is_right=True),
-    Column("item", 22, grows=2, most=32),
+    Column("", 2, is_right=True),
+    Column("item", 20, grows=2, most=32),
     Column("x, latitude", 12, is_right=True),
     Column("y, longitude", 12, is_right=True),
     Column("height m", 8, is_right=True),
-    Column("parameters", 12, rank=1, grows=1, most=40),
+    Column("parameters", 13, rank=1, grows=1, most=40),
 )
 
 
@@ -57,7 +57,7 @@ def _plan(title: str, key: str, plan: Plan, width: int) -> list[tuple[str, Line]
         rows.append((f"{key} {number}", _item(table, number, item)))
     for number, area in enumerate(plan.fence):
         what = "stay inside" if area.is_inclusion else "stay outside"
-        shape = f"circle of {area.radius_m:g} m" if area.center is not None else f"{len(area.polygon)} corners"
+        shape = f"circle {area.radius_m:g} m" if area.center is not None else f"{len(area.polygon)} corners"
         corner = area.center or (area.polygon[0] if area.polygon else (0.0, 0.0))
         rows.append((f"{key} fence {number}", _place(table, f"fence: {what}", corner, None, shape)))
     for number, (x, y, z) in enumerate(plan.rally):

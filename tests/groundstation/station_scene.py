@@ -200,17 +200,18 @@ async def scene(
             station.close()
 
 
-def _in_braille(text: re.Match[str]) -> str:
-    """A text with braille, each sign at its own place in a font that has it."""
+def _placed(text: re.Match[str]) -> str:
+    """A text with each sign at its own place, as in a terminal; braille and dingbats in fonts that have them."""
     x, length = (float(re.search(f'{name}="([0-9.]+)"', text[1])[1]) for name in (" x", "textLength"))  # type: ignore[index]
-    signs = text[2].replace("&#160;", " ").replace("&amp;", "&")
+    signs = re.findall("&[^;]+;|.", text[2])
     rest = re.sub(r' (x|textLength)="[0-9.]+"', "", f" {text[1]}")
-    found = []
-    for number, sign in enumerate(signs):
-        font = "DejaVu Sans" if "\u2800" <= sign <= "\u28ff" else "DejaVu Sans Mono"
-        place = x + length * number / len(signs)
-        if sign != " ":
-            found.append(f'<text{rest} x="{place:.2f}" style="font-family:{font}">{sign}</text>')
+    places = [f"{x + length * number / len(signs):.2f}" for number in range(len(signs))]
+    plain = [(sign, place) for sign, place in zip(signs, places, strict=True) if not "\u2700" <= sign <= "\u28ff"]
+    found = [f'<text{rest} x="{" ".join(place for _, place in plain)}">{"".join(sign for sign, _ in plain)}</text>']
+    for sign, place in zip(signs, places, strict=True):
+        if "\u2700" <= sign <= "\u28ff":
+            font = "DejaVu Sans" if sign >= "\u2800" else "DejaVu Sans Mono; font-style:normal"
+            found.append(f'<text{rest} x="{place}" style="font-family:{font}">{sign}</text>')
     return "".join(found)
 
 
@@ -224,6 +225,5 @@ def shoot(app: StationApp, path: Path) -> None:
         return
     svg = re.sub(r"@font-face \{.*?\}\s*(?=@|\.)", "", svg, flags=re.DOTALL)
     svg = svg.replace("Fira Code, monospace", "DejaVu Sans Mono").replace("Fira Code", "DejaVu Sans Mono")
-    braille = r"<text ([^>]*)>([^<]*[\u2800-\u28ff][^<]*)</text>"
-    svg = re.sub(braille, _in_braille, svg)
+    svg = re.sub(r"<text ([^>]*textLength[^>]*)>([^<]*)</text>", _placed, svg)
     cairosvg.svg2png(bytestring=svg.encode(), write_to=str(path.with_suffix(".png")), scale=1.2)

@@ -1,0 +1,71 @@
+"""All screens and dialogues at the smallest size: nothing that they say is clipped, and their colours can be read."""
+
+import pytest
+from textual.command import CommandPalette
+from textual.widgets import OptionList
+
+from gloc3_groundstation.configuration import Configuration
+from gloc3_groundstation.tui.list_panel import ListPanel
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import Question
+from gloc3_groundstation.tui.screen import SMALLEST
+
+from .drawn import clipped
+from .poses import GROUPS, poses, problems
+from .scripted_platform import ScriptedPlatform
+from .station_scene import scene
+
+pytestmark = pytest.mark.sockets
+
+
+@pytest.mark.parametrize("group", GROUPS)
+async def test_nothing_is_clipped_at_the_smallest_size_and_all_colours_can_be_read(group: str) -> None:
+    found = {}
+    async for name, here in poses(SMALLEST, wanted=(group,)):
+        found[name] = await problems(here)
+    assert found
+    assert {name: wrong for name, wrong in found.items() if wrong} == {}
+
+
+async def test_a_text_that_does_not_fit_is_found() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        facts = here.app.screen.query_one("#facts", Panel)
+        long = (facts.lines[0][0]._replace(text="x" * 80),)
+        facts.show([long] * 20)
+        assert len(clipped(here.app)) > 1
+
+
+async def test_the_cursor_goes_with_the_vehicle_in_view() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("title", "heron")
+        ScriptedPlatform(here.exchange, "egret", 9).speak()
+        await here.until("vehicles", "egret")
+        await here.press("v")
+        await here.until("title", "egret 2/2")
+        assert here.app.screen.query_one(ListPanel).chosen == "egret"
+
+
+async def test_control_q_asks_before_it_leaves_an_armed_vehicle() -> None:
+    async with scene() as here:
+        here.platform.speak()
+        await here.until("title", "in control")
+        here.platform.fly(is_armed=True)
+        await here.until("title", "ARMED")
+        await here.press("ctrl+q")
+        await here.shows(Question)
+
+
+async def test_without_colours_the_chosen_command_of_the_palette_is_marked() -> None:
+    async with scene(None, configuration=Configuration(theme="mono")) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        await here.press("ctrl+p")
+        await here.shows(CommandPalette)
+        await here.wait(lambda: any(found.option_count for found in here.app.screen.query(OptionList)))
+        commands = here.app.screen.query_one(OptionList)
+        await here.wait(lambda: commands.highlighted is not None and commands.size.height > 0)
+        first = [segment.style for segment in commands.render_line(0) if segment.text.strip()]
+        assert any(style is not None and style.underline for style in first)

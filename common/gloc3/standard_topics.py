@@ -17,7 +17,7 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.mission.messages import ActionStatus
-from gloc3.perception import ImuSample, LaserScan
+from gloc3.perception import ImuSample, LaserScan, Odometry, PositionFix
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.topics import TopicRow
@@ -54,6 +54,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "imu": TopicRow(ImuSample, 100.0, is_logged=False),
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     # processors
+    "odometry/*": TopicRow(Odometry, 10.0),
+    "position_fix/*": TopicRow(PositionFix, 10.0),
     "pose": TopicRow(Pose, 20.0, silent_after=3.0),
     # controllers: each has a topic of its own, the limiter takes them all
     "setpoint_wanted/*": TopicRow(Setpoint, 20.0),

@@ -19,6 +19,8 @@ FROM_ELSEWHERE: Final = {
     "sim/*": "the flight harness",
     "imu": "the inertial unit of a platform that moves by its own sensors",
     "laser": "the range scanner of a platform that has one",
+    "odometry/*": "the odometers of a platform that moves by its own sensors",
+    "position_fix/*": "the optical follower of a platform that is looked at",
     "obstacles": "the range scanner of a platform that has one",
 }
 

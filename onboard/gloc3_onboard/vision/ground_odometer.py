@@ -143,6 +143,10 @@ class GroundOdometer:
             return self._begin(picture, held, height_m, f"no motion was seen for {silent_s:.1f} s")
         return self._move(self._key, picture, held, height_m, period_s)
 
+    def without_picture(self, t_s: float, reason: str) -> Odometry:
+        """What is told at a time when there is no picture that can be used."""
+        return self._invalid(t_s, reason)
+
     def _trouble(self, picture: Picture, t_s: float, ned_from_frd: Quaternion) -> str:
         """Why a picture cannot be used at all; empty where it can."""
         shape = (self.camera.height, self.camera.width)

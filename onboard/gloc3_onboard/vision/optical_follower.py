@@ -97,6 +97,10 @@ class OpticalFollower:
             return self._nowhere(f"{reason} (lost for {silent_s:.1f} s)" if is_long else reason)
         return self._place(spot, down_m, down_std_m)
 
+    def without_picture(self, reason: str) -> PositionFix:
+        """What is told when there is no picture that can be used."""
+        return self._nowhere(reason)
+
     def _trouble(self, picture: Picture, t_s: float) -> str:
         """Why a picture cannot be used at all; empty where it can."""
         if picture.ndim != 2 or picture.dtype != np.uint8:

@@ -1,0 +1,129 @@
+"""DP: motion over the ground, from the camera that looks down, the attitude and the height."""
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+from gloc3.component import DataProcessor
+from gloc3.errors import Refused
+from gloc3.frames import Vector3
+from gloc3.messages import Envelope
+from gloc3.perception import Odometry
+from gloc3.ports import Inbox, Input, Keep, Output, Result
+from gloc3.settings import Bounds, Settings
+from gloc3.vehicle import AutopilotPose, HeightAboveGround, Image
+from gloc3_onboard.devices import Rig
+from gloc3_onboard.vision.recent import RecentAttitudes, RecentHeights
+
+ATTITUDE_GAP_S: Final = 0.15
+"""An attitude that is older than this at the time of a picture does not count."""
+HEIGHT_GAP_S: Final = 0.2
+SILENT_S: Final = 1.0
+"""Without a picture for so long it says that none comes."""
+
+
+class GroundOdometrySettings(Settings, frozen=True):
+    """Settings of the ground odometry."""
+
+    camera: str = "ground"
+    """Name of the camera that looks down, as it was calibrated."""
+    height_noise_m: Annotated[float, Bounds(0.001, 1.0)] = 0.02
+    """Standard deviation of one height, in metres."""
+    height_scale_std: Annotated[float, Bounds(0.0, 0.2)] = 0.007
+    """Standard deviation of the share by which all heights may be wrong."""
+    is_slant: bool = True
+    """The height is measured along the body's down axis, as a fixed range finder does, not vertically."""
+    sensor_frd_m: Vector3 = (0.0, 0.0, 0.0)
+    """Where on the body the height is measured from, in metres."""
+    tilt_std_rad: Annotated[float, Bounds(1e-5, 0.1)] = 0.003
+    """How well the attitude tells changes of roll and pitch within a second, in radians."""
+    yaw_std_rad: Annotated[float, Bounds(1e-5, 0.5)] = 0.02
+    """The same of heading."""
+    slope_std: Annotated[float, Bounds(0.0001, 0.5)] = 0.015
+    """How far the floor may be from level, as a tangent."""
+
+
+class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
+    """Says for each picture how the body has moved since a key frame; invalid with a reason where it cannot."""
+
+    settings_type = GroundOdometrySettings
+    loggable = ("pictures", "refused", "reason")
+
+    image = Input(Image, Keep.ALL)
+    autopilot_pose = Input(AutopilotPose, Keep.ALL)
+    height = Input(HeightAboveGround, Keep.ALL)
+    odometry = Output(Odometry)
+
+    def __init__(self, rig: Rig) -> None:
+        self.pictures = self.refused = 0
+        self.reason = ""
+        self._rig = rig
+        self._settings = GroundOdometrySettings()
+        self._heard_s: float | None = None
+
+    def initialize(self, settings: GroundOdometrySettings) -> None:
+        """Makes the odometer; refuses a camera that is not calibrated."""
+        self._settings = settings
+        self._begin()
+
+    def start(self) -> None:
+        """Begins without a past."""
+        self._begin()
+
+    def _begin(self) -> None:
+        import numpy as np
+
+        from gloc3_onboard.vision.ground_odometer import GroundOdometer, GroundSettings
+
+        given = self._settings
+        camera = self._rig.model(given.camera)
+        if camera is None:
+            raise Refused(f"there is no calibration of a camera {given.camera!r}")
+        settings = GroundSettings(
+            height_noise_m=given.height_noise_m,
+            height_scale_std=given.height_scale_std,
+            is_slant=given.is_slant,
+            sensor_frd_m=given.sensor_frd_m,
+            tilt_std_rad=given.tilt_std_rad,
+            yaw_std_rad=given.yaw_std_rad,
+            slope_std=given.slope_std,
+        )
+        self._np = np
+        self._odometer = GroundOdometer(camera, settings)
+        self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
+        self._heard_s = None
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """One report for each picture, and one a second where none comes."""
+        for pose in inbox.new(self.autopilot_pose):
+            self._attitudes.put(pose.t_s, pose.payload.ned_from_frd, pose.payload.rate_frd_rad_s)
+        for height in inbox.new(self.height):
+            if height.payload.is_valid:
+                self._heights.put(height.t_s, height.payload.height_m)
+        results: list[Result] = []
+        for envelope in inbox.new(self.image):
+            self._heard_s = now_s
+            results.append(self.odometry.report(self._told(self._look(envelope)), t_s=envelope.t_s))
+        if self._heard_s is None:
+            self._heard_s = now_s
+        elif not results and now_s - self._heard_s >= SILENT_S:
+            self._heard_s = now_s
+            results.append(self._told(self._odometer.without_picture(now_s, "no picture comes")))
+        return results
+
+    def _look(self, envelope: Envelope[Image]) -> Odometry:
+        image, t_s = envelope.payload, envelope.t_s
+        self.pictures += 1
+        if not image.is_valid:
+            return self._odometer.without_picture(t_s, image.reason or "the camera says so")
+        if len(image.data) != image.width * image.height:
+            return self._odometer.without_picture(t_s, "the picture is torn")
+        attitude = self._attitudes.at(t_s)
+        if attitude is None:
+            return self._odometer.without_picture(t_s, "there is no attitude of the time of the picture")
+        picture = self._np.frombuffer(image.data, self._np.uint8).reshape(image.height, image.width)
+        return self._odometer.update(picture, t_s, attitude, self._heights.at(t_s))
+
+    def _told(self, found: Odometry) -> Odometry:
+        self.reason = found.reason
+        self.refused += not found.is_valid
+        return found

@@ -1,0 +1,154 @@
+"""Laser logs: what is common to all forms, and which reader takes which file.
+
+Poses and motions are on level axes, x forward, y right, headings clockwise; most logs have them the other way round.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gloc3.errors import Finding, InputError, Refused
+from gloc3.perception import LaserScan
+from gloc3_onboard.scan_matching.planar import Array, Planar
+
+INTERVAL_S = 0.1
+"""Between the scans of a log that does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoggedScan:
+    """A scan as it stands in a log."""
+
+    stamp_s: float
+    """The log's own time."""
+    scan: LaserScan
+    pose: Planar | None = None
+    """The pose that the log gives with the scan: the truth in a corrected log."""
+    wheels: Planar | None = None
+    """The motion since the scan before, as the wheels tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserLog:
+    """A laser log."""
+
+    scans: Sequence[LoggedScan]
+    has_times: bool
+    """The times of the log grow from scan to scan; where they do not, the scans are counted."""
+
+    @property
+    def times_s(self) -> list[float]:
+        """When each scan was taken."""
+        if self.has_times:
+            return [scan.stamp_s for scan in self.scans]
+        return [INTERVAL_S * number for number in range(len(self.scans))]
+
+
+class Line:
+    """One line of a log, read word by word; what is wrong with a word is told with its place."""
+
+    def __init__(self, path: Path, number: int, text: str) -> None:
+        self.words = text.split()
+        self._path, self._number, self._text = path, number, text
+
+    def wrong(self, index: int, message: str) -> InputError:
+        """An error at a word; past the last one, at the end of the line."""
+        starts = [match.start() for match in re.finditer(r"\S+", self._text)]
+        column = starts[index] if index < len(starts) else len(self._text)
+        finding = Finding(file=self._path.name, line=self._number, column=column + 1, message=message)
+        return InputError([finding])
+
+    def count(self, index: int) -> int:
+        """A word that says how many numbers follow; the line must have them."""
+        if index >= len(self.words) or not self.words[index].isdigit():
+            raise self.wrong(index, "the number of readings is expected here")
+        return int(self.words[index])
+
+    def numbers(self, begin: int, end: int, *, may_be_nan: bool = False) -> Array:
+        """Some words as numbers."""
+        if end > len(self.words):
+            raise self.wrong(len(self.words), f"the line ends after {len(self.words)} words; {end} are expected")
+        try:
+            found = np.array(self.words[begin:end], np.float64)
+        except ValueError as error:
+            index = next(index for index in range(begin, end) if not _is_number(self.words[index]))
+            raise self.wrong(index, f"{self.words[index]!r} is not a number") from error
+        if not may_be_nan and not np.isfinite(found).all():
+            raise self.wrong(begin + int(np.argmin(np.isfinite(found))), "this number is not finite")
+        return found
+
+    def number(self, index: int) -> float:
+        """One word as a number."""
+        return float(self.numbers(index, index + 1)[0])
+
+    def pose(self, index: int) -> Planar:
+        """Three words: x, y to the left, heading counter-clockwise."""
+        x, y, heading = self.numbers(index, index + 3).tolist()
+        return Planar(x, -y, -heading)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def scan_of(ranges_m: Array, angle_min_rad: float, angle_step_rad: float, range_max_m: float) -> LaserScan:
+    """A scan of a log."""
+    return LaserScan(
+        scanner="log",
+        angle_min_rad=angle_min_rad,
+        angle_step_rad=angle_step_rad,
+        range_min_m=0.05,
+        range_max_m=range_max_m,
+        ranges_m=ranges_m.astype("<f4").tobytes(),
+    )
+
+
+def log_of(path: Path, scans: Sequence[LoggedScan]) -> LaserLog:
+    """A log of some scans.
+
+    Raises:
+        InputError: there is none.
+    """
+    if not scans:
+        raise InputError([Finding(file=path.name, line=0, column=0, message="there is no laser scan in it")])
+    stamps = np.array([scan.stamp_s for scan in scans])
+    return LaserLog(scans=scans, has_times=bool(np.all(np.diff(stamps) > 0.0)))
+
+
+def file_of(dataset: Path) -> Path:
+    """The log that a data set is: the file itself, or the only one of its kind in a folder.
+
+    Raises:
+        Refused: there is none, or more than one.
+    """
+    if not dataset.is_dir():
+        return dataset
+    for suffix in (".gfs", ".log", ".dat"):
+        found = sorted(dataset.glob(f"*{suffix}"))
+        if len(found) == 1:
+            return found[0]
+        if found:
+            names = ", ".join(file.name for file in found)
+            raise Refused(f"there is more than one log in {dataset.name}, name one of {names}")
+    raise Refused(f"there is no laser log (.gfs, .log, .dat) in {dataset.name}")
+
+
+def lines_of(path: Path) -> list[Line]:
+    """The lines of a file that say something.
+
+    Raises:
+        InputError: it is not text.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError([Finding(file=path.name, line=0, column=0, message="it is not text")]) from error
+    lines = (Line(path, number, line) for number, line in enumerate(text.splitlines(), 1) if not line.startswith("#"))
+    return [line for line in lines if line.words]

@@ -1,0 +1,1 @@
+"""How a range scanner moved, told from its scans alone."""

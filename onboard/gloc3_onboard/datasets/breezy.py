@@ -36,9 +36,12 @@ def read_breezy(path: Path, range_max_m: float = RANGE_MAX_M) -> LaserLog:
         ticks = line.numbers(2, 4).tolist()
         motion = None if before is None else _motion(ticks[0] - before[0], ticks[1] - before[1])
         scan = scan_of(
-            np.where(ranges > 0.0, ranges, np.inf), -0.5 * SPAN_RAD, SPAN_RAD / (BEAMS - 1), min(range_max_m, RANGE_MAX_M)
+            np.where(ranges > 0.0, ranges, np.inf),
+            -0.5 * SPAN_RAD,
+            SPAN_RAD / (BEAMS - 1),
+            min(range_max_m, RANGE_MAX_M),
         )
-        scans.append(LoggedScan(stamp_s=line.number(0) * 1e-6, scan=scan, wheels=motion))
+        scans.append(LoggedScan(stamp_s=line.number(0) / 1e6, scan=scan, wheels=motion))
         before = ticks
     return log_of(path, scans)
 

@@ -1,10 +1,12 @@
-"""Looks for a scan in a map over a wide range of places and headings at once (Olson, "Real-time correlative scan
-matching", ICRA 2009): each candidate is scored by how many points fall where the map has walls."""
+"""Looks for a scan in a map over a wide range of places and headings at once.
+
+Each candidate is scored by how many points fall where the map has walls (Olson, "Real-time correlative scan matching",
+ICRA 2009).
+"""
 
 from math import ceil
 from typing import Final, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,7 +42,7 @@ def candidates(points: Array, feet: Array, guess: Planar, window: Window) -> lis
     reach = ceil(window.distance_m / cell_m)
     raster, corner = _raster(feet, guess, cell_m, reach)
     turns = ceil(window.heading_rad / HEADING_RAD)
-    headings = guess.yaw_rad + HEADING_RAD * np.arange(-turns, turns + 1)
+    headings = np.asarray(guess.yaw_rad + HEADING_RAD * np.arange(-turns, turns + 1), np.float64)
     c, s = np.cos(headings)[:, None], np.sin(headings)[:, None]
     rows = (c * voters[:, 0] - s * voters[:, 1] + (guess.x_m - corner[0])) / cell_m
     columns = (s * voters[:, 0] + c * voters[:, 1] + (guess.y_m - corner[1])) / cell_m
@@ -54,21 +56,25 @@ def candidates(points: Array, feet: Array, guess: Planar, window: Window) -> lis
     flat = raster.ravel()
     for number, row_base in enumerate(base):
         scores[number] = flat[row_base[:, None] + offsets].sum(axis=0, dtype=np.int64)
-    return _peaks(scores.reshape(len(headings), len(shifts), len(shifts)), headings, shifts * cell_m, guess)
+    places_m = np.asarray(cell_m * shifts, np.float64)
+    return _peaks(scores.reshape(len(headings), len(shifts), len(shifts)), headings, places_m, guess)
 
 
 def _spread(points: Array, cell_m: float) -> Array:
     """Some of the points, evenly along the walls instead of evenly by beam."""
-    near = points[np.hypot(*points.T) < FARTHEST_M]
+    near: Array = points[np.hypot(*points.T) < FARTHEST_M]
     if len(near) <= POINTS:
         return near
     steps = np.minimum(np.hypot(*np.diff(near, axis=0).T), 2.0 * cell_m)
     way = np.concatenate(((0.0,), np.cumsum(steps + 0.01)))
-    return near[np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], POINTS)).clip(0, len(near) - 1))]
+    chosen: Array = near[np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], POINTS)).clip(0, len(near) - 1))]
+    return chosen
 
 
 def _raster(feet: Array, guess: Planar, cell_m: float, reach: int) -> tuple[NDArray[np.uint8], Array]:
     """The map as a picture: bright at its walls, less so beside them; and the place of its first cell."""
+    import cv2
+
     center = np.array((guess.x_m, guess.y_m))
     near = feet[np.max(np.abs(feet - center), axis=1) < FARTHEST_M + 2.0]
     if not len(near):

@@ -36,12 +36,12 @@ class Information(NamedTuple):
     @property
     def is_degenerate(self) -> bool:
         """Whether there is anything that the fit does not tell."""
-        return self.known.shape[1] < 3
+        return len(self.known.T) < 3
 
     def solve(self, gradient: Array) -> Array:
         """The step that the fit asks for, without any part along a direction that is not known."""
         if not self.is_degenerate:
-            return np.linalg.solve(self.matrix, gradient)
+            return np.asarray(np.linalg.solve(self.matrix, gradient), np.float64)
         known = self.known
         step: Array = known @ np.linalg.solve(known.T @ self.matrix @ known, known.T @ gradient)
         return step
@@ -63,23 +63,21 @@ NOTHING: Final = Information(np.zeros((3, 3)), np.zeros((3, 0)), 1.0)
 """Of a fit to nothing."""
 
 
-def information_of(jacobian: Array, weights: Array, angle_std_rad: Array, sigma_m: float) -> Information:
+def information_of(jacobian: Array, swings: Array, weights: Array, angle_std_rad: Array, sigma_m: float) -> Information:
     """Sums up what some points on lines say.
 
     Args:
         jacobian: of the distance to the line: its normal, and by the heading; shape (n, 3).
+        swings: the same jacobian, were each normal turned by a right angle: how it changes with the normal's direction.
         weights: of each point.
         angle_std_rad: how well the direction of each line is known.
         sigma_m: standard deviation of the distances.
     """
     matrix = jacobian.T @ (jacobian * weights[:, None])
     doubts = EXCESS * weights * angle_std_rad * angle_std_rad
-    normals = jacobian[:, :2]
-    (inn, ine), (_, iee) = (normals.T @ (normals * doubts[:, None])).tolist()
-    (nn, ne, nh), (_, ee, eh), (_, _, hh) = matrix.tolist()
-    # A doubt along the tangent (-e, n) of each normal (n, e).
-    nn, ne, ee = nn - iee, ne + ine, ee - inn
-    turning = max(hh, 1e-9)
+    sure = matrix - swings.T @ (swings * doubts[:, None])
+    (nn, ne, nh), (_, ee, eh), (_, _, hh) = sure.tolist()
+    turning = max(float(matrix[2, 2]), 1e-9)
     needed = max(SUPPORT, SUPPORT_SHARE * float(weights.sum()))
     columns = [
         (n, e, 0.0)

@@ -238,13 +238,15 @@ class LaserOdometer:
         self._told, self._bad = Planar(), -1
 
     def _nothing(self, t_s: float, reason: str) -> LaserMotion:
+        """No motion; the pose is what somebody told, or that of the last good scan."""
         self._bad += 1
+        pose = self._pose @ (self._told or Planar())
         return LaserMotion(
             t_s=t_s,
             reference_t_s=self._key_t_s,
-            motion=self._key_pose.inverse() @ self._pose,
+            motion=self._key_pose.inverse() @ pose,
             covariance=UNKNOWN_VARIANCE * np.eye(3),
-            pose=self._pose,
+            pose=pose,
             is_valid=False,
             reason=reason,
             quality=0.0,

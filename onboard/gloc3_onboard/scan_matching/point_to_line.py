@@ -74,8 +74,8 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
         size = np.abs(off)
         sigma = max(SPREAD * _median(size), FINEST_M)
         weights = 1.0 / (1.0 + (off / (2.0 * sigma)) ** 2)
-        jacobian = np.column_stack((n, n[:, 1] * turned[:, 0] - n[:, 0] * turned[:, 1]))
-        known = information_of(jacobian, weights, near.angle_std_rad[is_near], sigma)
+        jacobian, swings = _jacobians(turned, n)
+        known = information_of(jacobian, swings, weights, near.angle_std_rad[is_near], sigma)
         north, east, turn = known.solve(-jacobian.T @ (weights * off)).tolist()
         pose = Planar(pose.x_m + north, pose.y_m + east, wrap_pi(pose.yaw_rad + turn))
         found = Alignment(pose, known, float(np.count_nonzero(size < FIT_M)) / len(points), sigma)
@@ -95,14 +95,20 @@ def search(points: Array, walls: LocalMap, guess: Planar, window: Window) -> Ali
         window: how wrong that may be.
     """
     few = points[:: max(1, len(points) // FEW)]
-    best = Alignment(guess, NOTHING, 0.0, 0.0)
-    for place in candidates(points, walls.feet_m, guess, window):
+    best = align(few, walls, guess, COARSE_M, steps=TRIAL_STEPS)
+    for place in candidates(points, walls.feet_m, guess, window) if best.share < CLEAR else ():
         trial = align(few, walls, place, COARSE_M, steps=TRIAL_STEPS)
         best = trial if trial.share > best.share else best
         if best.share > CLEAR:
             break
     found = align(points, walls, best.pose, 2.0 * NEAR_M)
     return align(points, walls, found.without_hearsay(guess), NEAR_M) if found.information.is_degenerate else found
+
+
+def _jacobians(points: Array, normals: Array) -> tuple[Array, Array]:
+    """Of the distances across the lines, by north, east and heading; and the same along the lines."""
+    px, py, nx, ny = *points.T, *normals.T
+    return np.column_stack((nx, ny, ny * px - nx * py)), np.column_stack((-ny, nx, nx * px + ny * py))
 
 
 def _median(values: Array) -> float:

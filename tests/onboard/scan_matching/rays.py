@@ -72,7 +72,9 @@ class Scanner(NamedTuple):
         return nearest
 
 
-def flight(length_m: float = 60.0, speed_m_s: float = 0.8, rate_hz: float = 10.0) -> Iterator[tuple[float, Planar, Tilt]]:
+def flight(
+    length_m: float = 60.0, speed_m_s: float = 0.8, rate_hz: float = 10.0
+) -> Iterator[tuple[float, Planar, Tilt]]:
     """Time, pose and tilt on a way up and down along the walls of the hold, wobbling, with turns."""
     corners = [(0.0, 0.0), (17.0, 0.0), (17.0, -10.0), (0.0, -10.0)]
     t_s, made_m, side = 0.0, 0.0, 0

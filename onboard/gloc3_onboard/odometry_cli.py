@@ -5,6 +5,7 @@ from pathlib import Path
 from cyclopts import App
 
 from gloc3.trajectory import read_trajectory
+from gloc3_onboard.odometry_laser import laser
 from gloc3_onboard.odometry_report import ReportOptions, report
 
 app = App(
@@ -27,3 +28,6 @@ def compare(estimate: Path, /, *, options: ReportOptions | None = None) -> int:
         options: what to compare with, and how.
     """
     return report(read_trajectory(estimate), options or ReportOptions())
+
+
+app.command(laser)

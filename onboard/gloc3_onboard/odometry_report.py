@@ -44,7 +44,13 @@ class Cost(msgspec.Struct, frozen=True, kw_only=True):
     """Why outputs were not valid, and how often."""
 
 
-def report(estimate: Trajectory, options: ReportOptions, cost: Cost | None = None, times_s: Array | None = None) -> int:
+def report(
+    estimate: Trajectory,
+    options: ReportOptions,
+    cost: Cost | None = None,
+    times_s: Array | None = None,
+    truth: Trajectory | None = None,
+) -> int:
     """Writes and prints what was asked for.
 
     Args:
@@ -52,6 +58,7 @@ def report(estimate: Trajectory, options: ReportOptions, cost: Cost | None = Non
         options: what the user asked for.
         cost: what the run took.
         times_s: times of the data set's inputs, for a truth that has none of its own.
+        truth: the truth, where it is not in a form that all commands read.
 
     Returns:
         The exit code.
@@ -66,7 +73,8 @@ def report(estimate: Trajectory, options: ReportOptions, cost: Cost | None = Non
         write_tum(estimate, options.trajectory)
     found = None
     if options.truth is not None:
-        found = evaluate(estimate, read_trajectory(options.truth, times_s), options.align, options.over)
+        known = truth or read_trajectory(options.truth, times_s)
+        found = evaluate(estimate, known, options.align, options.over)
     print(_json(estimate, found, cost) if options.json else "\n".join(_lines(estimate, found, cost)))  # noqa: T201
     return 0
 

@@ -9,6 +9,7 @@ import msgspec
 from cyclopts import App, Parameter
 
 from gloc3.errors import InputError, Refused
+from gloc3.narrate import narrate
 from gloc3_groundstation.plans import Plan, read_plan
 from gloc3_groundstation.web import HOST, PORT, WebOptions
 
@@ -63,7 +64,8 @@ def station(
 
     Args:
         mission: A mission file, or the name of an example; it is checked before anything else, and brought to the
-            platform as soon as that is heard. With --headless it is started too.
+            platform as soon as that is heard. With --headless it is started too. In the terminal, one with errors is
+            opened at the first of them.
         link: Where MAVLink comes from: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
             may be given again. Default: those of the configuration file, else udpin://0.0.0.0:14550.
         platform: The platform to command, by name; otherwise the first that is heard.
@@ -111,12 +113,15 @@ def station(
         if not 0 <= port <= 65535:
             raise Refused(f"--{name}-port must be from 0 to 65535")
     plan: Plan | None = None
+    opens = ""
     if mission is not None:
         try:
             plan = read_plan(mission, platform)
         except InputError as error:
-            print(f"{error}\nthe mission did not pass the check", file=sys.stderr)  # noqa: T201
-            return 1
+            if headless or start or exit_when_done:
+                narrate(f"{error}\nthe mission did not pass the check")
+                return 1
+            opens = mission
     from gloc3.link.signing_key import read_signing_key
     from gloc3_groundstation.configuration import Configuration, ConfigurationFile, default_path
     from gloc3_groundstation.recording import default_root
@@ -150,7 +155,8 @@ def station(
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None, override=override))
     page = WebOptions(host=web_host, port=web_port) if web else None
-    return asyncio.run(session.show(is_starting=start, is_closing=exit_when_done, keep=file.write, web=page))
+    show = session.show(is_starting=start, is_closing=exit_when_done, keep=file.write, web=page, opens=opens)
+    return asyncio.run(show)
 
 
 def _print_json(line: msgspec.Struct) -> None:

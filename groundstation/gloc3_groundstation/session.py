@@ -117,6 +117,7 @@ class Session:
         is_closing: bool,
         keep: Callable[[Configuration], bool],
         web: WebOptions | None = None,
+        opens: str = "",
     ) -> int:
         """Opens the terminal.
 
@@ -125,6 +126,7 @@ class Session:
             is_closing: closes when that mission has ended.
             keep: is given the configuration when the terminal closes; tells whether it could be kept.
             web: where it is shown to a browser; None for the terminal that it was started in.
+            opens: a mission file with errors, which is shown at the first of them.
 
         Returns:
             The exit code.
@@ -150,6 +152,7 @@ class Session:
                 is_starting=is_starting,
                 is_closing=is_closing,
                 is_in_browser=web is not None,
+                opens=opens,
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -7,6 +7,7 @@ from typing import Any, Final
 from gloc3.ci import Hello
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages import Envelope, Severity
+from gloc3.vehicle import ObstacleScan
 from gloc3_groundstation import fleet as reducers
 from gloc3_groundstation.command_client import CommandClient
 from gloc3_groundstation.snapshots import Fleet
@@ -38,6 +39,7 @@ class Station:
         self._unsubscribes: list[Unsubscribe] = [
             exchange.subscribe(f"*/{topic}", self._take) for topic in reducers.HEARD_TOPICS
         ]
+        self._unsubscribes.append(self.watcher.listen(self._see))
 
     @property
     def id(self) -> str:
@@ -82,6 +84,12 @@ class Station:
         if platform is not None and platform.is_incomplete and now_s >= self._asked_s.get(name, 0.0):
             self._asked_s[name] = now_s + HELLO_EVERY_S
             self._start(self.client.ask(name, Hello(), HELLO_EVERY_S))
+
+    def _see(self, _: str, envelope: Envelope[Any]) -> None:
+        """Keeps obstacles that somebody looks at with what is known of the platform, for the map."""
+        if isinstance(envelope.payload, ObstacleScan):
+            now_s = self.now_s()
+            self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
 
     def _change(self, fleet: Fleet, now_s: float) -> None:
         before, self.fleet = self.fleet, fleet

@@ -13,7 +13,7 @@ from gloc3.errors import Refused
 from gloc3.narrate import narrate
 from gloc3.platform import load_platform
 from gloc3.preflight import Check, summary, worst
-from gloc3_onboard.cli import DEFAULT_AUTOPILOT
+from gloc3_onboard.cli import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 
 app = App(
     name="gloc3 doctor",
@@ -55,6 +55,8 @@ def doctor(
     """
     if not 0.0 < wait < float("inf"):
         raise Refused("--wait must be above 0 seconds")
+    if not 1 <= system_id <= MOST_SYSTEM_ID:
+        raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
     from gloc3.link.endpoints import parse_url
     from gloc3_onboard.doctor import Question, examine
 

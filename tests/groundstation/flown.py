@@ -10,7 +10,7 @@ from gloc3.ci import MissionSummary
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.frames import Vector3
 from gloc3.mission.examples import find_mission
-from gloc3_groundstation.mapping.mission_texts import digest_of
+from gloc3.mission.model import digest_of
 from gloc3_groundstation.mapping.requested import requested
 
 from .station_scene import Scene

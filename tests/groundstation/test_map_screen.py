@@ -2,12 +2,16 @@
 
 import pytest
 
-from gloc3.ci import ReadMission
+from gloc3.ci import ReadMission, Watch
+from gloc3.vehicle import ObstacleScan
+from gloc3.watch import TopicEntry
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.tui.canvas_panel import CanvasPanel
-from gloc3_groundstation.tui.screens.map import MapScreen
+from gloc3_groundstation.tui.screens.map import OBSTACLES, MapScreen
 
 from .flown import Flight
+from .looked_at import TOPICS, Viewer
+from .scripted_platform import ScriptedPlatform
 from .station_scene import Scene, scene
 
 pytestmark = pytest.mark.sockets
@@ -72,6 +76,32 @@ async def test_a_map_that_follows_stands_still_until_the_vehicle_is_far_from_its
         assert seen(here).m_per_dot == begun.m_per_dot
         await here.press("left")
         await here.wait(lambda: not shown_map(here)._is_following)
+
+
+async def test_obstacles_are_asked_for_only_while_the_map_is_shown_and_of_a_vehicle_that_has_them() -> None:
+    async with scene(plan=None) as here:
+        viewer = Viewer(here.exchange, here.platform)
+        here.platform.topics = [*TOPICS, TopicEntry("obstacles", "ObstacleScan", 5.0, "scanner")]
+        other = ScriptedPlatform(here.exchange, "stork", 8)
+        other.topics = TOPICS
+        flight = Flight(here)
+        flight.begin()
+        flight.fly(5.0)
+        await here.until("title", "heron")
+        assert here.platform.watched == Watch()
+        await here.go("4")
+        await here.wait(lambda: here.platform.watched.wants == [OBSTACLES])
+        viewer.show("obstacles", ObstacleScan(points_ne_m=[(2.0, 2.0), (2.0, -2.0)]), 1.0)
+        await here.wait(lambda: (heron := here.station.fleet.get("heron")) is not None and heron.obstacles is not None)
+        await here.go("1")
+        await here.wait(lambda: here.platform.watched == Watch())
+        other.speak()
+        await here.until("title", "1/2")
+        await here.press("v")
+        await here.go("4")
+        await here.wait(lambda: bool(here.station.watcher.watches.entries("stork")))
+        here.app.look()
+        assert (here.platform.watched, other.watched) == (Watch(), Watch())
 
 
 async def test_the_mouse_is_the_cursor() -> None:

@@ -272,3 +272,30 @@ async def test_changes_are_kept_when_the_station_closes_without_a_word(tmp_path:
         assert kept is not None
         assert kept.read_text().startswith("42mission")
         assert missions(here).keep_unsaved(tmp_path / "kept") != kept, "nothing is overwritten"
+
+
+async def test_a_mission_with_errors_that_the_station_was_started_with_is_open_at_the_first_of_them(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text(INSPECTION.replace("height_m: 1.5", "hieght_m: 1.5"))
+    line = next(number for number, text in enumerate(file.read_text().splitlines()) if "hieght_m" in text)
+    async with scene(plan=None, opens=str(file)) as here:
+        await here.wait(lambda: here.app.current_mode == "mission" and here.app.focused is editor(here))
+        await here.wait(lambda: editor(here).cursor_location[0] == line)
+        here.platform.speak()
+        await here.until("title", "heron")
+        assert here.asked(LoadMission) == []
+
+
+async def test_ctrl_c_copies_what_is_selected_in_the_editor_and_closes_without_a_selection(tmp_path: Path) -> None:
+    async with scene() as here:
+        await here.go("3")
+        await here.press("e")
+        await here.wait(lambda: here.app.focused is editor(here))
+        await here.press("shift+right", "shift+right", "shift+right", "ctrl+c")
+        await here.wait(lambda: here.app.clipboard == "mis")
+        assert not here.app._exit
+        await here.press("right", "ctrl+c")
+        await here.wait(lambda: here.app._exit)
+        assert here.app.return_code == 130

@@ -14,7 +14,12 @@ from gloc3_groundstation.preflight_desk import CheckList, PreflightDesk, Told, s
 from gloc3_groundstation.snapshots import LinkStatistics, PlatformSnapshot
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.tui.lines import text_of
-from gloc3_groundstation.tui.views.preflight import preflight_headline, preflight_rows, preflight_title
+from gloc3_groundstation.tui.views.preflight import (
+    no_list_lines,
+    preflight_headline,
+    preflight_rows,
+    preflight_title,
+)
 
 from .scripted_platform import CHECKS, CLOCK, LINK_LOSS, ScriptedPlatform, refused
 
@@ -110,6 +115,27 @@ def test_a_red_line_says_that_the_start_is_refused_and_what_to_do() -> None:
 def test_a_list_without_red_names_the_key_that_starts() -> None:
     assert "nothing is red   s starts the mission" in shown(*CHECKS)
     assert wording.duration(3.0) in shown(*CHECKS)
+
+
+def test_without_a_mission_no_key_is_offered_that_would_do_nothing() -> None:
+    fine = CheckList(tuple(CHECKS), 3.0, is_asking=False, problem="")
+    assert text_of(preflight_headline(HERON, fine, 80, can_start=False)).endswith("there is no mission to start now")
+
+
+def test_of_a_vehicle_without_a_companion_no_list_is_waited_for() -> None:
+    bare, none = replace(HERON, has_companion=False), CheckList((), None, is_asking=False, problem="")
+    assert "no companion of ours" in text_of(preflight_headline(bare, none, 80))
+    told = " ".join(text_of(line).strip() for line in no_list_lines(bare, "", 60))
+    assert "gloc3 doctor PLATFORM --autopilot URL" in told
+    assert not no_list_lines(HERON, "", 60)
+
+
+def test_a_long_reason_is_whole_below_and_an_older_list_stays() -> None:
+    long = "the platform " + "has said no " * 12
+    lines = no_list_lines(HERON, long, 60)
+    assert " ".join(text_of(line).strip() for line in lines) == long.strip()
+    kept = CheckList(tuple(CHECKS), 40.0, is_asking=False, problem="not now")
+    assert "no newer list: not now" in text_of(preflight_headline(HERON, kept, 80))
 
 
 def test_a_list_that_has_not_come_and_one_of_a_platform_that_refuses_say_so() -> None:

@@ -4,7 +4,6 @@ import math
 
 from gloc3.messages import Envelope, Source
 from gloc3.watch import TopicActivity, TopicEntry
-from gloc3_groundstation.tui.dots import Dots
 from gloc3_groundstation.tui.lines import Line, Tone, text_of
 from gloc3_groundstation.tui.views.sensors import (
     field_rows,
@@ -110,10 +109,3 @@ def test_a_scan_is_seen_from_above_with_north_up_and_one_scale() -> None:
     assert max(columns) - min(columns) <= 10, "as wide as high where it is half as wide as high: 2 × 4 dots a character"
     assert "nothing" in text_of(scan_lines([], 40, 10)[0])
     assert len(scan_lines([(1.0, 1.0)], 40, 10)) == 10
-
-
-def test_dots_outside_are_left_out() -> None:
-    field = Dots(2, 1)
-    field.line(-5, -5, 20, 20)
-    field.dot(3, 3)
-    assert len(field.rows()[0]) == 2

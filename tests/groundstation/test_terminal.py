@@ -207,6 +207,25 @@ async def test_a_terminal_that_is_too_small_says_so_and_the_emergency_key_works_
 
 
 @pytest.mark.sockets
+async def test_keys_screens_and_the_alert_can_be_clicked() -> None:
+    async with scene() as here:
+        here.platform.speak()
+        await here.until("keys", "s Start")
+        await here.pilot.click("#keys", offset=(here.shown("keys").index("Start"), 0))
+        await here.until("events", "the mission is started")
+        await here.pilot.click("#keys", offset=(here.shown("keys").index("HOLD"), 0))
+        await here.until("events", "emergency hold")
+        await here.pilot.click("#keys", offset=(79, 0))
+        here.platform.fly(battery_percent=12)
+        await here.until("alert", "battery at or below 15 %")
+        await here.pilot.click("#alert", offset=(20, 0))
+        await here.wait(lambda: "battery" not in here.shown("alert"))
+        for title, name in (("9Events", "events"), ("3Mission", "mission"), ("1Overview", "overview")):
+            await here.pilot.click("#tabs", offset=(here.shown("tabs").index(title) + len(title) - 1, 0))
+            await here.wait(lambda name=name: here.app.current_mode == name and here.is_shown(name))  # type: ignore[misc]
+
+
+@pytest.mark.sockets
 async def test_the_line_of_keys_is_laid_out_anew_when_the_terminal_is_made_narrower() -> None:
     async with scene(None, size=(250, 70)) as here:
         here.platform.speak()

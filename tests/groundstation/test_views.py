@@ -237,7 +237,7 @@ def test_the_mission_shows_each_task_with_its_actions() -> None:
 
 def test_without_a_mission_it_says_what_can_be_done() -> None:
     bare = replace(PLATFORM, mission=None)
-    assert texts(mission_lines(bare, None, 100.0, 60))[1] == " Open the station with --mission FILE."
+    assert texts(mission_lines(bare, None, 100.0, 60))[1] == " 3, then o opens one."
     plan = Plan(name="hold.yaml", title="cargo hold", text="")
     assert texts(mission_lines(bare, plan, 100.0, 60))[0] == " 'cargo hold' is at hand."
 

@@ -81,7 +81,12 @@ def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert {"group": "autopilot", "name": "answers", "verdict": "red"}.items() <= lines[0].items()
     assert _call(app, ["pelican", *silent]) == 1
     assert "red      autopilot: answers: no heartbeat is heard\n         -> is it powered" in capsys.readouterr().out
-    for wrong in (["pelikan"], ["pelican", "--autopilot", "nowhere"], ["pelican", "--wait", "0"]):
+    for wrong in (
+        ["pelikan"],
+        ["pelican", "--autopilot", "nowhere"],
+        ["pelican", "--wait", "0"],
+        ["pelican", "--system-id", "251"],
+    ):
         with pytest.raises(Gloc3Error):
             _call(app, wrong)
 
@@ -101,3 +106,14 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, monkeypatch: py
     assert "Permission denied" in state.disk_problem
     assert state.log_problem
     assert state.disk_free_mb > 0.0
+
+
+def test_a_file_where_the_folder_should_be_is_told(tmp_path: Path) -> None:
+    from gloc3.clock import Clock
+
+    (tmp_path / "out").write_text("not a folder")
+    loop = asyncio.new_event_loop()
+    computer = HostComputer(tmp_path / "out", Clock(loop))
+    computer.measure()
+    loop.close()
+    assert computer.state().disk_problem.endswith("out is there already, and is no folder")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import errno
+import os
 import queue
 import threading
 from collections.abc import Callable
@@ -92,7 +94,7 @@ class SerialEndpoint:
                 exclusive=True,
             )
         except (OSError, ValueError) as error:
-            self.problem = str(error)
+            self.problem = _reason(error)
             return None
 
     def _read(self) -> None:
@@ -108,7 +110,7 @@ class SerialEndpoint:
                     if data:
                         self._loop.call_soon_threadsafe(self._hear, data)
             except (OSError, TypeError) as error:  # unplugged; pyserial answers with a TypeError if that is in mid-read
-                self.problem = str(error)
+                self.problem = _reason(error)
             except RuntimeError:  # the loop is gone
                 self._closing.set()
             self._port = None
@@ -129,5 +131,13 @@ class SerialEndpoint:
                 port.write(data)
                 self.bytes_sent += len(data)
             except (OSError, TypeError) as error:
-                self.problem = str(error)
+                self.problem = _reason(error)
                 self.dropped += 1
+
+
+def _reason(error: Exception) -> str:
+    """What is the matter with a line, once and in the system's words."""
+    number = getattr(error, "errno", None)
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return "in use by another program"
+    return os.strerror(number).lower() if number else str(error)

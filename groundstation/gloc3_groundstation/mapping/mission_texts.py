@@ -1,9 +1,9 @@
 """The text of the mission that each vehicle has loaded: the one at hand, or asked of the vehicle once."""
 
-from hashlib import blake2s
 from typing import Final
 
 from gloc3.ci import Outcome, ReadMission
+from gloc3.mission.model import digest_of
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
@@ -51,11 +51,6 @@ class MissionTexts:
         if len(self._texts) >= KEPT:
             del self._texts[next(iter(self._texts))]
         self._texts[digest] = text
-
-
-def digest_of(text: str) -> str:
-    """The digest by which a vehicle tells what it has loaded."""
-    return blake2s(text.encode(), digest_size=6).hexdigest()
 
 
 def _digest(platform: PlatformSnapshot | None) -> str:

@@ -29,6 +29,7 @@ from gloc3_groundstation.tui.questions import (
     Question,
 )
 from gloc3_groundstation.tui.screen import LookAt, StationScreen
+from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import THEMES, offer_themes
 from gloc3_groundstation.tui.view import View
@@ -63,6 +64,7 @@ class StationApp(App[End | None]):
         is_starting: bool = False,
         is_closing: bool = False,
         is_in_browser: bool = False,
+        opens: str = "",
     ) -> None:
         """The terminal.
 
@@ -74,6 +76,7 @@ class StationApp(App[End | None]):
             is_starting: starts the mission at hand without waiting for the key.
             is_closing: closes when that mission has ended, or could not be started.
             is_in_browser: shown to a browser by `window`, instead of in the terminal that it was started in.
+            opens: a mission file that is opened at the start; one with errors is shown at the first of them.
         """
         is_monochrome = bool(os.environ.get("NO_COLOR"))
         driver = BrowserDriver if is_in_browser else None
@@ -86,6 +89,7 @@ class StationApp(App[End | None]):
         self._waiting_for = waiting_for
         self._is_starting = is_starting
         self._is_closing = is_closing
+        self._opens = opens
         self._has_begun = desk.plan is None  # what is opened later is brought over when the operator says so
         self._was_possible: object = None
         self._tracks = Tracks()
@@ -98,6 +102,9 @@ class StationApp(App[End | None]):
         for row in SCREENS:
             self.add_mode(row.name, partial(row.screen, self.desk, SCREENS, row, self.view))
         last = [row.name for row in SCREENS if row.name == self._configuration.session.screen]
+        if self._opens:
+            last = [row.name for row in SCREENS if row.screen is MissionScreen]
+            self.call_after_refresh(self._open)
         self.switch_mode(last[0] if last else SCREENS[0].name)
         self.set_interval(1.0 / REFRESH_HZ, self.look)
 
@@ -253,8 +260,10 @@ class StationApp(App[End | None]):
             self.confirm("\n\n".join(questions), "quit", lambda: self.exit(None))
 
     def action_interrupt(self) -> None:
-        """Ctrl-C closes at once; in a browser, where it is how people copy, it asks as the key q does."""
-        if self.is_web:
+        """Ctrl-C copies what is selected in the editor; else it closes at once, in a browser as the key q does."""
+        if isinstance(self.focused, TextArea) and self.focused.selected_text:
+            self.focused.action_copy()
+        elif self.is_web:
             self.action_leave()
         else:
             self.interrupt()
@@ -277,6 +286,10 @@ class StationApp(App[End | None]):
     def do(self, work: Awaitable[Any]) -> None:
         """Does what takes time; its end shows in the fleet."""
         self.run_worker(work, exit_on_error=True)
+
+    async def _open(self) -> None:
+        if isinstance(self.base, MissionScreen):
+            await self.base.open(self._opens)
 
     async def _fly(self, name: str) -> None:
         end = await self.desk.fly(name)

@@ -33,6 +33,13 @@ GENERAL_KEYS: Final[list[BindingType]] = [
     Binding("ctrl+p,colon", "command_palette", "All commands", tooltip="everything, by name"),
     Binding("q", "leave", "Quit"),
     Binding("ctrl+q", "leave", "Quit", show=False, priority=True),  # Textual's own asks nothing
-    Binding("ctrl+c", "interrupt", "Quit", show=False, priority=True, tooltip="asking nothing"),
+    Binding(
+        "ctrl+c",
+        "interrupt",
+        "Quit",
+        show=False,
+        priority=True,
+        tooltip="asking nothing; in the editor it copies",
+    ),
 ]
 """What works on every screen."""

@@ -3,9 +3,10 @@
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from typing import Any, ClassVar, Final, NamedTuple
 
+from textual import on
 from textual.app import ComposeResult
 from textual.containers import Container
-from textual.events import Resize
+from textual.events import Click, Resize
 from textual.message import Message
 from textual.screen import Screen
 
@@ -17,7 +18,9 @@ from gloc3_groundstation.tui.views.chrome import (
     Key,
     Tab,
     alert_line,
+    key_at,
     keys_line,
+    tab_at,
     tabs_line,
     title_line,
     too_small_lines,
@@ -153,8 +156,7 @@ class StationScreen(Screen[None]):
             return
         width = self.size.width
         self.panel("title").show([title_line(view, width)])
-        tabs = [Tab(row.key, row.title, row is self.row) for row in self._rows]
-        self.panel("tabs").show([tabs_line(tabs, width)])
+        self.panel("tabs").show([tabs_line(self._tabs, width)])
         alert = alert_line(view, width)
         self.panel("alert").display = bool(alert)
         self.panel("alert").show([alert])
@@ -170,6 +172,36 @@ class StationScreen(Screen[None]):
                 key = self.app.get_key_display(binding)
                 found[binding.action] = Key(key, binding.description, active.enabled, name in ALWAYS_SHOWN)
         return list(found.values())
+
+    # --- the mouse ---
+
+    @on(Click, "#tabs")
+    async def click_tab(self, event: Click) -> None:
+        """Shows the screen whose name was clicked."""
+        tab = tab_at(self._tabs, self.size.width, event.x)
+        row = next((row for row in self._rows if tab is not None and row.key == tab.key), None)
+        if row is not None:
+            await self.app.run_action(f"app.go('{row.name}')")
+
+    @on(Click, "#alert")
+    async def click_alert(self) -> None:
+        """Takes note of the alert that was clicked."""
+        await self.app.run_action("app.acknowledge")
+
+    @on(Click, "#keys")
+    async def click_key(self, event: Click) -> None:
+        """Does what the key that was clicked does."""
+        key = key_at(self.keys(), self.size.width, event.x)
+        for active in self.active_bindings.values():
+            binding = active.binding
+            is_it = key is not None and (self.app.get_key_display(binding), binding.description) == (key.key, key.label)
+            if is_it and active.enabled:
+                await self.app.run_action(binding.action, active.node)
+                return
+
+    @property
+    def _tabs(self) -> list[Tab]:
+        return [Tab(row.key, row.title, row is self.row) for row in self._rows]
 
     @property
     def _is_there(self) -> bool:

@@ -1,6 +1,7 @@
 """Endpoints over real sockets and a pseudo terminal."""
 
 import asyncio
+import fcntl
 import os
 import pty
 from collections.abc import AsyncIterator, Callable
@@ -136,10 +137,24 @@ async def test_serial_line_both_ways_and_a_missing_device(opener: Opener) -> Non
         await until(lambda: endpoint.bytes_sent > 0)
         assert os.read(master, 300) == FRAMES[1]
         missing, _ = await opener("serial:///dev/gloc3-is-not-there:57600")
-        await until(lambda: "gloc3-is-not-there" in missing.problem)
+        await until(lambda: missing.problem == "no such file or directory")
         assert not missing.is_connected
         await endpoint.close()
         await missing.close()
     finally:
         os.close(master)
         os.close(slave)
+
+
+async def test_a_serial_line_that_another_program_holds_says_so(opener: Opener) -> None:
+    master, slave = pty.openpty()
+    other = os.open(os.ttyname(slave), os.O_RDWR | os.O_NOCTTY)
+    try:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        endpoint, _ = await opener(f"serial://{os.ttyname(slave)}:57600")
+        await until(lambda: endpoint.problem == "in use by another program")
+        assert not endpoint.is_connected
+        await endpoint.close()
+    finally:
+        for number in (other, slave, master):
+            os.close(number)

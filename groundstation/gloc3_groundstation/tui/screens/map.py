@@ -7,6 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
+from gloc3.watch import Want
 from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.mapping.mission_texts import MissionTexts
 from gloc3_groundstation.mapping.progress import Progress
@@ -30,6 +31,10 @@ from gloc3_groundstation.tui.views.map import (
 from gloc3_groundstation.tui.views.map_facts import cursor_line, legend_lines, map_title, vehicle_lines
 from gloc3_groundstation.tui.views.profile import along_lines, time_lines
 
+VIEWER: Final = "map"
+OBSTACLES: Final = Want("obstacles", 2.0)
+EYES_S: Final = 2.0
+"""A map that has not been drawn for so long is not shown any more."""
 STEP: Final = 0.125
 """Of the map's width or height, that a key moves it by."""
 CALM: Final = 0.3
@@ -80,8 +85,13 @@ class MapScreen(StationScreen):
                 yield Panel(id="vehicles", can_focus=False)
                 yield Panel(id="signs", can_focus=False)
 
+    def on_screen_suspend(self) -> None:
+        """Asks for no obstacles any more."""
+        self.desk.station.watcher.look_away(VIEWER)
+
     def look(self, view: View) -> None:
-        """Draws it."""
+        """Asks for the obstacles, and draws it."""
+        self._want_obstacles(view)
         panel, profile = self.query_one("#map", CanvasPanel), self.query_one("#profile", CanvasPanel)
         width, height = panel.width, panel.size.height
         if width <= 0 or height <= 0:
@@ -143,6 +153,17 @@ class MapScreen(StationScreen):
             self.look(self.view)
 
     # --- what is seen ---
+
+    def _want_obstacles(self, view: View) -> None:
+        """Looks at what a scanner of the vehicle in view has hit, if it has one."""
+        watcher, platform = self.desk.station.watcher, view.platform
+        if platform is None or not platform.has_companion:
+            watcher.look_away(VIEWER)
+            return
+        watcher.look_away(VIEWER, except_from=platform.name)
+        watcher.list_topics(platform.name)
+        if any(entry.name == OBSTACLES.topic for entry in watcher.watches.entries(platform.name)):
+            watcher.look(VIEWER, platform.name, [OBSTACLES], for_s=EYES_S)
 
     def _chart(self, view: View, width: int, height: int) -> Chart:
         if self._texts is None:

@@ -15,7 +15,12 @@ from gloc3_groundstation.tui.questions import AskFor
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.overview import waiting_lines
-from gloc3_groundstation.tui.views.preflight import preflight_headline, preflight_rows, preflight_title
+from gloc3_groundstation.tui.views.preflight import (
+    no_list_lines,
+    preflight_headline,
+    preflight_rows,
+    preflight_title,
+)
 
 OVERRIDE_QUESTION: Final = "Start {} although it is not fit?\n{}\n\nSay why; it is logged with your name."
 LINE: Final = 56
@@ -54,15 +59,19 @@ class PreflightScreen(StationScreen):
         """Fills the list, and has it made when it is old."""
         panel, headline = self.query_one("#checks", ListPanel), self.panel("headline")
         checks = self._list(view)
-        headline.show([preflight_headline(view.platform, checks, headline.width)])
+        can_start = Move.START in view.moves
+        headline.show([preflight_headline(view.platform, checks, headline.width, can_start=can_start)])
         if view.platform is None or checks is None:
             panel.show_rows([Row(line) for line in waiting_lines(view)], "checks")
             return
         if view.platform.has_companion and self.is_current and self.desk.preflight.is_due(view.platform.name):
             self.do(self.desk.preflight.refresh(view.platform.name))
-        panel.show_rows([Row(*row) for row in preflight_rows(checks, panel.width - 1)], preflight_title(checks))
+        rows = [Row(*row) for row in preflight_rows(checks, panel.width - 1)]
+        if not rows:
+            rows = [Row(line) for line in no_list_lines(view.platform, checks.problem, panel.width - 1)]
+        panel.show_rows(rows, preflight_title(checks))
         bad = red(checks.checks)
-        mood = bool(bad), Move.START in view.moves
+        mood = bool(bad), can_start
         if mood != self._mood:
             self._mood = mood
             self.refresh_bindings()
@@ -79,7 +88,7 @@ class PreflightScreen(StationScreen):
 
     def action_refresh(self) -> None:
         """Makes the list anew."""
-        if self.view is not None and self.view.platform is not None:
+        if self.view is not None and self.view.platform is not None and self.view.platform.has_companion:
             self.do(self.desk.preflight.refresh(self.view.platform.name))
             self.look_again()
 

@@ -106,8 +106,7 @@ def tone_of(severity: Severity) -> Tone:
 
 def tabs_line(tabs: Sequence[Tab], width: int) -> Line:
     """The screens with their keys; the one that is shown stands out."""
-    is_spacious = width >= SPACIOUS
-    between, gap = (" ", "  ") if is_spacious else ("", " ")
+    between, gap = _tab_gaps(width)
     spans = [Span(" ")]
     for tab in tabs:
         if tab.is_shown:
@@ -116,6 +115,18 @@ def tabs_line(tabs: Sequence[Tab], width: int) -> Line:
             spans += [Span(f"{tab.key}{between}", Tone.BUSY), Span(tab.title, Tone.DIM)]
         spans.append(Span(gap))
     return tuple(spans)
+
+
+def tab_at(tabs: Sequence[Tab], width: int, column: int) -> Tab | None:
+    """The screen whose name stands at a column of that line."""
+    between, gap = _tab_gaps(width)
+    begin = 1
+    for tab in tabs:
+        end = begin + len(tab.key) + len(between) + len(tab.title)
+        if begin <= column < end:
+            return tab
+        begin = end + len(gap)
+    return None
 
 
 def alert_line(view: View, width: int) -> Line:
@@ -138,23 +149,21 @@ def alert_line(view: View, width: int) -> Line:
 
 def keys_line(keys: Sequence[Key], width: int) -> Line:
     """The keys that fit: first those that are always shown, then the others in their order."""
-    always = [key for key in keys if key.is_always_shown]
-    room = width - 1 - sum(_width(key) for key in always)
-    if sum(_width(key) for key in keys) > width - 1:
-        keys = [key for key in keys if key.is_enabled]
-    shown = []
-    for key in keys:
-        if key.is_always_shown:
-            continue
-        room -= _width(key)
-        if room < 0:
-            break
-        shown.append(key)
     spans = [Span(" ")]
-    for key in (*shown, *always):
+    for key in _fitting(keys, width):
         spans.append(Span(key.key, Tone.KEY if key.is_enabled else Tone.DIM))
         spans.append(Span(f" {key.label}  ", Tone.TEXT if key.is_enabled else Tone.DIM))
     return tuple(spans)
+
+
+def key_at(keys: Sequence[Key], width: int, column: int) -> Key | None:
+    """The key that stands at a column of that line."""
+    begin = 1
+    for key in _fitting(keys, width):
+        if begin <= column < begin + _width(key) - 2:
+            return key
+        begin += _width(key)
+    return None
 
 
 def too_small_lines(width: int, height: int, needed: tuple[int, int]) -> list[Line]:
@@ -175,6 +184,28 @@ def _alerts(view: View) -> Line:
 
 def _span(text: str, tone: Tone, is_stale: bool) -> Span:
     return Span(text, Tone.STALE if is_stale else tone)
+
+
+def _fitting(keys: Sequence[Key], width: int) -> list[Key]:
+    """The keys that there is room for, in the order in which they stand."""
+    always = [key for key in keys if key.is_always_shown]
+    room = width - 1 - sum(_width(key) for key in always)
+    if sum(_width(key) for key in keys) > width - 1:
+        keys = [key for key in keys if key.is_enabled]
+    shown = []
+    for key in keys:
+        if key.is_always_shown:
+            continue
+        room -= _width(key)
+        if room < 0:
+            break
+        shown.append(key)
+    return [*shown, *always]
+
+
+def _tab_gaps(width: int) -> tuple[str, str]:
+    """What stands between a screen's key and its name, and between two screens."""
+    return (" ", "  ") if width >= SPACIOUS else ("", " ")
 
 
 def _width(key: Key) -> int:

@@ -36,7 +36,7 @@ def mission_lines(platform: PlatformSnapshot | None, plan: Plan | None, now_s: f
     timed = platform.mission if platform is not None else None
     if timed is None or not timed.value.state:
         at_hand = f" {plan.title!r} is at hand." if plan is not None else " No mission is loaded."
-        hint = " u streams it, s starts it." if plan is not None else " Open the station with --mission FILE."
+        hint = " u streams it, s starts it." if plan is not None else " 3, then o opens one."
         return [(Span(at_hand[:width]),), (Span(hint[:width], Tone.DIM),)]
     mission = timed.value
     lines = [_line(item, min(width, WIDEST)) for item in wording.items(mission)]

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from gloc3.preflight import Check, Verdict, red, summary
 from gloc3_groundstation.preflight_desk import CheckList
 from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, column, wrapped
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, column, cut, wrapped
 from gloc3_groundstation.wording import duration
 
 SIGNS: Final[Mapping[Verdict, tuple[str, Tone]]] = {
@@ -17,7 +17,7 @@ SIGNS: Final[Mapping[Verdict, tuple[str, Tone]]] = {
 }
 GROUP: Final = 11
 VERDICT: Final = 10
-NAME: Final = 19
+NAME: Final = 20
 STALE_S: Final = 60.0
 """An older list is shown as what it is: old."""
 
@@ -37,12 +37,24 @@ def preflight_title(checks: CheckList) -> str:
     return f"checks: {summary(checks.checks)}, {duration(checks.age_s)} ago{asking}"
 
 
-def preflight_headline(platform: PlatformSnapshot | None, checks: CheckList | None, width: int) -> Line:
-    """What the list means for a start."""
+def preflight_headline(
+    platform: PlatformSnapshot | None, checks: CheckList | None, width: int, *, can_start: bool = True
+) -> Line:
+    """What the list means for a start.
+
+    Args:
+        platform: the vehicle in view; None while none is heard.
+        checks: its list; None without a vehicle.
+        width: columns.
+        can_start: whether there is a mission that could be started now.
+    """
     if platform is None or checks is None:
         return EMPTY
+    if not platform.has_companion:
+        return (Span(f" {platform.name} has no companion of ours, which would make the list", Tone.WARN),)
     if checks.problem:
-        return (Span(f" {wrapped(f'no list: {checks.problem}', max(20, width - 2))[0]}", Tone.WARN),)
+        lack = "no list" if checks.age_s is None else "no newer list"
+        return (Span(cut(f" {lack}: {checks.problem}", width), Tone.WARN),)
     if checks.age_s is None:
         return (Span(f" {platform.name} is asked for its list…", Tone.DIM),)
     bad = red(checks.checks)
@@ -56,7 +68,20 @@ def preflight_headline(platform: PlatformSnapshot | None, checks: CheckList | No
             Span("   o", Tone.KEY),
             Span(" starts all the same, and is logged"),
         )
+    if not can_start:
+        return (Span(" nothing is red", Tone.GOOD), Span("   there is no mission to start now", Tone.DIM))
     return (Span(" nothing is red", Tone.GOOD), Span("   s", Tone.KEY), Span(" starts the mission"))
+
+
+def no_list_lines(platform: PlatformSnapshot, problem: str, width: int) -> list[Line]:
+    """What to do where there is no list."""
+    if not platform.has_companion:
+        advice = (
+            "Its autopilot is heard alone. Look at it with the screen Services, or, on the computer that is connected "
+            "to it, with: gloc3 doctor PLATFORM --autopilot URL"
+        )
+        return [(Span(f" {text}", Tone.TEXT),) for text in wrapped(advice, max(20, width - 2))]
+    return [(Span(f" {text}", Tone.WARN),) for text in wrapped(problem, max(20, width - 2))] if problem else []
 
 
 def preflight_rows(checks: CheckList, width: int) -> list[CheckRow]:

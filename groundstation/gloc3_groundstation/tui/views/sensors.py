@@ -4,10 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
+import numpy as np
+
 from gloc3.watch import Preview, TopicActivity, TopicEntry
 from gloc3_groundstation import wording
 from gloc3_groundstation.message_fields import Field, fields_of
-from gloc3_groundstation.tui.dots import Dots
+from gloc3_groundstation.tui.canvas import Canvas
 from gloc3_groundstation.tui.lines import Line, Span, Tone, column, cut, spread, wrapped
 from gloc3_groundstation.tui.tables import Column, Table
 from gloc3_groundstation.watches import Sight
@@ -127,17 +129,17 @@ def scan_lines(points_ne_m: Sequence[tuple[float, float]], width: int, height: i
     """What a scanner has hit, seen from above: north is up, the same scale both ways."""
     if not points_ne_m or height < 2:
         return [(Span(" nothing was hit", Tone.DIM),)]
-    dots = Dots(max(1, width), height - 1)
+    canvas = Canvas(max(1, width), height - 1)
+    across_dots, down_dots = canvas.size
     north = [point[0] for point in points_ne_m]
     east = [point[1] for point in points_ne_m]
     middle = (max(north) + min(north)) / 2.0, (max(east) + min(east)) / 2.0
-    metres = max((max(north) - min(north)) / (dots.height - 1), (max(east) - min(east)) / (dots.width - 1), 1e-3)
-    for n_m, e_m in points_ne_m:
-        x = round((e_m - middle[1]) / metres + dots.width / 2.0 - 0.5)
-        y = round((middle[0] - n_m) / metres + dots.height / 2.0 - 0.5)
-        dots.dot(x, y)
+    metres = max((max(north) - min(north)) / (down_dots - 1), (max(east) - min(east)) / (across_dots - 1), 1e-3)
+    x = (np.array(east) - middle[1]) / metres + across_dots / 2.0
+    y = (middle[0] - np.array(north)) / metres + down_dots / 2.0
+    canvas.points(np.column_stack((x, y)), Tone.TEXT)
     across = f"{len(points_ne_m)} points, {max(east) - min(east):.1f} × {max(north) - min(north):.1f} m, north is up"
-    return [*((Span(row),) for row in dots.rows()), (Span(cut(f" {across}", width), Tone.DIM),)]
+    return [*canvas.lines(), (Span(cut(f" {across}", width), Tone.DIM),)]
 
 
 def _strip(points: Sequence[tuple[float, float]], name: str, width: int, rows: int) -> list[Line]:
@@ -145,16 +147,16 @@ def _strip(points: Sequence[tuple[float, float]], name: str, width: int, rows: i
         return [(Span(f" {name}: no number", Tone.DIM),)] * rows
     low, high = min(value for _, value in points), max(value for _, value in points)
     label = max(len(_number(low)), len(_number(high))) + len(name) + 2
-    dots = Dots(max(1, width - label - 1), rows)
+    canvas = Canvas(max(1, width - label - 1), rows)
+    across, down = canvas.size
     first_s, last_s = points[0][0], points[-1][0]
     span_s, span = max(1e-9, last_s - first_s), max(1e-12, high - low)
-    before: tuple[int, int] | None = None
-    for t_s, value in points:
-        x = round((t_s - first_s) / span_s * (dots.width - 1))
-        share = (value - low) / span if high > low else 0.5
-        here = x, round((1.0 - share) * (dots.height - 1))
-        dots.line(*(before or here), *here)
-        before = here
+    shares = [(value - low) / span if high > low else 0.5 for _, value in points]
+    corners = [
+        (round((t_s - first_s) / span_s * (across - 1)), round((1.0 - share) * (down - 1)))
+        for (t_s, _), share in zip(points, shares, strict=True)
+    ]
+    canvas.line(corners, Tone.TEXT)
     labels = [""] * rows
     labels[0], labels[-1] = (
         (_number(high), _number(low)) if rows > 1 else (_number(points[-1][1]), _number(points[-1][1]))
@@ -162,9 +164,9 @@ def _strip(points: Sequence[tuple[float, float]], name: str, width: int, rows: i
     return [
         (
             Span(f"{(name if row == 0 else ''):<{len(name) + 1}}{labels[row]:>{label - len(name) - 1}} ", Tone.DIM),
-            Span(text),
+            *spans,
         )
-        for row, text in enumerate(dots.rows())
+        for row, spans in enumerate(canvas.lines())
     ]
 
 

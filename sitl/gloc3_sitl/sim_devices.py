@@ -4,13 +4,13 @@ from asyncio import AbstractEventLoop, TimerHandle
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from gloc3.camera_model import CameraModel
 from gloc3.perception import LaserScan
 from gloc3.vehicle import Image
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import Camera, Imager
+from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
+from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
 
@@ -106,9 +106,9 @@ class _Device:
 class SimCamera(_Device):
     """A camera; a picture is rendered when it is asked for."""
 
-    def __init__(self, world: World, model: CameraModel, imager: Imager, trigger: Trigger, seed: int) -> None:
+    def __init__(self, camera: Camera | TrackerCamera, trigger: Trigger) -> None:
         super().__init__(trigger)
-        self.camera: Final = Camera(world, model, imager, seed)
+        self.camera: Final = camera
         """What it takes pictures with."""
         self._last: Exposure | None = None
 
@@ -172,7 +172,7 @@ class NoCamera:
         return
 
 
-def _image(camera: Camera, truth: Truth) -> Image:
+def _image(camera: Camera | TrackerCamera, truth: Truth) -> Image:
     pixels = camera.capture(truth).pixels
     height, width = pixels.shape
     return Image(camera=camera.imager.name, width=width, height=height, data=pixels.tobytes())

@@ -5,13 +5,16 @@ from collections.abc import Callable
 from typing import Final
 
 from gloc3.camera_model import CameraModel
-from gloc3_sitl.sim_devices import SimCamera, SimLaser, SimStereoCamera, Trigger
+from gloc3_sitl.sim_devices import NoCamera, SimCamera, SimLaser, SimStereoCamera, Trigger
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.tracker import TrackerCamera
 
-SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "laser")
+SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser")
 """Names of the devices, as platforms call them."""
+
+SimDevice = SimCamera | SimStereoCamera | SimLaser | NoCamera
 
 
 class SimRig:
@@ -28,14 +31,29 @@ class SimRig:
         def trigger(rate_hz: float) -> Trigger:
             return Trigger(loop, truth, rate_hz)
 
-        ground = SimCamera(world, rig.GROUND, rig.GROUND_IMAGER, trigger(rig.GROUND_IMAGER.rate_hz), seed)
-        self._models = {name: model for name, (model, _) in rig.CAMERAS.items()}
-        left, right = (Camera(world, *rig.CAMERAS[name], seed) for name in ("front_left", "front_right"))
-        stereo = SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz))
-        laser = SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed)
-        self.devices: Final = dict(zip(SIM_DEVICES, (ground, stereo, laser), strict=True))
-        """By name."""
+        ground, left, right = (
+            Camera(world, *rig.CAMERAS[name], seed) for name in ("ground", "front_left", "front_right")
+        )
+        self.tracker: Final = _tracker(world, seed)
+        """The external camera; None in a world without."""
+        self._models = {name: model for name, (model, _) in rig.CAMERAS.items()} | {"tracker": rig.TRACKER}
+        self.devices: Final[dict[str, SimDevice]] = {
+            "ground_camera": SimCamera(ground, trigger(rig.GROUND_IMAGER.rate_hz)),
+            "stereo_camera": SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz)),
+            "tracker_camera": NoCamera(),
+            "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
+        }
+        """By name, all of `SIM_DEVICES`."""
+        if self.tracker is not None:
+            self.devices["tracker_camera"] = SimCamera(self.tracker, trigger(rig.TRACKER_IMAGER.rate_hz))
 
     def model(self, camera: str) -> CameraModel | None:
         """The camera of that name, as it is truly calibrated; None where there is none."""
         return self._models.get(camera)
+
+
+def _tracker(world: World, seed: int) -> TrackerCamera | None:
+    """The tracker of a world that has one."""
+    if world.file.tracker is None:
+        return None
+    return TrackerCamera(world, world.file.tracker, rig.TRACKER, rig.TRACKER_IMAGER, seed)

@@ -16,11 +16,13 @@ from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.px4 import PX4
 from gloc3_sitl.physics import Quadrotor
+from gloc3_sitl.sensors.height import level_ground
 from gloc3_sitl.sensors.magnetic_field import declination_deg
 from gloc3_sitl.sensors.suite import SensorSuite
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
+from gloc3_sitl.world.probe import WorldProbe
 
 STYLES: Final[Mapping[str, Style]] = {"px4": PX4, "ardupilot": ARDUPILOT}
 """Autopilots that can be simulated, by name."""
@@ -82,6 +84,7 @@ class Simulator:
             model=self.quadrotor.model,
             is_plain_gps=is_plain_gps,
             battery_remaining=battery_remaining,
+            probe=level_ground if world.is_flat else WorldProbe(world),
         )
         self.autopilot: Final = Autopilot(
             STYLES[style], self._say, declination_rad=radians(declination_deg(world.home))

@@ -1,11 +1,12 @@
 """The height sensor: a laser range finder that looks along the body's down axis."""
 
+from collections.abc import Callable
 from typing import Final
 
 from gloc3.frames import Vector3
 from gloc3_sitl.sensors.readings import RangeReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
+from gloc3_sitl.truth import Motion, Truth
 
 NOISE_M: Final = 0.01
 """White noise; the LIDAR-Lite v3HP class states 1 cm of resolution."""
@@ -21,27 +22,45 @@ COSINE_MIN: Final = 0.5
 """There is no echo from a floor that is tilted by more than 60 degrees."""
 
 
+Probe = Callable[[Truth, float], float]
+"""Distance along the body's down axis to what it meets, from so far below the centre of gravity; infinity for nothing."""
+
+
+def level_ground(truth: Truth, below_m: float) -> float:
+    """The distance over level ground."""
+    _, x, y, _ = truth.attitude_wxyz
+    cosine = 1.0 - 2.0 * (x * x + y * y)
+    return (truth.height_above_ground_m + truth.standing_height_m) / cosine - below_m
+
+
 class HeightSensor(Sensor[RangeReading]):
-    """White noise and a constant error; no echo out of range or with a large tilt."""
+    """White noise and a constant error; no echo out of range or with a large tilt.
+
+    Args:
+        seed: of the noise.
+        rate_hz: readings per second.
+        probe: measures the true distance: slopes and boxes tell where the vehicle is over them, not below the centre.
+    """
 
     name = "height"
     fault_unit = "m"
     bias_size = 1.0
     noise_size = 0.5
 
-    def __init__(self, seed: int, rate_hz: float = 20.0) -> None:
+    def __init__(self, seed: int, rate_hz: float = 20.0, probe: Probe = level_ground) -> None:
         super().__init__(seed, rate_hz)
+        self._probe = probe
         self._bias_m = BIAS_M * self._draw()
 
     def measure(self, motion: Motion, t_s: float) -> RangeReading:
-        """Distance along the beam to level ground."""
+        """Distance along the beam to the ground, or whatever stands on it."""
         truth = motion.truth()
         _, x, y, _ = truth.attitude_wxyz
         cosine = 1.0 - 2.0 * (x * x + y * y)
         error_m = self._bias_m + NOISE_M * self._draw()
         if cosine < COSINE_MIN:
             return _reading(t_s, -1.0)
-        return _reading(t_s, (truth.height_above_ground_m + MOUNT_HEIGHT_M) / cosine + error_m)
+        return _reading(t_s, self._probe(truth, truth.standing_height_m - MOUNT_HEIGHT_M) + error_m)
 
     def shift(self, reading: RangeReading, offset: Vector3) -> RangeReading:
         """Add to the distance, if there is an echo."""

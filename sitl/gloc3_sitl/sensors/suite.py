@@ -7,7 +7,7 @@ from gloc3.frames import GeoPoint, Vector3
 from gloc3_sitl.sensors.barometer import Barometer
 from gloc3_sitl.sensors.battery import Battery
 from gloc3_sitl.sensors.fix import PLAIN_GPS, RTK, FixSensor
-from gloc3_sitl.sensors.height import HeightSensor
+from gloc3_sitl.sensors.height import HeightSensor, Probe, level_ground
 from gloc3_sitl.sensors.imu import Imu
 from gloc3_sitl.sensors.magnetometer import Magnetometer
 from gloc3_sitl.sensors.readings import Reading
@@ -26,6 +26,7 @@ class SensorSuite:
         is_plain_gps: Metre-level fixes in place of RTK-grade ones.
         battery_remaining: Charge at the start, 1 to 0.
         imu_rate_hz: Rate of the IMU.
+        probe: What the height sensor measures.
     """
 
     def __init__(
@@ -37,11 +38,12 @@ class SensorSuite:
         is_plain_gps: bool = False,
         battery_remaining: float = 1.0,
         imu_rate_hz: float = 250.0,
+        probe: Probe = level_ground,
     ) -> None:
         self.imu: Final = Imu(seed, imu_rate_hz)
         self.barometer: Final = Barometer(seed)
         self.magnetometer: Final = Magnetometer(seed, home)
-        self.height: Final = HeightSensor(seed)
+        self.height: Final = HeightSensor(seed, probe=probe)
         self.fix: Final = FixSensor(seed, home, PLAIN_GPS if is_plain_gps else RTK)
         self.battery: Final = Battery(seed, model, battery_remaining)
         self._slow: tuple[Sensor[Any], ...] = (

@@ -1,44 +1,22 @@
 """A simulated camera on a vehicle: where it sits, what it sees, and whether the tag is in view."""
 
 from math import ceil, dist, hypot
-from typing import Annotated, Final
+from typing import Final
 
-import msgspec
 import numpy as np
 
 from gloc3.camera_geometry import project
 from gloc3.camera_model import CameraModel
 from gloc3.frames import Quaternion, Vector3, rotate_back
 from gloc3_sitl.truth import Truth
-from gloc3_sitl.world.model import Positive
+from gloc3_sitl.world.imager import Imager, Photo
 from gloc3_sitl.world.placing import Placing
 from gloc3_sitl.world.studio import Studio
-from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
 
 _BLUR_STEP_PX: Final = 1.0
 _MOST_STEPS: Final = 12
 _NEAR_M: Final = 0.3
-
-
-class Imager(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a camera takes pictures, besides what its lens is."""
-
-    name: str
-    """The camera's name."""
-    rate_hz: Positive = 15.0
-    """Pictures per second, for whoever asks for them."""
-    noise_grey: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)] = 1.5
-    """Standard deviation of each pixel's noise."""
-
-
-class Photo(msgspec.Struct, frozen=True, kw_only=True):
-    """A picture and when it was taken."""
-
-    t_s: float
-    """The middle of the exposure."""
-    pixels: Image
-    """Grey values, rows by columns."""
 
 
 class Camera:
@@ -69,11 +47,11 @@ class Camera:
     def capture(self, truth: Truth) -> Photo:
         """Take a picture, with the shutter open around the time of the truth."""
         if self._studio is None:
-            self._studio = Studio(self.world, self.model, self.imager.noise_grey, self._seed, self.imager.name)
+            self._studio = Studio(self.world, self.model, self.imager, self.world.file.exposure, self._seed)
         bodies = [self._placing.body(truth, later_s) for later_s in self._moments_s(truth)]
         eyes = [body.mounted(self.model.position_frd_m, self.model.frd_from_rdf) for body in bodies]
-        pixels = self._studio.picture(eyes, bodies[len(bodies) // 2], truth.t_s)
-        return Photo(t_s=truth.t_s, pixels=pixels)
+        scene = self._studio.scene(eyes, bodies[len(bodies) // 2], truth.t_s)
+        return Photo(t_s=truth.t_s, pixels=self._studio.developed(scene, truth.t_s))
 
     def _moments_s(self, truth: Truth) -> list[float]:
         """When to look while the shutter is open, from the middle: as often as the picture moves by a pixel."""

@@ -154,10 +154,23 @@ class Light(_Row, frozen=True, kw_only=True):
     """Where it is, as `[x, y, height]`."""
     radius_m: Positive = 0.02
     """Radius of what shines."""
-    from_s: Length = 0.0
+    from_s: Annotated[float, msgspec.Meta(ge=0.0)] = 0.0
     """When it goes on."""
-    to_s: Length = 1e3
+    to_s: Annotated[float, msgspec.Meta(ge=0.0)] = 1e9
     """When it goes off."""
+
+    def is_on(self, t_s: float) -> bool:
+        """Whether it shines at a time."""
+        return self.from_s <= t_s < self.to_s
+
+
+class Tracker(_Row, frozen=True, kw_only=True):
+    """A camera that stands in the world and watches the vehicle's light."""
+
+    position_m: Vector3
+    """Where it stands, as `[x, y, height]`."""
+    look_at_m: Vector3
+    """What is in the middle of its picture; the picture's upper side is up."""
 
 
 class Marker(_Row, frozen=True, kw_only=True):
@@ -192,6 +205,7 @@ class WorldFile(_Row, frozen=True, kw_only=True):
     """Boxes by name."""
     lights: dict[Name, Light] = {}
     """Bright spots by name."""
+    tracker: Tracker | None = None
     marker: Marker | None = None
 
 

@@ -30,16 +30,17 @@ class Placing:
         self._world: Final = world
         # Local axes are those of NED turned by the bearing, then half a turn about x.
         bearing = from_euler(0.0, 0.0, radians(world.frame.x_axis_bearing_deg))
-        self._local_from_ned = conjugate(multiply(bearing, (0.0, 1.0, 0.0, 0.0)))
+        self.local_from_ned: Final = conjugate(multiply(bearing, (0.0, 1.0, 0.0, 0.0)))
+        """Rotation of the NED of the world's frame to its own axes."""
 
     def body(self, truth: Truth, later_s: float = 0.0) -> Place:
         """The place at a truth, or a moment later or earlier, at the truth's speed and turn rate."""
         x, y, height = self._world.local(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
-        local_from_frd = multiply(self._local_from_ned, truth.attitude_wxyz)
+        local_from_frd = multiply(self.local_from_ned, truth.attitude_wxyz)
         height += truth.standing_height_m
         if later_s == 0.0:
             return Place(local_from_frd, (x, y, height))
-        vx, vy, vz = rotate(self._local_from_ned, truth.velocity_ned_m_s)
+        vx, vy, vz = rotate(self.local_from_ned, truth.velocity_ned_m_s)
         p, q, r = truth.rate_frd_rad_s
         turned = multiply(local_from_frd, from_rotation_vector((p * later_s, q * later_s, r * later_s)))
         return Place(turned, (x + vx * later_s, y + vy * later_s, height + vz * later_s))

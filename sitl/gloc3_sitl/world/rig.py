@@ -8,7 +8,7 @@ from typing import Final
 
 from gloc3.camera_model import CameraModel, Lens
 from gloc3.frames import from_euler
-from gloc3_sitl.world.camera import Imager
+from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.laser import LaserModel
 
 BASELINE_M: Final = 0.15
@@ -57,6 +57,17 @@ CAMERAS: Final = {
     )
 }
 """All cameras of the vehicle, by name."""
+
+TRACKER: Final = CameraModel(
+    width=640,
+    height=480,
+    focal_px=(330.0, 330.0),
+    center_px=(318.7, 241.2),
+    lens=Lens.RADTAN,
+    distortion=(-0.06, 0.012, 0.0003, 0.0002),
+)
+"""The external tracker's camera: 88 by 72 degrees, with which it sees a whole hold from a corner."""
+TRACKER_IMAGER: Final = Imager(name="tracker", noise_grey=2.5, sensitivity=0.25)
 
 LASER: Final = LaserModel()
 """The scanner on top of the vehicle: all round, 1 degree, 30 m, 10 mm."""

@@ -8,7 +8,9 @@ import numpy as np
 from gloc3.camera_geometry import matrix
 from gloc3.camera_model import CameraModel
 from gloc3_sitl.world.grains import Grains
+from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.light import Light
+from gloc3_sitl.world.model import Exposure
 from gloc3_sitl.world.optics import Canvas, Optics
 from gloc3_sitl.world.patches import View
 from gloc3_sitl.world.placing import Place
@@ -26,37 +28,36 @@ class Studio:
     Args:
         world: what there is to see.
         model: the camera.
-        noise_grey: standard deviation of each pixel's noise.
+        imager: its name (each camera has noise of its own), noise and sensitivity.
+        exposure: how it exposes.
         seed: of noise, dust and jumps of the exposure.
-        name: of the camera: each has noise of its own.
     """
 
-    def __init__(self, world: World, model: CameraModel, noise_grey: float, seed: int, name: str) -> None:
+    def __init__(self, world: World, model: CameraModel, imager: Imager, exposure: Exposure, seed: int) -> None:
         import cv2
 
         self._cv2: Any = cv2
         self._world, self._model = world, model
-        self._seed, self._stream = seed, crc32(name.encode())
+        self._imager, self._exposure = imager, exposure
+        self._seed, self._stream = seed, crc32(imager.name.encode())
         self._optics = Optics(model)
         sheets = Sheets(world)
         self._renderers = [Renderer(sheets, canvas.pinhole) for canvas in self._optics.canvases]
         self._grains = Grains(world.file.dust, seed)
         random = np.random.Generator(np.random.PCG64([seed, self._stream]))
         shape = (model.height + _NOISE_SPAN, model.width + _NOISE_SPAN)
-        noise = random.standard_normal(shape, np.float32) * noise_grey
-        self._noise = np.round(noise).astype(np.int16) if noise_grey > 0.0 else None
+        noise = random.standard_normal(shape, np.float32) * imager.noise_grey
+        self._noise = np.round(noise).astype(np.int16) if imager.noise_grey > 0.0 else None
 
-    def picture(self, eyes: list[Place], body: Place | None, t_s: float) -> Image:
-        """A picture, grey values, rows by columns.
+    def scene(self, eyes: list[Place], body: Place | None, t_s: float) -> Image:
+        """What falls on the sensor, grey values, rows by columns.
 
         Args:
             eyes: the camera's places (axes right, down, forward) while the shutter is open; their mean is the picture.
-            body: the place of the vehicle with its lamps (axes forward, right, down); None where it has none.
+            body: the place of the vehicle with its lamps (axes forward, right, down); None without them.
             t_s: the middle of the exposure.
         """
-        light = Light(
-            self._world.file.lighting, self._world.file.dust, is_metered=self._world.file.exposure.is_automatic
-        )
+        light = Light(self._world.file.lighting, self._world.file.dust, is_metered=self._exposure.is_automatic)
         if body is not None:
             light.move(body)
         rotations = [matrix(eye.local_from_here).T for eye in eyes]
@@ -68,10 +69,20 @@ class Studio:
             ]
             canvases.append(self._mean([self._drawn(canvas, renderer, view, light) for view in views]))
         image = self._optics.bend(canvases)
-        gain = light.rest * self._jump(t_s)
-        if gain != 1.0:
-            image = self._cv2.convertScaleAbs(image, alpha=gain)
-        return self._with_noise(image, t_s)
+        gain = light.rest * self._imager.sensitivity * self._jump(t_s)
+        return image if gain == 1.0 else self._cv2.convertScaleAbs(image, alpha=gain)
+
+    def developed(self, scene: Image, t_s: float) -> Image:
+        """The picture of a scene, with the noise of its time."""
+        if self._noise is None:
+            return scene
+        moment = max(0, round(t_s * 1e6))
+        down, across = np.random.Generator(np.random.PCG64([self._seed, self._stream, moment])).integers(
+            0, _NOISE_SPAN, 2
+        )
+        cut = self._noise[down : down + self._model.height, across : across + self._model.width]
+        noisy: Image = self._cv2.add(scene, cut, dtype=self._cv2.CV_8U)
+        return noisy
 
     def _drawn(self, canvas: Canvas, renderer: Renderer, view: View, light: Light) -> Image:
         image = renderer.draw(view, light)
@@ -90,20 +101,9 @@ class Studio:
 
     def _jump(self, t_s: float) -> float:
         """The factor by which the exposure is off at a time, the same for all cameras of a seed."""
-        exposure = self._world.file.exposure
+        exposure = self._exposure
         if exposure.jump == 1.0:
             return 1.0
         slot = int(t_s / exposure.jump_every_s)
         share = np.random.Generator(np.random.PCG64([self._seed, 0xE45, slot])).uniform(-1.0, 1.0)
         return float(exposure.jump**share)
-
-    def _with_noise(self, image: Image, t_s: float) -> Image:
-        if self._noise is None:
-            return image
-        moment = max(0, round(t_s * 1e6))
-        down, across = np.random.Generator(np.random.PCG64([self._seed, self._stream, moment])).integers(
-            0, _NOISE_SPAN, 2
-        )
-        cut = self._noise[down : down + self._model.height, across : across + self._model.width]
-        noisy: Image = self._cv2.add(image, cut, dtype=self._cv2.CV_8U)
-        return noisy

@@ -10,7 +10,8 @@ import pytest
 from gloc3.frames import Vector3
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import Camera, Imager
+from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 from gloc3_sitl.world.texture import Image
 

@@ -1,0 +1,30 @@
+"""How a camera takes pictures, and what it gives."""
+
+from typing import Annotated
+
+import msgspec
+
+from gloc3_sitl.world.model import Positive
+from gloc3_sitl.world.texture import Image
+
+
+class Imager(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a camera takes pictures, besides what its lens is."""
+
+    name: str
+    """The camera's name."""
+    rate_hz: Positive = 15.0
+    """Pictures per second, for whoever asks for them."""
+    noise_grey: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)] = 1.5
+    """Standard deviation of each pixel's noise."""
+    sensitivity: Annotated[float, msgspec.Meta(gt=0.0, le=8.0)] = 1.0
+    """Factor on all grey values: a camera that is to see lights alone has little of it."""
+
+
+class Photo(msgspec.Struct, frozen=True, kw_only=True):
+    """A picture and when it was taken."""
+
+    t_s: float
+    """The middle of the exposure."""
+    pixels: Image
+    """Grey values, rows by columns."""

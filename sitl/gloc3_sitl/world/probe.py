@@ -1,0 +1,24 @@
+"""What a range finder that looks down the body meets in a world."""
+
+from typing import Final
+
+import numpy as np
+
+from gloc3.frames import IDENTITY, rotate
+from gloc3_sitl.truth import Truth
+from gloc3_sitl.world.placing import Placing
+from gloc3_sitl.world.world import World
+
+
+class WorldProbe:
+    """Distance along the body's down axis to the first surface or box."""
+
+    def __init__(self, world: World) -> None:
+        self._geometry: Final = world.geometry
+        self._placing: Final = Placing(world)
+
+    def __call__(self, truth: Truth, below_m: float) -> float:
+        """The distance from so far below the centre of gravity; infinity if there is nothing."""
+        place = self._placing.body(truth).mounted((0.0, 0.0, below_m), IDENTITY)
+        beam = np.array([rotate(place.local_from_here, (0.0, 0.0, 1.0))])
+        return float(self._geometry.ranges(np.array(place.position_m), beam, truth.t_s)[0])

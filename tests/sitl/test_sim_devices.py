@@ -11,8 +11,10 @@ from gloc3.clock import run_virtual
 from gloc3_sitl.sim_devices import SimCamera, SimLaser, SimStereoCamera
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import Simulator
+from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.imager import Photo
 
 pytestmark = pytest.mark.thorough
 
@@ -89,9 +91,12 @@ def test_all_devices_give_what_they_are_named_for() -> None:
 def test_nothing_is_drawn_before_somebody_opens_a_device_and_asks(monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[str] = []
     capture = Camera.capture
-    monkeypatch.setattr(
-        Camera, "capture", lambda self, truth: (taken.append(self.imager.name), capture(self, truth))[1]
-    )
+
+    def note(camera: Camera, truth: Truth) -> Photo:
+        taken.append(camera.imager.name)
+        return capture(camera, truth)
+
+    monkeypatch.setattr(Camera, "capture", note)
 
     async def test(sims: SimRig, simulator: Simulator) -> None:
         stereo, ground = sims.devices["stereo_camera"], sims.devices["ground_camera"]

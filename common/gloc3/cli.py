@@ -20,7 +20,7 @@ SUMMARIES: Final = {
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",
     "demo": "Fly a mission with three real processes on this machine.",
     "mission": "Check, show and convert mission files.",
-    "log": "Inspect, plot, recover and replay logs.",
+    "log": "Inspect, plot, report, recover and replay logs.",
     "odometry": "Run odometers on data sets, and compare trajectories with the truth.",
     "component": "List components and describe them.",
 }

@@ -8,6 +8,11 @@ import zlib
 from pathlib import Path
 from typing import Final
 
+import msgspec
+
+from gloc3.camera_model import CameraModel
+from gloc3.log.recording import CAMERAS, POSES
+from gloc3_onboard.devices import Rig
 from gloc3_onboard.drivers.image_recorder import Picture
 
 _HEADER: Final = struct.Struct("<II")
@@ -101,10 +106,16 @@ class MemoryRecords:
 
 
 class PictureFolder:
-    """Writes pictures as PNG, and their poses as `poses.jsonl` beside them."""
+    """Writes pictures as PNG, and their poses as `poses.jsonl` beside them.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    Args:
+        folder: where to.
+        rig: what is known of the cameras; goes into `cameras.json`, for reports of what was seen.
+    """
+
+    def __init__(self, folder: Path, rig: Rig | None = None) -> None:
+        self._folder, self._rig = folder, rig
+        self._cameras: dict[str, CameraModel | None] = {}
 
     def highest(self, camera: str) -> int:
         """The greatest number of a camera's picture that is there already; 0 for none."""
@@ -131,8 +142,20 @@ class PictureFolder:
             "position_ned_m": picture.position_ned_m,
             "ned_from_frd_wxyz": picture.ned_from_frd,
         }
-        with (self._folder / "poses.jsonl").open("a") as file:
+        with (self._folder / POSES).open("a") as file:
             file.write(json.dumps(tag) + "\n")
+        self._tell_camera(image.camera)
+
+    def _tell_camera(self, name: str) -> None:
+        """Writes down what is known of a camera, once."""
+        if self._rig is None or name in self._cameras:
+            return
+        self._cameras[name] = self._rig.model(name)
+        known = {name: model for name, model in sorted(self._cameras.items()) if model is not None}
+        if known:
+            half = self._folder / (CAMERAS + ".part")
+            half.write_bytes(msgspec.json.format(msgspec.json.encode(known)) + b"\n")
+            half.replace(self._folder / CAMERAS)
 
 
 class NoPictures:

@@ -162,7 +162,6 @@ class Flight:
         """True positions at 10 Hz, in the frame of the pose."""
         self.onboard: Onboard | None = None
         self._journal, self._progress = MemoryRecords(), MemoryRecords()
-        self._pictures = PictureFolder(plan.out / "images") if plan.out is not None else NoPictures()
         self.recorder = self._open_log()
         world = self._world()
         self.simulator: Final = Simulator(
@@ -175,6 +174,7 @@ class Flight:
             parameters=plan.parameters,
         )
         self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
+        self._pictures = PictureFolder(plan.out / "images", self.rig) if plan.out is not None else NoPictures()
         """The cameras and the laser scanner; they cost nothing until they are opened."""
         self.cable: Final = MemoryLink(self.loop, Random(plan.seed + 1), AUTOPILOT_CABLE)
         self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)

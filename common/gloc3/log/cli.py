@@ -1,4 +1,4 @@
-"""`gloc3 log`: what a log holds, pictures of it, rescue of a damaged one, and replay of a component."""
+"""`gloc3 log`: what a log holds, pictures and reports of it, rescue of a damaged one, and replay of a component."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from typing import Annotated, Final
 import msgspec
 from cyclopts import App, Parameter
 
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.log.fields import plot_series, read_series
 from gloc3.log.flight_path import read_flight_path
 from gloc3.log.info import render, require_topic, summarize
@@ -21,7 +21,7 @@ from gloc3.log.timeline import plot_timelines, read_timelines
 from gloc3.record import PLATFORM_FILE
 from gloc3.topics import TopicTable
 
-app = App(name="gloc3 log", help="Inspect, plot, recover and replay logs.", version_flags=[])
+app = App(name="gloc3 log", help="Inspect, plot, report, recover and replay logs.", version_flags=[])
 
 DONE: Final = 0
 IMPERFECT: Final = 1
@@ -122,6 +122,50 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
         _warn(reader)
     print(render_comparisons(comparisons))  # noqa: T201
     return DONE if all(comparison.is_same for comparison in comparisons) else IMPERFECT
+
+
+@app.command(name="report")
+def report_(
+    run: Path,
+    /,
+    *,
+    wall: str = "",
+    frame: str = "",
+    cameras: Path | None = None,
+    cell: float = 0.1,
+    farthest: float = 20.0,
+    oblique: float = 70.0,
+    out: Path | None = None,
+) -> int:
+    """Report an inspection: what was seen from where, coverage of a wall, contact sheet.
+
+    Args:
+        run: the folder of a run, its log, or a folder of pictures with their poses.
+        wall: what was to be inspected: its corners "x,y,height x,y,height ...", from the upper left one clockwise for who
+            stands before it; or WORLD.yaml#SURFACE.
+        frame: the local frame of the corners; needed where the platform has several.
+        cameras: models of the cameras, where the run holds none (its images/cameras.json).
+        cell: side of a cell of the wall, in metres.
+        farthest: a wall that is farther away does not count as seen, in metres.
+        oblique: nor does one that is seen at a larger angle off its normal, in degrees.
+        out: folder for the report; by default `report` beside the pictures.
+    """
+    from gloc3.log.inspection_report import PAGE, summary, write_report
+    from gloc3.log.recording import read_cameras, read_recording
+    from gloc3.log.walls import read_wall
+    from gloc3.wall_coverage import Limits
+
+    if not (0.001 <= cell <= 10.0 and 0.0 < farthest < float("inf") and 0.0 < oblique < 90.0):
+        raise Refused("--cell must be 0.001 to 10 m, --farthest above 0 m, --oblique between 0 and 90 degrees")
+    recording = read_recording(run)
+    if not recording.pictures:
+        raise Refused(f"{run.name}: no picture was recorded")
+    known = {**recording.cameras, **(read_cameras(cameras) if cameras is not None else {})}
+    target = out or recording.folder.parent / "report"
+    found = read_wall(wall, recording.bearings_deg, frame) if wall else None
+    figures = write_report(recording, known, found, Limits(oblique, farthest, cell), target)
+    print(f"{target / PAGE}: {summary(figures)}")  # noqa: T201
+    return DONE
 
 
 def _warn(reader: LogReader) -> None:

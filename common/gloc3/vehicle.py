@@ -6,6 +6,7 @@ in the envelope.
 """
 
 from enum import StrEnum
+from typing import Final
 
 import msgspec
 
@@ -109,6 +110,11 @@ class Pose(Message, frozen=True):
     """Where the NED frame begins: latitude and longitude in degrees, altitude above mean sea level in metres."""
 
 
+OBSTACLE_SECTORS: Final = 72
+NOT_LOOKED_M: Final = -1.0
+"""Distance of a sector that no beam has looked at."""
+
+
 class ObstacleScan(Message, frozen=True):
     """What a range scanner has hit, once round."""
 
@@ -118,6 +124,12 @@ class ObstacleScan(Message, frozen=True):
     """Height of the plane of the scan above the origin of that frame."""
     is_valid: bool = True
     reason: str = ""
+    sectors_m: list[float] = []
+    """The nearest hit in each of `OBSTACLE_SECTORS` sectors, clockwise, the first with its middle ahead of the body, as
+    in MAVLink's OBSTACLE_DISTANCE. `range_max_m` and more: nothing there; `NOT_LOOKED_M`: not looked at."""
+    range_max_m: float = 0.0
+    closest_ne_m: list[tuple[float, float]] = []
+    """The nearest points of things that stand apart, the nearest first."""
 
 
 class Image(Message, frozen=True):

@@ -162,7 +162,8 @@ class LaserOdometer:
         elif velocity is None:
             distance_m += FIRST_M_S * duration_s
             turn_rad += FIRST_RAD_S * duration_s
-        if heading_rad is not None and self._heading_rad is not None:
+        # After a scan that did not fit, a heading that has leapt is not believed any longer.
+        if heading_rad is not None and self._heading_rad is not None and self._bad < 1:
             motion = Planar(motion.x_m, motion.y_m, wrap_pi(heading_rad - self._heading_rad))
             turn_rad = TOLD_RAD
         return Expected(motion, Window(min(distance_m, settings.search_m), min(turn_rad, settings.search_rad)))

@@ -34,9 +34,9 @@ def obstacles_of(
     distance = np.hypot(*points.T)
     bearing = np.arctan2(points[:, 1], points[:, 0])
     # By angle, then by distance: the first of each direction is the nearest.
-    order = np.lexsort((distance, np.floor((bearing + pi) * (BINS / (2.0 * pi)))))
-    bins = np.floor((bearing[order] + pi) * (BINS / (2.0 * pi)))
-    order = order[np.concatenate((np.ones(min(1, len(bins)), np.bool_), np.diff(bins) > 0.0))]
+    bins = np.floor(bearing * (BINS / (2.0 * pi))) % BINS
+    order = np.lexsort((distance, bins))
+    order = order[np.unique(bins[order], return_index=True)[1]]
     c, s = cos(pose.yaw_rad), sin(pose.yaw_rad)
     axes = np.array(((c, s), (-s, c)))
     told = (points[order] @ axes + (pose.x_m, pose.y_m)).tolist()

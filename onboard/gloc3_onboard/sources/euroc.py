@@ -1,0 +1,102 @@
+"""The folders of EuRoC's data sets (`mav0/cam0/data.csv` and so on) as recorded data."""
+
+import csv
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from gloc3.errors import Finding, InputError, nearest
+from gloc3.frames import Quaternion, rotate
+from gloc3.perception import ImuSample
+from gloc3.vehicle import Image
+from gloc3_onboard.calibration.mounting import frd_from_axes
+from gloc3_onboard.sources.pictures import load_picture
+from gloc3_onboard.sources.replay import Recorded
+
+AXES: Final = "urf"
+"""Of EuRoC's body and inertial unit: x up, y right, z forward."""
+
+
+def sensor_folder(folder: Path, sensor: str) -> Path:
+    """The folder of a sensor, below the data set or its `mav0`.
+
+    Raises:
+        InputError: there is none.
+    """
+    top = folder / "mav0" if (folder / "mav0").is_dir() else folder
+    if (top / sensor / "data.csv").is_file():
+        return top / sensor
+    known = sorted(path.parent.name for path in top.glob("*/data.csv"))
+    message = f"no data set of EuRoC's kind with {sensor}/data.csv"
+    raise InputError([Finding(file=str(folder), message=message, hint=nearest(sensor, known) if known else "")])
+
+
+def camera_records(folder: Path, sensor: str, name: str) -> Sequence[Recorded[Image]]:
+    """The frames of one camera.
+
+    Raises:
+        InputError: they are not there, or the list is damaged.
+    """
+    place = sensor_folder(folder, sensor)
+    return [
+        Recorded(stamp_s, partial(load_picture, place / "data" / row[1], name))
+        for stamp_s, row in _rows(place / "data.csv", 2)
+    ]
+
+
+def stereo_records(folder: Path, names: tuple[str, str]) -> Sequence[Recorded[tuple[Image, Image]]]:
+    """The pairs of cam0 and cam1 that have the same stamp.
+
+    Raises:
+        InputError: they are not there, or a list is damaged.
+    """
+    left, right = (camera_records(folder, sensor, name) for sensor, name in zip(("cam0", "cam1"), names, strict=True))
+    rights = {record.log_s: record for record in right}
+    return [
+        Recorded(record.log_s, partial(_load_both, record, rights[record.log_s]))
+        for record in left
+        if record.log_s in rights
+    ]
+
+
+def _load_both(left: Recorded[Image], right: Recorded[Image]) -> tuple[Image, Image]:
+    return left.load(), right.load()
+
+
+def imu_records(folder: Path, sensor: str) -> Sequence[Recorded[ImuSample]]:
+    """What an inertial unit felt, on our axes.
+
+    Raises:
+        InputError: it is not there, or the list is damaged.
+    """
+    place = sensor_folder(folder, sensor)
+    frd_from_imu = frd_from_axes(AXES)
+    return [
+        Recorded(stamp_s, partial(_sample, frd_from_imu, tuple(map(float, row[1:7]))))
+        for stamp_s, row in _rows(place / "data.csv", 7, are_numbers=True)
+    ]
+
+
+def _sample(frd_from_imu: Quaternion, values: tuple[float, ...]) -> ImuSample:
+    p, q, r, fx, fy, fz = values
+    return ImuSample(
+        rate_frd_rad_s=rotate(frd_from_imu, (p, q, r)), specific_force_frd_m_s2=rotate(frd_from_imu, (fx, fy, fz))
+    )
+
+
+def _rows(path: Path, columns: int, *, are_numbers: bool = False) -> Iterator[tuple[float, list[str]]]:
+    """Stamps in seconds with their rows."""
+    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+        for line, row in enumerate(csv.reader(file), start=1):
+            if not row or row[0].startswith("#"):
+                continue
+            try:
+                if len(row) < columns:
+                    raise ValueError(f"{len(row)} columns, where {columns} belong")
+                stamp_s = int(row[0]) * 1e-9
+                if are_numbers:
+                    [float(value) for value in row[1:columns]]
+            except ValueError as error:
+                raise InputError([Finding(file=str(path), line=line, column=1, message=str(error))]) from error
+            yield stamp_s, [value.strip() for value in row]

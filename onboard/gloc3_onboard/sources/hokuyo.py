@@ -1,0 +1,170 @@
+"""Hokuyo's range scanners, over a serial line or TCP."""
+
+import math
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+
+from gloc3.errors import Gloc3Error
+from gloc3.perception import LaserScan
+from gloc3_onboard.autopilot.telemetry import BootClock
+from gloc3_onboard.devices import StampedScan
+from gloc3_onboard.sources.mounted import mounted_scan
+from gloc3_onboard.sources.scip import (
+    ASK,
+    LASER_ON,
+    STAMP_MS,
+    STOP,
+    Parameters,
+    ScipError,
+    ScipReader,
+    measure,
+    parameters_of,
+    turn_of,
+)
+from gloc3_onboard.sources.threaded import ThreadedSource
+from gloc3_onboard.sources.url import SourceUrl, address_of
+from gloc3_onboard.sources.video import device_problem
+
+BAUD: Final = 115_200
+"""Of serial lines; those by USB take any."""
+WAIT_S: Final = 0.5
+ANSWER_TRIES: Final = 6
+"""So often a piece is waited for until the scanner counts as silent."""
+
+
+class _Line(Protocol):
+    def read(self) -> bytes: ...
+    def write(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+
+class _Serial:
+    def __init__(self, path: str, baud: int) -> None:
+        import serial
+
+        self._port = serial.Serial(path, baud, timeout=WAIT_S, write_timeout=WAIT_S)
+
+    def read(self) -> bytes:
+        return bytes(self._port.read(max(1, self._port.in_waiting)))
+
+    def write(self, data: bytes) -> None:
+        self._port.write(data)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+class _Tcp:
+    def __init__(self, address: tuple[str, int]) -> None:
+        self._socket = socket.create_connection(address, 2.0)
+        self._socket.settimeout(WAIT_S)
+
+    def read(self) -> bytes:
+        try:
+            data = self._socket.recv(65_536)
+        except TimeoutError:
+            return b""
+        if not data:
+            raise OSError("the scanner has closed the connection")
+        return data
+
+    def write(self, data: bytes) -> None:
+        self._socket.sendall(data)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class HokuyoLaser(ThreadedSource[StampedScan]):
+    """A scanner that speaks SCIP 2: URG, UTM, UST, UBG.
+
+    Args:
+        name: of the device.
+        url: `hokuyo:///dev/ttyACM0` or `hokuyo://192.168.0.10:10940`.
+        now_s: our time.
+    """
+
+    def __init__(self, name: str, url: SourceUrl, now_s: Callable[[], float]) -> None:
+        super().__init__(name, now_s)
+        self._url = url
+        self._address = None if url.place.startswith("/") else address_of(name, url)
+
+    def scan(self) -> StampedScan | None:
+        """The latest turn; None before the first."""
+        return self.latest()
+
+    @contextmanager
+    def connect(self) -> Iterator[Iterator[StampedScan | None]]:
+        """Opens the line and has the scanner measure."""
+        line = self._line()
+        try:
+            reader = ScipReader()
+            parameters = self._ask(line, reader)
+            line.write(LASER_ON)
+            line.write(measure(parameters))
+            yield self._turns(line, reader, parameters)
+        finally:
+            with suppress(OSError):
+                line.write(STOP)
+            line.close()
+
+    def _line(self) -> _Line:
+        try:
+            if self._address is not None:
+                return _Tcp(self._address)
+            problem = device_problem(Path(self._url.place), "dialout")
+            if problem:
+                raise Gloc3Error(f"{self.name}: {problem}")
+            return _Serial(self._url.place, int(self._url.number("baud", BAUD)))
+        except OSError as error:
+            raise Gloc3Error(f"{self.name}: {self._url.place}: {error.strerror or error}") from error
+
+    def _ask(self, line: _Line, reader: ScipReader) -> Parameters:
+        """Ends what it may be doing, and asks what it is."""
+        line.write(STOP)
+        line.write(ASK)
+        for _ in range(ANSWER_TRIES):
+            for reply in reader.receive(line.read()):
+                if reply[0] == b"PP" and len(reply) > 2:
+                    return parameters_of(reply)
+        raise Gloc3Error(f"{self.name}: {self._url.place} does not answer as a Hokuyo scanner does (SCIP 2)")
+
+    def _turns(self, line: _Line, reader: ScipReader, parameters: Parameters) -> Iterator[StampedScan | None]:
+        clock, lap_ms, before_ms = BootClock(), 0, 0
+        while True:
+            replies = reader.receive(line.read())
+            if not replies:
+                yield None
+            for reply in replies:
+                if not reply[0].startswith(b"MD") or len(reply) < 4:
+                    continue  # the echo of a command
+                with suppress(ScipError):  # a damaged turn is left out; the next one comes soon
+                    turn = turn_of(reply, parameters.last - parameters.first + 1)
+                    if turn.stamp_ms < before_ms - STAMP_MS // 2:
+                        lap_ms += STAMP_MS
+                    before_ms = turn.stamp_ms
+                    t_s = clock.t_s(float(lap_ms + turn.stamp_ms), self.now_s())
+                    yield StampedScan(t_s, mounted_scan(scan_of(self.name, turn.ranges_mm, parameters), self._url))
+
+
+def scan_of(name: str, ranges_mm: object, parameters: Parameters) -> LaserScan:
+    """A turn as a scan; what is nearer than the scanner can tell is one of its error codes, and no reading."""
+    step_rad = math.tau / parameters.steps_a_turn
+    ranges_m = np.asarray(ranges_mm, np.float32) * np.float32(1e-3)
+    near_m, far_m = parameters.min_mm * 1e-3, parameters.max_mm * 1e-3
+    ranges_m[ranges_m < near_m] = 0.0
+    beams = parameters.last - parameters.first
+    return LaserScan(
+        scanner=name,
+        angle_min_rad=(parameters.first - parameters.front) * step_rad,
+        angle_step_rad=step_rad,
+        range_min_m=near_m,
+        range_max_m=far_m,
+        ranges_m=ranges_m.astype("<f4").tobytes(),
+        duration_s=60.0 / parameters.turns_a_minute * beams / parameters.steps_a_turn,
+    )

@@ -1,0 +1,22 @@
+"""Pictures of a folder as grey frames."""
+
+from pathlib import Path
+
+from gloc3.vehicle import Image
+
+
+def load_picture(path: Path, camera: str) -> Image:
+    """One picture; it may take some milliseconds. One that is not there is a frame that is not valid."""
+    import cv2
+
+    pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
+    if pixels is None:
+        why = "cannot be read" if path.is_file() else "is missing"
+        return Image(camera=camera, width=0, height=0, data=b"", is_valid=False, reason=f"{path.name} {why}")
+    height, width = pixels.shape
+    return Image(camera=camera, width=width, height=height, data=pixels.tobytes())
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The pictures of a folder in the order of their names."""
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".pgm"))

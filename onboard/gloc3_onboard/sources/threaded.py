@@ -1,0 +1,111 @@
+"""A device that blocks, read in a thread of its own: opened, lost, opened anew, given up."""
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from typing import Final, Generic, TypeVar
+
+from gloc3.errors import Gloc3Error
+from gloc3_onboard.devices import Bell, Unwatch
+
+T = TypeVar("T")
+
+OPEN_S: Final = 4.0
+"""So long a device may take to open; a component's start has 5 s."""
+AGAIN_S: Final = 0.5
+GIVE_UP_S: Final = 10.0
+"""A device that was lost and cannot be had again for so long is gone."""
+
+
+class ThreadedSource(ABC, Generic[T]):
+    """The base of devices that block. What was read last is `latest`; readers are never blocked.
+
+    Args:
+        name: of the device, for texts and its thread.
+        now_s: our time.
+    """
+
+    def __init__(self, name: str, now_s: Callable[[], float]) -> None:
+        self.name = name
+        self.now_s = now_s
+        self._bell = Bell()
+        self._latest: T | None = None
+        self._gone = ""
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+
+    @abstractmethod
+    def connect(self) -> AbstractContextManager[Iterator[T | None]]:
+        """Opens the device; what comes in, with None where a while has passed without anything. It may block.
+
+        The iterator's end, a `Gloc3Error` or an `OSError` from it is a loss. On leaving the device is closed.
+
+        Raises:
+            Gloc3Error: it cannot be opened; with what to do.
+        """
+
+    def open(self) -> None:
+        """Begins to read.
+
+        Raises:
+            Gloc3Error: the device cannot be opened; with what to do.
+        """
+        if self._thread is not None and self._thread.is_alive():
+            self._thread.join(OPEN_S)
+            if self._thread.is_alive():
+                raise Gloc3Error(f"{self.name}: the device does not answer, so it cannot be opened anew; unplug it")
+        self._latest, self._gone, self._stop = None, "", threading.Event()
+        tried = threading.Event()
+        self._thread = threading.Thread(target=self._read, args=(self._stop, tried), name=self.name, daemon=True)
+        self._thread.start()
+        if not tried.wait(OPEN_S):
+            self._stop.set()
+            raise Gloc3Error(f"{self.name}: it has not opened within {OPEN_S:g} s; is another program using it?")
+        if self._gone:
+            raise Gloc3Error(self._gone)
+
+    def close(self) -> None:
+        """Reads no more; the thread ends when the device lets it."""
+        self._stop.set()
+
+    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from the reading thread, when there is something new."""
+        return self._bell.listen(ready)
+
+    def latest(self) -> T | None:
+        """What came last; None before the first.
+
+        Raises:
+            Gloc3Error: the device is gone.
+        """
+        if self._gone:
+            raise Gloc3Error(self._gone)
+        return self._latest
+
+    def _read(self, stop: threading.Event, tried: threading.Event) -> None:
+        lost_s: float | None = None
+        problem = ""
+        while not stop.is_set():
+            try:
+                with self.connect() as stream:
+                    tried.set()
+                    for item in stream:
+                        if stop.is_set():
+                            return
+                        if item is not None:
+                            self._latest, lost_s = item, None
+                            self._bell.ring()
+                problem = f"{self.name}: the device brings nothing any more"
+            except (Gloc3Error, OSError) as error:
+                problem = str(error) if isinstance(error, Gloc3Error) else f"{self.name}: {error}"
+            if not tried.is_set():
+                self._gone = problem
+                tried.set()
+                return
+            now_s = self.now_s()
+            lost_s = now_s if lost_s is None else lost_s
+            if now_s - lost_s >= GIVE_UP_S:
+                self._gone = problem
+                return
+            stop.wait(AGAIN_S)

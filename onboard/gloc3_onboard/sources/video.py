@@ -1,0 +1,169 @@
+"""Cameras by OpenCV's VideoCapture: V4L2 devices, GStreamer pipelines, RTSP streams, and video files at their pace."""
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from stat import S_ISCHR
+from typing import Any, Final
+
+from gloc3.errors import Gloc3Error
+from gloc3.vehicle import Image
+from gloc3_onboard.devices import StampedImage
+from gloc3_onboard.sources.threaded import ThreadedSource
+from gloc3_onboard.sources.url import SourceUrl
+
+MANUAL_EXPOSURE: Final = 1.0
+"""V4L2_EXPOSURE_MANUAL."""
+EXPOSURE_UNIT_S: Final = 1e-4
+"""V4L2_CID_EXPOSURE_ABSOLUTE counts in 100 µs."""
+BELIEVED_S: Final = 1.0
+"""A driver's stamp that is further from the present is of another clock."""
+NETWORK_TIMEOUT_MS: Final = 3000.0
+FILE_HZ: Final = 15.0
+"""Of pictures in a folder, which tell no rate."""
+
+
+def device_problem(path: Path, group: str) -> str:
+    """Why a device file cannot be used, with what to do; empty if it can."""
+    try:
+        status = path.stat()
+    except OSError:
+        return f"{path} is not there; is it plugged in? look into {path.parent}"
+    if not S_ISCHR(status.st_mode):
+        return f"{path} is no device"
+    if not os.access(path, os.R_OK | os.W_OK):
+        return f"{path} may not be used by this user: sudo usermod -aG {group} $USER, then log in anew"
+    return ""
+
+
+class VideoCamera(ThreadedSource[StampedImage]):
+    """A camera that VideoCapture can open.
+
+    Frames become grey. Their time is the driver's, where it goes by the monotonic clock (V4L2), else that of arrival
+    less `delay_s`. A file is played at its own pace, beginning with its opening.
+
+    Args:
+        name: of the camera.
+        url: `v4l2`, `gst`, `rtsp` or `video`.
+        folder: to which files are relative.
+        now_s: our time, monotonic.
+    """
+
+    def __init__(self, name: str, url: SourceUrl, folder: Path, now_s: Callable[[], float]) -> None:
+        super().__init__(name, now_s)
+        self._url, self._folder = url, folder
+        self._delay_s = url.number("delay_s", 0.0)
+
+    def frame(self) -> StampedImage | None:
+        """The latest frame; None before the first."""
+        return self.latest()
+
+    @contextmanager
+    def connect(self) -> Iterator[Iterator[StampedImage | None]]:
+        """Opens the capture."""
+        import cv2
+
+        capture = self._capture(cv2)
+        try:
+            if not capture.isOpened():
+                raise Gloc3Error(f"{self.name}: {self._closed_reason()}")
+            _set_up(cv2, capture, self._url.options, self.name)
+            yield self._frames(cv2, capture)
+        finally:
+            capture.release()
+
+    def _capture(self, cv2: Any) -> Any:
+        place = self._url.place
+        if self._url.scheme == "gst":
+            if cv2.CAP_GSTREAMER not in cv2.videoio_registry.getBackends() or not _is_built_with_gstreamer(cv2):
+                raise Gloc3Error(
+                    f"{self.name}: this OpenCV is built without GStreamer, as the wheels of PyPI are; install one with it "
+                    "(Debian: python3-opencv), or use v4l2:// or rtsp://"
+                )
+            return cv2.VideoCapture(place, cv2.CAP_GSTREAMER)
+        if self._url.scheme == "v4l2":
+            path = Path(f"/dev/video{place}") if place.isdecimal() else Path(place)
+            problem = device_problem(path, "video")
+            if problem:
+                raise Gloc3Error(f"{self.name}: {problem}")
+            return cv2.VideoCapture(str(path), cv2.CAP_V4L2)
+        if self._url.scheme == "rtsp":
+            timeouts = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, NETWORK_TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC]
+            return cv2.VideoCapture(f"rtsp://{place}", cv2.CAP_FFMPEG, [*map(int, timeouts), int(NETWORK_TIMEOUT_MS)])
+        path = self._folder / place
+        if not path.parent.is_dir() or ("%" not in path.name and not path.is_file()):
+            raise Gloc3Error(f"{self.name}: {path} is not there")
+        return cv2.VideoCapture(str(path))
+
+    def _closed_reason(self) -> str:
+        reasons: Mapping[str, str] = {
+            "v4l2": f"{self._url.place} cannot be opened; does another program use it? fuser {self._url.place}",
+            "gst": "the pipeline does not start; try it with gst-launch-1.0, and let it end in appsink",
+            "rtsp": f"rtsp://{self._url.place} does not answer; check address, cable and power",
+        }
+        return reasons.get(self._url.scheme, f"{self._url.place} is no video, or no pictures in order")
+
+    def _frames(self, cv2: Any, capture: Any) -> Iterator[StampedImage | None]:
+        begin_s, count = self.now_s(), 0
+        is_file = self._url.scheme == "video"
+        rate_hz = self._url.number("rate_hz", capture.get(cv2.CAP_PROP_FPS) if "%" not in self._url.place else FILE_HZ)
+        pause = threading.Event()
+        while True:
+            is_read, pixels = capture.read()
+            if not is_read or pixels is None:
+                break
+            t_s = begin_s + count / (rate_hz if rate_hz > 0.0 else FILE_HZ) if is_file else self._stamp_s(cv2, capture)
+            count += 1
+            if is_file:
+                pause.wait(max(0.0, t_s - self.now_s()))
+            grey = _grey(cv2, pixels)
+            height, width = grey.shape
+            yield StampedImage(t_s, Image(camera=self.name, width=width, height=height, data=grey.tobytes()))
+        while is_file:  # it has ended; the camera falls silent, and is not lost
+            pause.wait(0.1)
+            yield None
+
+    def _stamp_s(self, cv2: Any, capture: Any) -> float:
+        now_s = self.now_s()
+        if self._url.scheme == "v4l2":
+            driver_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
+            if 0.0 <= now_s - driver_s < BELIEVED_S:
+                return driver_s - self._delay_s
+        return now_s - self._delay_s
+
+
+def _is_built_with_gstreamer(cv2: Any) -> bool:
+    return any("GStreamer" in line and "YES" in line for line in cv2.getBuildInformation().splitlines())
+
+
+def _set_up(cv2: Any, capture: Any, options: Mapping[str, str], name: str) -> None:
+    """Sets what was asked for; a size that the camera does not take is an error, since its calibration is of that size."""
+    if "format" in options:
+        capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*options["format"].ljust(4)[:4]))
+    for option, number in (("width", cv2.CAP_PROP_FRAME_WIDTH), ("height", cv2.CAP_PROP_FRAME_HEIGHT)):
+        if option in options:
+            capture.set(number, float(options[option]))
+    for option, number in (("width", cv2.CAP_PROP_FRAME_WIDTH), ("height", cv2.CAP_PROP_FRAME_HEIGHT)):
+        if option in options and round(capture.get(number)) != round(float(options[option])):
+            given = f"{capture.get(cv2.CAP_PROP_FRAME_WIDTH):.0f} x {capture.get(cv2.CAP_PROP_FRAME_HEIGHT):.0f}"
+            raise Gloc3Error(
+                f"{name}: it gives {given} pixels, not the {option} {options[option]}; v4l2-ctl lists sizes"
+            )
+    if "rate_hz" in options:
+        capture.set(cv2.CAP_PROP_FPS, float(options["rate_hz"]))
+    if "exposure_s" in options:
+        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE)
+        capture.set(cv2.CAP_PROP_EXPOSURE, float(options["exposure_s"]) / EXPOSURE_UNIT_S)
+    if "gain" in options:
+        capture.set(cv2.CAP_PROP_GAIN, float(options["gain"]))
+
+
+def _grey(cv2: Any, pixels: Any) -> Any:
+    """One channel of 8 bits."""
+    if pixels.dtype != "uint8":
+        pixels = (pixels >> 8).astype("uint8")
+    if pixels.ndim == 2:
+        return pixels
+    return pixels[:, :, 0] if pixels.shape[2] == 1 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from gloc3 import schema
+from gloc3.camera_model import CameraModel
 from gloc3.deployment import ComponentRow
 from gloc3.document import Document, load_bytes, parse
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
@@ -154,6 +155,10 @@ class Platform(_Row, frozen=True, kw_only=True):
     power: Power | None = None
     failsafes: Failsafes = Failsafes()
     capabilities: dict[Name, Capability] = {}
+    devices: dict[Name, str] = {}
+    """Where the data of sensors comes from, by device: URLs such as `v4l2:///dev/video0`."""
+    cameras: dict[Name, CameraModel | str] = {}
+    """How each camera is calibrated: a model, or a file such as `front.yaml#cam0`, relative to this one."""
     components: tuple[ComponentRow, ...] = ()
 
     def local_frames(self) -> dict[str, LocalFrame]:

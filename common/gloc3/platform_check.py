@@ -22,7 +22,11 @@ def findings_of(
     platform: Platform, document: Document, *, is_loading_classes: bool, devices: Collection[str] | None = None
 ) -> list[Finding]:
     """Everything that is wrong with a platform whose types fit."""
-    found = [*_components(platform, document, is_loading_classes, devices), *_capabilities(platform, document)]
+    found = [
+        *_components(platform, document, is_loading_classes, devices),
+        *_capabilities(platform, document),
+        *_devices(platform, document),
+    ]
     if is_loading_classes:
         found += _needs(platform, document)
     return found
@@ -42,6 +46,16 @@ def _components(
             yield document.finding(
                 where, problem.message, problem.hint, at_key=problem.is_key, is_warning=problem.is_warning
             )
+
+
+def _devices(platform: Platform, document: Document) -> Iterator[Finding]:
+    """Sources of devices that nobody uses."""
+    used = sorted({device for row in platform.components for device in row.devices.values()})
+    for name, source in platform.devices.items():
+        is_of_pair = any(url.startswith("pair:") and name in url for url in platform.devices.values())
+        if name not in used and not is_of_pair:
+            message = f"no component uses a device {name!r}, so nothing is taken from {source}"
+            yield document.finding(("devices", name), message, nearest(name, used), at_key=True, is_warning=True)
 
 
 def _settings(row: ComponentRow, document: Document, where: Where) -> Iterator[Finding]:

@@ -21,6 +21,7 @@ app = App(
 
     - `gloc3 onboard pelican`: with the simulated vehicle of `gloc3 sitl` on the same machine
     - `gloc3 onboard my.yaml --autopilot serial:///dev/ttyACM0:57600 --station udpout://192.168.1.10:14550`
+    - `gloc3 onboard my.yaml --device ground_camera=v4l2:///dev/video0 --device laser=rplidar:///dev/ttyUSB0`
 
     Its log, pictures and what must survive a restart go to the folder of --out.""",
     help_format="markdown",
@@ -35,7 +36,7 @@ def onboard(
     *,
     autopilot: str = DEFAULT_AUTOPILOT,
     station: Annotated[list[str] | None, Parameter(negative=())] = None,
-    camera: Annotated[list[str] | None, Parameter(negative=())] = None,
+    device: Annotated[list[str] | None, Parameter(negative=())] = None,
     out: Path | None = None,
     system_id: int = 1,
     quiet: Annotated[bool, Parameter(negative=())] = False,
@@ -46,7 +47,8 @@ def onboard(
         platform: A platform file, or the name of one that is installed, such as pelican.
         autopilot: Where the autopilot is: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD.
         station: Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550.
-        camera: A camera as NAME=tcp://HOST:PORT, for the device NAME of the platform; may be given again.
+        device: Where a sensor's data comes from, as NAME=URL, such as ground_camera=v4l2:///dev/video0; may be given
+            again. It goes before what the platform file says. docs/sensors.md lists the URLs.
         out: Folder for the log, pictures and state; default: gloc3-PLATFORM here.
         system_id: The vehicle's MAVLink system; this process is component 191 of it.
         quiet: No narration on stderr.
@@ -59,7 +61,7 @@ def onboard(
         platform=platform,
         autopilot=autopilot,
         stations=tuple(station or (DEFAULT_STATION,)),
-        cameras=tuple(camera or ()),
+        devices=tuple(device or ()),
         out=out,
         system_id=system_id,
         is_quiet=quiet,

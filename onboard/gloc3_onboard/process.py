@@ -2,6 +2,7 @@
 
 import asyncio
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 from random import SystemRandom
 from typing import Any, Final
@@ -21,19 +22,22 @@ from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.requested_path import RequestedPath
 from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.cameras import NoCamera, StreamCamera
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import HostComputer
+from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
+from gloc3_onboard.sources.factory import SourceHost, make_sources
+from gloc3_onboard.sources.url import Sensor, sensor_of
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 
-CAMERA: Final = "_camera"
-"""Devices of this ending are cameras."""
-DEVICES: Final = (*HOST_DEVICES, f"*{CAMERA}")
+DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
 """What this host has; installed packages bring more."""
+NOWHERE: Final = "none://"
+FILES: Final = ("video", "euroc", "kitti", "carmen", "mcap")
+"""Schemes whose place is a file or folder."""
 MOST_LOGS: Final = 10_000
 LOOK_AFTER_S: Final = 3.0
 LOOK_EVERY_S: Final = 1.0
@@ -45,7 +49,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     platform: str
     autopilot: str
     stations: tuple[str, ...]
-    cameras: tuple[str, ...] = ()
+    devices: tuple[str, ...] = ()
+    """Sources that differ from the platform file's, as NAME=URL."""
     out: Path | None = None
     system_id: int = 1
     is_quiet: bool = False
@@ -91,7 +96,9 @@ class OnboardProcess:
         self._computer = HostComputer(self._out, self._clock, self._log_problem, self._endpoints)
         self._narrator = Narrator()
         self._onboard: Onboard | None = None
-        self._cameras = self._open_cameras()
+        folder = find_platform(options.platform).parent
+        self._rig = PlatformRig(platform, folder)
+        self._sources = self._make_sources(folder)
         self._links: dict[str, str] = {}
         """What was told last of each link, by its URL."""
         self._timer: asyncio.TimerHandle | None = None
@@ -189,26 +196,17 @@ class OnboardProcess:
                 self.say(Severity.WARNING if problem else Severity.NOTICE, f"{endpoint.url}: {problem or 'connected'}")
             self._links[endpoint.url] = problem
 
-    def _open_cameras(self) -> dict[str, NoCamera | StreamCamera]:
-        """The cameras of the platform, by device; those without a source show nothing."""
-        devices = {device for row in self._platform.components for device in row.devices.values()}
-        cameras: dict[str, NoCamera | StreamCamera] = {
-            device: NoCamera() for device in sorted(devices) if device.endswith(CAMERA)
-        }
-        for text in self._options.cameras:
-            name, equals, url = text.partition("=")
-            if not equals:
-                raise Refused(f"--camera {text!r} must be NAME=tcp://HOST:PORT")
-            if name + CAMERA not in cameras:
-                hint = nearest(name, [device.removesuffix(CAMERA) for device in cameras])
-                raise Refused(f"--camera {text!r}: {self._platform.platform} has no camera {name!r}; {hint}")
-            cameras[name + CAMERA] = StreamCamera(name, url, self._autopilot.t_s_of_boot)
-        return cameras
+    def _make_sources(self, folder: Path) -> dict[str, Any]:
+        """The sensors of the platform, by device; those without a source bring nothing."""
+        used = sorted({device for row in self._platform.components for device in row.devices.values()})
+        host = SourceHost(self._loop, folder, self._autopilot.t_s_of_boot, self._autopilot.sensors, self._autopilot)
+        return make_sources(source_urls(self._platform, used, self._options.devices), host)
 
     def _devices(self, log: Path) -> dict[str, Any]:
         """What the components use; the pictures go to a folder of each log's own: `images`, `images-2`..."""
         return {
-            **self._cameras,
+            **self._sources,
+            "rig": self._rig,
             "autopilot": self._autopilot,
             "computer": self._computer,
             "pictures": PictureFolder(self._out / log.stem.replace("log", "images", 1)),
@@ -218,3 +216,27 @@ class OnboardProcess:
             "taps": ExchangeTaps(self._exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),
         }
+
+
+def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str]) -> dict[str, str]:
+    """Where each sensor's data comes from: what was asked for, else what the platform file says, else nowhere.
+
+    Raises:
+        Refused: what was asked for is not NAME=URL, or the platform has no such device.
+    """
+    sensors = {name for name in (*used, *platform.devices) if sensor_of(name) is not None}
+    urls = {name: platform.devices.get(name, NOWHERE) for name in sorted(sensors)}
+    for text in overrides:
+        name, equals, url = text.partition("=")
+        if not equals:
+            raise Refused(f"--device {text!r} must be NAME=URL, such as ground_camera=v4l2:///dev/video0")
+        if name not in urls:
+            raise Refused(f"--device {text!r}: {platform.platform} has no sensor {name!r}; {nearest(name, [*urls])}")
+        scheme, separator, place = url.partition("://")
+        urls[name] = f"{scheme}{separator}{_from_here(scheme, place)}"
+    return urls
+
+
+def _from_here(scheme: str, place: str) -> str:
+    """On a command line files are relative to where it was typed, in a platform file to that file."""
+    return str(Path.cwd() / place) if scheme in FILES and not place.startswith("/") else place

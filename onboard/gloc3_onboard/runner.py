@@ -20,8 +20,8 @@ from gloc3.platform import Platform
 from gloc3.topics import TopicTable
 from gloc3_onboard.caretaker import Caretaker
 
-HOST_DEVICES: Final = ("autopilot", "catalogue", "computer", "pictures", "site", "taps")
-"""The devices that every host gives to the components, besides its cameras; a platform's rows are checked against them."""
+HOST_DEVICES: Final = ("autopilot", "catalogue", "computer", "pictures", "rig", "site", "taps")
+"""The devices that every host gives to the components, besides its sensors; a platform's rows are checked against them."""
 STOP_TIMEOUT_S: Final = 6.0
 """How long a component may take to leave."""
 STOP_PATIENCE_S: Final = 5.0

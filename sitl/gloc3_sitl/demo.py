@@ -111,7 +111,7 @@ class Demo:
                 *("onboard", options.platform),
                 *("--autopilot", f"udpin://127.0.0.1:{to_companion}"),
                 *("--station", f"udpout://127.0.0.1:{to_station}"),
-                *("--camera", f"ground=tcp://127.0.0.1:{camera}"),
+                *("--device", f"ground_camera=tcp://127.0.0.1:{camera}"),
                 *("--out", str(options.out)),
             ]
         )

@@ -246,6 +246,7 @@ class Flight:
         devices = {
             "autopilot": self.autopilot_link,
             "computer": SimulatedComputer(self.clock),
+            "rig": self.rig,
             **self.rig.devices,
             **({} if self._takes_pictures() else {"ground_camera": NoCamera()}),
             "pictures": self._pictures,

@@ -81,6 +81,7 @@ class Replay(Generic[T]):
             InputError: the log cannot be read.
         """
         self._records, self._failure = self._index(), ""
+        self.forget()
         self._post(self._begin)
 
     def close(self) -> None:
@@ -102,6 +103,10 @@ class Replay(Generic[T]):
 
     def take(self, t_s: float, item: T) -> None:
         """Keeps what is due now."""
+        raise NotImplementedError
+
+    def forget(self) -> None:
+        """Keeps nothing of an earlier opening."""
         raise NotImplementedError
 
     def _post(self, call: Callable[[], None]) -> None:
@@ -159,6 +164,10 @@ class ReplayCamera(Replay[Image]):
         """Keeps a frame."""
         self._frame = StampedImage(t_s, item)
 
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._frame = None
+
     def frame(self) -> StampedImage | None:
         """The latest frame; None before the first."""
         self.check()
@@ -174,6 +183,10 @@ class ReplayStereoCamera(Replay[tuple[Image, Image]]):
         """Keeps a pair."""
         self._pair = StampedPair(t_s, *item)
 
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._pair = None
+
     def pair(self) -> StampedPair | None:
         """The latest two frames; None before the first."""
         self.check()
@@ -188,6 +201,10 @@ class ReplayLaser(Replay[LaserScan]):
     def take(self, t_s: float, item: LaserScan) -> None:
         """Keeps a turn."""
         self._scan = StampedScan(t_s, item)
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._scan = None
 
     def scan(self) -> StampedScan | None:
         """The latest turn; None before the first."""
@@ -208,6 +225,10 @@ class ReplayImu(Replay[ImuSample]):
         """Keeps a sample."""
         self._samples.append(StampedImu(t_s, item))
 
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._samples.clear()
+
     def samples(self, after_s: float) -> Sequence[StampedImu]:
         """What it felt after a time."""
         self.check()
@@ -222,6 +243,10 @@ class ReplayHeight(Replay[HeightAboveGround]):
     def take(self, t_s: float, item: HeightAboveGround) -> None:
         """Keeps a height."""
         self._height = StampedHeight(t_s, item)
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._height = None
 
     def height(self) -> StampedHeight | None:
         """The latest height; None before the first."""

@@ -36,6 +36,7 @@ class StreamSource:
     def open(self) -> None:
         """Begins to take data."""
         self._stop = threading.Event()
+        self.forget()
         threading.Thread(target=self._read, args=(self._stop,), name=self._name, daemon=True).start()
 
     def close(self) -> None:
@@ -60,6 +61,10 @@ class StreamSource:
                             self._bell.ring()
             stop.wait(RETRY_S)
 
+    def forget(self) -> None:
+        """Keeps nothing of an earlier opening."""
+        raise NotImplementedError
+
     def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         """Keeps a record; returns whether that is news."""
         raise NotImplementedError
@@ -83,6 +88,10 @@ class StreamCamera(StreamSource):
     def frame(self) -> StampedImage | None:
         """The latest frame; None before the first."""
         return self._frame
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._frame = None
 
     def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         if not isinstance(record, GreyFrame) or self._part not in ("", record.camera):
@@ -110,6 +119,10 @@ class StreamStereoCamera(StreamSource):
         """The latest two frames; None before the first."""
         return self._pair
 
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._pair = None
+
     def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         if not isinstance(record, GreyFrame) or record.camera not in self._names:
             return False
@@ -132,6 +145,10 @@ class StreamLaser(StreamSource):
     def scan(self) -> StampedScan | None:
         """The latest turn; None before the first."""
         return self._scan
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._scan = None
 
     def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         if not isinstance(record, ScanFrame) or self._part not in ("", record.scanner):

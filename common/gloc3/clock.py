@@ -11,7 +11,7 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine
-from contextvars import Context, copy_context
+from contextvars import Context
 from datetime import UTC, datetime
 from heapq import heappop, heappush
 from typing import Any, Final, TypeVar, TypeVarTuple
@@ -56,21 +56,38 @@ class Clock:
         return time.perf_counter()
 
 
-class _Timer(asyncio.TimerHandle):
-    """A timer that is made in half the time: in a flight there are hundreds a second."""
+class _Call(asyncio.TimerHandle):
+    """A call that is to come, made and begun in half the time: in a flight there are hundreds a second.
+
+    Without a context it runs in that of the loop; tasks bring their own.
+    """
 
     __slots__ = ()
 
     def __init__(
-        self, when: float, callback: Callable[..., object], args: Any, loop: asyncio.AbstractEventLoop, context: Context
+        self,
+        when: float,
+        callback: Callable[..., object],
+        args: Any,
+        loop: asyncio.AbstractEventLoop,
+        context: Context | None,
     ) -> None:
-        self._context = context
-        self._loop = loop
+        self._context: Any = context
+        self._loop: Any = loop
         self._callback: Any = callback
         self._args: Any = args
         self._cancelled = self._scheduled = False
         self._repr = self._source_traceback = None
         self._when = when
+
+    def _run(self) -> None:
+        if self._context is not None:
+            super()._run()  # type: ignore[misc] # asyncio's own
+            return
+        try:
+            self._callback(*self._args)
+        except Exception as error:  # noqa: BLE001 # what a callback raises does not end the loop
+            self._loop.call_exception_handler({"message": "a callback failed", "exception": error, "handle": self})
 
 
 class VirtualLoop(asyncio.BaseEventLoop):
@@ -87,7 +104,7 @@ class VirtualLoop(asyncio.BaseEventLoop):
     def __init__(self) -> None:
         super().__init__()
         self._now_s = 0.0
-        self._timers: list[tuple[float, int, _Timer]] = []
+        self._timers: list[tuple[float, int, _Call]] = []
         self._timers_made = 0
         self.failures: list[BaseException] = []
         """What callbacks raised, oldest first."""
@@ -102,10 +119,19 @@ class VirtualLoop(asyncio.BaseEventLoop):
     ) -> asyncio.TimerHandle:
         """Calls back at a time; at once, after what is ready, if that has passed."""
         self._check_closed()  # type: ignore[attr-defined] # asyncio's own, as in every loop built on its base
-        timer = _Timer(when, callback, args, self, context or copy_context())
+        timer = _Call(when, callback, args, self, context)
         self._timers_made += 1
         heappush(self._timers, (when, self._timers_made, timer))
         return timer
+
+    def call_soon(
+        self, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None
+    ) -> asyncio.Handle:
+        """Calls back after what is ready."""
+        self._check_closed()  # type: ignore[attr-defined] # asyncio's own
+        call = _Call(self._now_s, callback, args, self, context)
+        self._ready.append(call)
+        return call
 
     def call_soon_threadsafe(
         self, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None

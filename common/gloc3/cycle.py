@@ -199,6 +199,7 @@ class Cycler:
     def _ticked(self) -> None:
         rate_hz = self.rate_hz
         assert rate_hz is not None
+        self._timer = None
         now_s, tick = self._loop.time(), self._tick
         is_owed, self._is_owed = self._is_owed, False
         if self._was_prompted and not is_owed and (now_s - self._began_s) * rate_hz < SILENT_PERIODS - _EARLY:

@@ -48,7 +48,7 @@ class Quadrotor:
     """One simulated quadrotor, which starts at rest on the ground at its home.
 
     The same arguments and throttles give the same trajectory bit for bit, in any process. Forces of one step act in the
-    next (4 ms at 250 Hz). The ground is the ellipsoid raised to the home's altitude, so it falls away from the tangent
+    next (5 ms at 200 Hz). The ground is the ellipsoid raised to the home's altitude, so it falls away from the tangent
     plane: by 7 mm at 300 m, 78 mm at 1 km.
 
     Args:
@@ -66,7 +66,7 @@ class Quadrotor:
         home: GeoPoint,
         wind: Wind = CALM,
         seed: int = 0,
-        rate_hz: int = 250,
+        rate_hz: int = 200,
         heading_deg: float = 0.0,
     ) -> None:
         if model not in VEHICLES:

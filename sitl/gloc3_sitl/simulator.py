@@ -111,7 +111,7 @@ class Simulator:
         return self.quadrotor.now_s
 
     def advance(self, now_s: float) -> None:
-        """Simulates up to a time, in whole steps of 4 ms; a time that is past already changes nothing."""
+        """Simulates up to a time, in whole steps of 5 ms; a time that is past already changes nothing."""
         quadrotor, sample, step = self.quadrotor, self.sensors.sample, self.autopilot.step
         throttles = self._throttles
         rate_hz = quadrotor.rate_hz

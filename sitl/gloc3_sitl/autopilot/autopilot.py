@@ -1,4 +1,4 @@
-"""The whole autopilot without I/O: readings in, throttles out, 250 times a second."""
+"""The whole autopilot without I/O: readings in, throttles out, 200 times a second."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -33,9 +33,9 @@ from gloc3_sitl.sensors.readings import (
     Reading,
 )
 
-STEP_S: Final = 0.004
+STEP_S: Final = 0.005
 """Period of the inner loops."""
-_OUTER: Final = 5
+_OUTER: Final = 4
 """Inner periods in one of the outer loops: 20 ms."""
 _IDLE_THRUST: Final = 0.03
 """Collective thrust of motors that idle."""
@@ -129,7 +129,7 @@ class Autopilot:
     # -- the inner loops --------------------------------------------------------------------------------------------
 
     def step(self, readings: Sequence[Reading], now_s: float) -> Throttles:
-        """Takes in what the sensors say, and gives the throttles for the next 4 ms."""
+        """Takes in what the sensors say, and gives the throttles for the next 5 ms."""
         self.craft.now_s = now_s
         estimator = self.estimator
         for reading in readings:

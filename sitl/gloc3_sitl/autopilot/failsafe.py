@@ -22,6 +22,9 @@ _EXEMPT: Final = {
 }
 
 
+_PERIOD_S: Final = 0.1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
     """One row: a condition, and the action that the tuning gives to it."""
@@ -44,7 +47,7 @@ class _Alarm:
 
 
 class Failsafes:
-    """Looks at every row 50 times a second; an action is carried out once, when its condition begins."""
+    """Looks at every row ten times a second; an action is carried out once, when its condition begins."""
 
     def __init__(self, commander: Commander) -> None:
         self.commander: Final = commander
@@ -57,6 +60,7 @@ class Failsafes:
         """Its cause, in a word."""
         self._alarms: dict[str, _Alarm] = {}
         self._changes = 0
+        self._looked_s = -_PERIOD_S
 
     @property
     def is_acting(self) -> bool:
@@ -74,8 +78,11 @@ class Failsafes:
             self.station_seen_s = self.craft.now_s
 
     def tick(self) -> None:
-        """Raises, acts and clears alarms."""
+        """Raises, acts and clears alarms, where it is time."""
         craft, commander = self.craft, self.commander
+        if craft.now_s - self._looked_s < _PERIOD_S - 1e-6:
+            return
+        self._looked_s = craft.now_s
         if not craft.is_armed:
             self._alarms.clear()
             self.acting, self.cause = Action.NONE, ""

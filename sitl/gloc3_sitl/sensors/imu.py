@@ -26,7 +26,7 @@ class Imu(Sensor[ImuReading]):
     bias_size = 0.5
     noise_size = 2.0
 
-    def __init__(self, seed: int, rate_hz: float = 250.0) -> None:
+    def __init__(self, seed: int, rate_hz: float = 200.0) -> None:
         super().__init__(seed, rate_hz)
         draw, bandwidth = self._draw, sqrt(rate_hz / 2.0)
         self._force_noise = ACCELEROMETER_DENSITY_M_S2_RTHZ * bandwidth

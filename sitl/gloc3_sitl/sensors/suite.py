@@ -37,7 +37,7 @@ class SensorSuite:
         model: MultirotorModel = PELICAN,
         is_plain_gps: bool = False,
         battery_remaining: float = 1.0,
-        imu_rate_hz: float = 250.0,
+        imu_rate_hz: float = 200.0,
         probe: Probe = level_ground,
     ) -> None:
         self.imu: Final = Imu(seed, imu_rate_hz)

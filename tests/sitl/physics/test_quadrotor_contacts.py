@@ -30,7 +30,7 @@ def test_a_drop_in_any_attitude_settles_near_by_without_gaining_energy(
     vehicle = Quadrotor("pelican", home)
     vehicle.place((0.0, 0.0, -height_m), from_euler(*attitude))
     most_j = energy_j(vehicle) + 0.05
-    for step in range(4 * 250):
+    for step in range(4 * 200):
         vehicle.step(STOP)
         force, _ = vehicle.imu()
         assert all(abs(axis) <= 157.0 for axis in force), "peaks are held within 16 g"
@@ -48,7 +48,7 @@ def test_a_drop_in_any_attitude_settles_near_by_without_gaining_energy(
 
 def test_it_stays_put_in_wind(home: GeoPoint) -> None:
     vehicle = Quadrotor("pelican", home, Wind(velocity_ned_m_s=(8.0, 0.0, 0.0)))
-    for _ in range(10 * 250):
+    for _ in range(10 * 200):
         vehicle.step(STOP)
     assert vehicle.truth().position_ned_m == pytest.approx((0.0, 0.0, 0.0), abs=0.001)
 

@@ -17,7 +17,7 @@ STOP = (0.0, 0.0, 0.0, 0.0)
 
 def test_it_stands_at_rest_on_its_home_and_feels_gravity(home: GeoPoint) -> None:
     vehicle = Quadrotor("pelican", home, heading_deg=90.0)
-    for _ in range(250):
+    for _ in range(200):
         vehicle.step(STOP)
     truth = vehicle.truth()
     assert truth.t_s == 1.0
@@ -52,7 +52,7 @@ def test_it_hovers_at_about_half_throttle_as_thrust_and_weight_say(
 def test_free_fall_is_that_of_gravity_less_drag(home: GeoPoint) -> None:
     vehicle = Quadrotor("pelican", home)
     vehicle.place((0.0, 0.0, -30.0))
-    for _ in range(250):
+    for _ in range(200):
         vehicle.step(STOP)
     truth = vehicle.truth()
     gravity, drag = 9.80, 0.5 * 1.225 * PELICAN.drag_area_top_m2 / 1.65
@@ -85,7 +85,7 @@ def test_each_control_turns_the_body_the_way_its_motors_say(home: GeoPoint) -> N
 def test_rotors_follow_the_throttle_with_their_lag(home: GeoPoint) -> None:
     vehicle = Quadrotor("pelican", home)
     vehicle.place((0.0, 0.0, -20.0))
-    for _ in range(round(PELICAN.spin_up_s * 250)):
+    for _ in range(round(PELICAN.spin_up_s * 200)):
         vehicle.step((1.0, 1.0, 1.0, 1.0))
     expected = PELICAN.rotor_speed_max_rad_s * (1 - exp(-1))
     assert vehicle.rotor_speeds_rad_s == pytest.approx((expected,) * 4, rel=1e-6)
@@ -127,9 +127,9 @@ def test_velocity_adds_up_to_the_way_flown(home: GeoPoint) -> None:
     for _ in range(1000):
         vehicle.step((0.5, 0.5, 0.5, 0.5))
         now = vehicle.truth()
-        north += (was.velocity_ned_m_s[0] + now.velocity_ned_m_s[0]) / 500
-        east += (was.velocity_ned_m_s[1] + now.velocity_ned_m_s[1]) / 500
-        down += (was.velocity_ned_m_s[2] + now.velocity_ned_m_s[2]) / 500
+        north += (was.velocity_ned_m_s[0] + now.velocity_ned_m_s[0]) / 400
+        east += (was.velocity_ned_m_s[1] + now.velocity_ned_m_s[1]) / 400
+        down += (was.velocity_ned_m_s[2] + now.velocity_ned_m_s[2]) / 400
         was = now
     assert now.position_ned_m == pytest.approx((north, east, down - 200.0), abs=0.03)
 
@@ -147,7 +147,7 @@ def test_the_specific_force_carries_the_velocity_from_one_step_to_the_next(
         now = vehicle.truth()
         force_ned = rotate(was.attitude_wxyz, now.specific_force_frd_m_s2)
         for i, gravity in enumerate((0.0, 0.0, 9.8013)):
-            error_m_s[i] += now.velocity_ned_m_s[i] - was.velocity_ned_m_s[i] - (force_ned[i] + gravity) / 250
+            error_m_s[i] += now.velocity_ned_m_s[i] - was.velocity_ned_m_s[i] - (force_ned[i] + gravity) / 200
         was = now
     assert error_m_s == pytest.approx((0.0, 0.0, 0.0), abs=0.005), "what a strapdown estimator would be off after 2 s"
 
@@ -182,7 +182,7 @@ def test_unknown_vehicles_and_slow_rates_are_refused(home: GeoPoint) -> None:
 def test_another_rate_gives_nearly_the_same_flight(
     home: GeoPoint, pilot: Callable[..., object], fly: Callable[..., None]
 ) -> None:
-    slow, fast = Quadrotor("pelican", home, rate_hz=250), Quadrotor("pelican", home, rate_hz=500)
+    slow, fast = Quadrotor("pelican", home, rate_hz=200), Quadrotor("pelican", home, rate_hz=400)
     for vehicle in (slow, fast):
         vehicle.place((2.0, 1.0, -3.0), from_yaw(0.3))
         fly(vehicle, pilot(), 4.0)

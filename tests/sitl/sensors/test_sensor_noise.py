@@ -20,12 +20,12 @@ SEEDS = range(60)
 
 def test_the_imu_has_white_noise_of_its_density_and_a_constant_bias(still: Still) -> None:
     sensor, truth = imu.Imu(1), still()
-    samples = [sensor.measure(truth, i / 250) for i in range(3000)]
+    samples = [sensor.measure(truth, i / 200) for i in range(3000)]
     for axis, at_rest in enumerate((0.0, 0.0, -9.8)):
         forces = [sample.specific_force_frd_m_s2[axis] - at_rest for sample in samples]
         rates = [sample.rate_frd_rad_s[axis] for sample in samples]
-        assert stdev(forces) == pytest.approx(imu.ACCELEROMETER_DENSITY_M_S2_RTHZ * sqrt(125), rel=0.06)
-        assert stdev(rates) == pytest.approx(imu.GYRO_DENSITY_RAD_S_RTHZ * sqrt(125), rel=0.06)
+        assert stdev(forces) == pytest.approx(imu.ACCELEROMETER_DENSITY_M_S2_RTHZ * sqrt(100), rel=0.06)
+        assert stdev(rates) == pytest.approx(imu.GYRO_DENSITY_RAD_S_RTHZ * sqrt(100), rel=0.06)
         assert fmean(forces) == pytest.approx(sensor.force_bias_m_s2[axis], abs=0.003)
         assert fmean(rates) == pytest.approx(sensor.rate_bias_rad_s[axis], abs=1e-4)
 

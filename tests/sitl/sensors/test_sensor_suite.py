@@ -28,8 +28,8 @@ Still = Callable[..., Truth]
 
 
 def run(suite: SensorSuite, truth: Truth, seconds: float, start_s: float = 0.0) -> list[Reading]:
-    first = round(start_s * 250)
-    return [r for i in range(first, first + round(seconds * 250)) for r in suite.sample(truth, i / 250)]
+    first = round(start_s * 200)
+    return [r for i in range(first, first + round(seconds * 200)) for r in suite.sample(truth, i / 200)]
 
 
 R = TypeVar("R", bound=Reading)
@@ -42,7 +42,7 @@ def only(kind: type[R], readings: list[Reading]) -> list[R]:
 def test_each_sensor_reports_at_its_rate(still: Still, home: GeoPoint) -> None:
     counts = Counter(type(reading) for reading in run(SensorSuite(1, home), still(), 10.0))
     assert counts == {
-        ImuReading: 2500,
+        ImuReading: 2000,
         BarometerReading: 250,
         MagnetometerReading: 250,
         RangeReading: 200,
@@ -53,9 +53,9 @@ def test_each_sensor_reports_at_its_rate(still: Still, home: GeoPoint) -> None:
 
 def test_a_fix_arrives_a_tenth_of_a_second_after_it_was_true(still: Still, home: GeoPoint) -> None:
     suite = SensorSuite(1, home)
-    for i in range(500):
-        for reading in suite.sample(still(), i / 250):
-            age_s = i / 250 - reading.t_s
+    for i in range(400):
+        for reading in suite.sample(still(), i / 200):
+            age_s = i / 200 - reading.t_s
             assert age_s == pytest.approx(0.1 if isinstance(reading, FixReading) else 0.0, abs=1e-9)
 
 
@@ -117,9 +117,9 @@ def test_a_late_fix_arrives_later(still: Still, home: GeoPoint) -> None:
     suite = SensorSuite(1, home)
     suite.fail("fix", "late", 0.4)
     ages = [
-        i / 250 - reading.t_s
-        for i in range(500)
-        for reading in suite.sample(still(), i / 250)
+        i / 200 - reading.t_s
+        for i in range(400)
+        for reading in suite.sample(still(), i / 200)
         if isinstance(reading, FixReading)
     ]
     assert len(ages) == 15

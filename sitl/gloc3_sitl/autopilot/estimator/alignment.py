@@ -4,8 +4,8 @@ from math import asin, atan2, sqrt
 
 from gloc3.frames import Quaternion, Vector3, from_euler, rotate
 
-_SAMPLES = 200
-"""IMU samples that are averaged: 0.8 s at 250 Hz."""
+_SAMPLES = 160
+"""IMU samples that are averaged: 0.8 s at 200 Hz."""
 _STILL_RAD_S = 0.1
 """Largest body rate that still counts as standing."""
 

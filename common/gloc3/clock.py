@@ -82,7 +82,7 @@ class _Call(asyncio.TimerHandle):
 
     def _run(self) -> None:
         if self._context is not None:
-            super()._run()  # type: ignore[misc] # asyncio's own
+            super()._run()
             return
         try:
             self._callback(*self._args)

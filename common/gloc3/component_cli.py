@@ -112,7 +112,7 @@ def _print_description(found: Description, row: ComponentRow | None) -> None:
     console.print(found.doc, markup=False)
     if row is not None:
         cycles = [f"{row.rate_hz:g} Hz"] if row.rate_hz else []
-        cycles += [f"begun by {row.trigger}"] if row.trigger else []
+        cycles += [f"begun by {', '.join(row.triggers)}"] if row.triggers else []
         console.print(f"\nhere: {row.name}, {', '.join(cycles)}, begins {row.begin}", markup=False)
     if found.devices:
         console.print(f"\ndevices: {', '.join(found.devices)}", markup=False)

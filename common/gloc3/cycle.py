@@ -101,7 +101,7 @@ class Cycler:
 
     def _taker(self, port: str) -> Callable[[Envelope[Any]], None]:
         put, expected = self._mailbox.put, self._class.inputs[port].message
-        is_trigger = port == self._row.trigger
+        is_trigger = port in self._row.triggers
 
         def take(envelope: Envelope[Any]) -> None:
             if self._job is None:
@@ -174,11 +174,10 @@ class Cycler:
 
     def _trigger_rate_hz(self) -> float:
         """The nominal rate of what begins cycles: the quickest of its topics; 0 without one."""
-        if self._row.trigger is None:
-            return 0.0
         rows = [
             self._context.topics.row(f"{self._context.platform}/{topic}")
-            for topic in self._row.topics(self._row.trigger)
+            for trigger in self._row.triggers
+            for topic in self._row.topics(trigger)
         ]
         return max((row.rate_hz for row in rows if row is not None), default=0.0)
 

@@ -63,8 +63,8 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """`package.module:Class`."""
     rate_hz: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] | None = None
     """Periodic cycles; None for a component that only works when `trigger` brings something."""
-    trigger: str | None = None
-    """The input whose arrival begins a cycle; the periodic ones, if there is a rate, fill its silence."""
+    trigger: str | list[str] | None = None
+    """The input, or inputs, whose arrival begins a cycle; the periodic ones, if there is a rate, fill its silence."""
     ports: dict[str, str | list[str]] = {}
     """Port to topic where they differ; an input may be bound to several topics."""
     devices: dict[str, str] = {}
@@ -84,6 +84,11 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     latency_s: Seconds = 0.0
     """Modelled time from a cycle's begin to its results, in virtual time, of a component with heavy work."""
     host: str = "main"
+
+    @property
+    def triggers(self) -> list[str]:
+        """The inputs whose arrival begins a cycle."""
+        return [] if self.trigger is None else [self.trigger] if isinstance(self.trigger, str) else self.trigger
 
     def topics(self, port: str) -> list[str]:
         """The topics (without the platform's name) that a port is bound to."""

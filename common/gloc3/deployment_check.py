@@ -96,7 +96,7 @@ def problems_of(
 
 def _row_problems(rows: Sequence[ComponentRow]) -> Iterator[Problem]:
     for index, row in enumerate(rows):
-        if row.rate_hz is None and row.trigger is None:
+        if row.rate_hz is None and not row.triggers:
             hint = "give rate_hz, or trigger with the name of an input"
             yield Problem(index, (), f"component {row.name} would never work", hint)
 
@@ -110,9 +110,10 @@ def _class_problems(index: int, row: ComponentRow, component: type[Component[Any
         elif port in component.outputs and not row.topics(port):
             yield Problem(index, ("ports", port), "bound to no topic", f"leave the line out for {port!r} itself")
     inputs = sorted(component.inputs)
-    if row.trigger is not None and row.trigger not in inputs:
-        hint = nearest(row.trigger, inputs)
-        yield Problem(index, ("trigger",), f"{component.__name__} has no input {row.trigger!r}", hint)
+    for position, trigger in enumerate(row.triggers):
+        if trigger not in inputs:
+            place = ("trigger",) if isinstance(row.trigger, str) else ("trigger", position)
+            yield Problem(index, place, f"{component.__name__} has no input {trigger!r}", nearest(trigger, inputs))
     for position, item in enumerate(row.log):
         if item not in component.loggable:
             hint = nearest(item, component.loggable)

@@ -110,9 +110,10 @@ def test_setpoints_over_the_limits_are_clamped_and_counted_by_the_driver(flight:
 
 def test_the_limiter_drops_setpoints_of_others_before_the_driver_sees_them(flight: Card) -> None:
     sweep(flight)
+    before = flight.driver.foreign  # one may have been on its way to the driver when the owner changed
     flight.fault("topic:setpoint_wanted/waypoints=foreign", for_s=2.0)
     flight.wait(2.0)
-    assert flight.driver.foreign == 0
+    assert flight.driver.foreign == before
     assert {setpoint.action_id for setpoint in flight.since(flight.now_s - 2.0, "setpoint")} == {
         flight.last("motion/grant").action_id
     }

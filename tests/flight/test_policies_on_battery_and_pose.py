@@ -84,7 +84,7 @@ def test_a_lost_pose_lands_the_vehicle(flight: Card) -> None:
     begin_s = flight.now_s
     flight.fault("topic:autopilot_pose=lost")
     flight.await_policy("land", 1.0)
-    assert 0.5 < flight.now_s - begin_s < 0.75
+    assert 0.499 < flight.now_s - begin_s < 0.75  # the last pose is up to a period old when the fault begins
     flight.await_landed()
 
 

@@ -113,7 +113,7 @@ def _give(
     entries: list[Entry], row: ComponentRow, inputs: list[str], name: str
 ) -> Iterator[tuple[float, Envelope[Any]]]:
     """The inputs with the times at which they are given, so that they come before or after a cycle as they did."""
-    trigger = row.topics(row.trigger) if row.trigger else []
+    trigger = [topic for port in row.triggers for topic in row.topics(port)]
     cycled_s = float("-inf")
     for entry in entries:
         envelope = entry.envelope

@@ -141,6 +141,6 @@ class ComponentBook:
 
 def _is_triggered(row: ComponentRow, status: ComponentStatus | None) -> bool:
     """Whether its own periodic cycles alone do not bring a component to its rate."""
-    if row.trigger is None:
+    if not row.triggers:
         return False
     return row.rate_hz is None or (status is not None and row.rate_hz < status.nominal_rate_hz)

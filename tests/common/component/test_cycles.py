@@ -324,3 +324,13 @@ def test_what_the_fault_model_costs_is_not_measured_and_the_rest_costs_nothing_i
         bench.host(row(), lambda: Specimen(Diary()))
         bench.run(3.0)
         assert (status_of(bench).cycle_mean_s, status_of(bench).cycle_max_s) == (0.0, 0.0)
+
+
+def test_several_inputs_can_begin_cycles() -> None:
+    with Bench() as bench:
+        bench.host(row(rate_hz=None, trigger=["given", "every"]), lambda: Specimen(Diary()))
+        for port in ("given", "every", "given"):
+            bench.run(0.25)
+            bench.send(port, Number(value=1.0))
+        bench.run(0.1)
+        assert [t_s for t_s in dict.fromkeys(times(bench))] == [0.25, 0.5, 0.75]

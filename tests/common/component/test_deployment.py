@@ -85,6 +85,7 @@ def test_a_good_deployment_has_no_findings() -> None:
         ([source(ports={"gven": "given"})], "ports.gven: Source has no port 'gven' (did you mean 'given'?)"),
         ([source(ports={"given": []})], "ports.given: bound to no topic (leave the line out for 'given' itself)"),
         ([source(trigger="given")], "trigger: Source has no input 'given' (none is known)"),
+        ([source(trigger=["given"])], "trigger.0: Source has no input 'given' (none is known)"),
         ([source(log=["level"])], "log.0: Source cannot log 'level' (none is known)"),
         ([source(rate_hz=None)], "component source would never work (give rate_hz, or trigger with the name of"),
         ([source(settings={"level": 1})], "settings: unknown setting 'level' (none is known)"),

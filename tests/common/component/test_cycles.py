@@ -333,4 +333,4 @@ def test_several_inputs_can_begin_cycles() -> None:
             bench.run(0.25)
             bench.send(port, Number(value=1.0))
         bench.run(0.1)
-        assert [t_s for t_s in dict.fromkeys(times(bench))] == [0.25, 0.5, 0.75]
+        assert list(dict.fromkeys(times(bench))) == [0.25, 0.5, 0.75]

@@ -1,0 +1,142 @@
+"""What each kind of measurement says of the error state: residual, Jacobian and covariance. Pure functions."""
+
+from math import isfinite
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gloc3.frames import Quaternion, Vector3, conjugate, multiply, rotate, rotate_back, to_rotation_vector
+from gloc3_onboard.fusion.error_state import Matrix, skew
+
+UNKNOWN_FROM: Final = 1e3
+"""A variance (m2 or rad2) from which on a direction counts as not told."""
+CHI2_999: Final = (0.0, 10.83, 13.82, 16.27, 18.47, 20.52, 22.46)
+"""Quantiles of the chi-square distribution at 99.9 %, by degrees of freedom."""
+
+
+class Measured(NamedTuple):
+    """A linear measurement of the error of a pose, and of a reference pose's where there is one."""
+
+    residual: Matrix
+    """(m,)."""
+    by_pose: Matrix
+    """(m, 6): by the error of the pose (position in NED, rotation vector in NED)."""
+    by_reference: Matrix | None
+    """(m, 6): the same of the reference."""
+    noise: Matrix
+    """(m, m)."""
+
+    @property
+    def degrees(self) -> int:
+        """Of freedom."""
+        return int(self.residual.shape[0])
+
+
+def matrix_of(a_from_b: Quaternion) -> Matrix:
+    """The rotation as a matrix (3, 3)."""
+    w, x, y, z = a_from_b
+    return np.array(
+        (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        )
+    )
+
+
+def heading_gradient(ned_from_frd: Quaternion) -> Matrix:
+    """How the heading of the forward axis follows a small rotation vector in NED, (3,)."""
+    forward = rotate(ned_from_frd, (1.0, 0.0, 0.0))
+    across = max(forward[0] * forward[0] + forward[1] * forward[1], 1e-6)
+    return np.array((-forward[2] * forward[0] / across, -forward[2] * forward[1] / across, 1.0))
+
+
+def relative(
+    reference: tuple[Vector3, Quaternion],
+    axes: Quaternion,
+    pose: tuple[Vector3, Quaternion],
+    told: tuple[Vector3, Quaternion],
+    covariance: Matrix,
+    *,
+    is_level: bool,
+) -> Measured | None:
+    """A motion since a reference, as an odometer tells it; None where it tells nothing.
+
+    Args:
+        reference: believed position and attitude of the reference.
+        axes: `ned_from_reference`: the reference's attitude, made level if the odometer's axes are.
+        pose: believed position and attitude at the end.
+        told: position in the reference's axes, and attitude on them.
+        covariance: (6, 6): position in the axes of the reference, rotation vector in the body's.
+        is_level: the axes turn with the reference's heading only.
+    """
+    (cx, cy, cz), attitude_then = reference
+    (px, py, pz), attitude = pose
+    way = (px - cx, py - cy, pz - cz)
+    expected = rotate_back(axes, way)
+    turned = multiply(conjugate(axes), attitude)
+    rotation = to_rotation_vector(multiply(conjugate(turned), told[1]))
+    residual = np.array(
+        (told[0][0] - expected[0], told[0][1] - expected[1], told[0][2] - expected[2], *rotation), dtype=np.float64
+    )
+    back = matrix_of(axes).T
+    body = matrix_of(attitude).T
+    by_pose, by_reference = np.zeros((6, 6)), np.zeros((6, 6))
+    by_pose[:3, :3] = back
+    by_pose[3:, 3:] = body
+    by_reference[:3, :3] = -back
+    if is_level:
+        gradient = heading_gradient(attitude_then)
+        by_reference[:3, 3:] = np.outer(back @ (-way[1], way[0], 0.0), -gradient)
+        by_reference[3:, 3:] = np.outer(-body[:, 2], gradient)
+    else:
+        by_reference[:3, 3:] = back @ skew(way)
+        by_reference[3:, 3:] = -body
+    return _told(Measured(residual, by_pose, by_reference, covariance))
+
+
+def place(
+    pose: tuple[Vector3, Quaternion], position_ned_m: Vector3, lever_frd_m: Vector3, covariance: Matrix
+) -> Measured | None:
+    """A position of a place on the body, told from outside with its covariance (3, 3); None where it tells nothing."""
+    lever = rotate(pose[1], lever_frd_m)
+    residual = np.array([z - p - a for z, p, a in zip(position_ned_m, pose[0], lever, strict=True)])
+    by_pose = np.zeros((3, 6))
+    by_pose[0, 0] = by_pose[1, 1] = by_pose[2, 2] = 1.0
+    if lever_frd_m != (0.0, 0.0, 0.0):
+        by_pose[:, 3:] = -skew(lever)
+    return _told(Measured(residual, by_pose, None, covariance))
+
+
+def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | None:
+    """The covariance of a message with at least the variances of `floor`; None where it is none at all."""
+    if len(numbers) != rows * rows or not all(map(isfinite, numbers)):
+        return None
+    given = np.array(numbers).reshape(rows, rows)
+    diagonal = given.diagonal()
+    if diagonal.min() < 0.0:
+        return None
+    covariance = 0.5 * (given + given.T) + np.diag(np.maximum(floor - diagonal, 0.0))
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:  # no covariance: its correlations cannot be believed
+        return np.diag(covariance.diagonal())
+    return covariance
+
+
+def _told(measured: Measured) -> Measured | None:
+    """Without the directions that are not told."""
+    noise = measured.noise
+    if noise.diagonal().max() < UNKNOWN_FROM:
+        return measured
+    values, vectors = np.linalg.eigh(noise)
+    known = values < UNKNOWN_FROM
+    if not known.any():
+        return None
+    view = vectors[:, known].T
+    return Measured(
+        view @ measured.residual,
+        view @ measured.by_pose,
+        None if measured.by_reference is None else view @ measured.by_reference,
+        np.diag(values[known]),
+    )

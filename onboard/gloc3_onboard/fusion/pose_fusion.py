@@ -1,0 +1,459 @@
+"""The pose of the platform, fused from an inertial unit and whatever odometers, fixes and heights there are."""
+
+from math import hypot, isfinite
+from typing import Final
+
+import numpy as np
+
+from gloc3.frames import Vector3, conjugate, from_yaw, multiply
+from gloc3.perception import FusionState, Odometry, PositionFix, SourceState
+from gloc3.vehicle import HeightAboveGround, Pose
+from gloc3_onboard.fusion.alignment import Standing, Start
+from gloc3_onboard.fusion.error_state import FLOOR, SIZE, VELOCITY, Matrix
+from gloc3_onboard.fusion.estimate import LONGEST_S, Estimate
+from gloc3_onboard.fusion.inertial import State
+from gloc3_onboard.fusion.measurements import Measured, covariance_of, place
+from gloc3_onboard.fusion.odometers import Odometers, Report, read, way_of
+from gloc3_onboard.fusion.settings import FusionSettings
+from gloc3_onboard.fusion.trust import Trust
+from gloc3_onboard.fusion.vote import Verdict, Vote
+
+IMU, HEIGHT = "imu", "height"
+_VOTE_S: Final = 0.5
+_IMU_LOST_S: Final = 0.1
+_COAST_STEP_S: Final = 0.02
+_FASTEST: Final = (35.0, 160.0)
+"""More rad/s or m/s² than that no inertial unit of a vehicle tells."""
+_SAME_SAMPLES: Final = 20
+_HEIGHT_STD_M: Final = 0.02
+_HEIGHT_PERIOD_S: Final = 0.09
+"""More often a height is not worth its cost."""
+_BEHIND_S: Final = 0.025
+"""The covariance may be so far behind: it changes by less than can be seen."""
+_NEW_FLOOR: Final = 15
+"""So many heights in a row that do not fit the floor are another floor: a box, a step."""
+_STUCK_S: Final = 0.7
+"""When nothing was taken in for so long while sources go on, it is the estimate that is wrong."""
+_WAITING: Final = 64
+_LEAST_FIX: Final = np.array((4e-6, 4e-6, 4e-6))
+
+
+class PoseFusion:
+    """An error-state Kalman filter with stochastic clones; see docs/pose.md for how sources are judged.
+
+    Feed it with `imu`, `odometry`, `fix` and `height` in the order of arrival, call `tick` some times a second, and ask
+    for `pose` whenever it is needed. It has no clock: a measurement arrives at the time of the last sample or tick.
+    """
+
+    def __init__(self, settings: FusionSettings | None = None) -> None:
+        self.settings: Final = settings or FusionSettings()
+        self.estimate: Final = Estimate(self.settings)
+        self.is_aligned = False
+        self._trust: dict[str, Trust] = {}
+        self._odometers: Final = Odometers(self.estimate, self.settings.reference_share)
+        self._vote: Final = Vote(self.settings.window_s, self.settings.odometer_scale_std)
+        self._standing: Final = Standing()
+        self._start: Start | None = None
+        self._now_s = float("-inf")
+        self._sample: tuple[Vector3, Vector3] | None = None
+        self._sample_s = float("-inf")
+        self._same_samples = 0
+        self._restlessness = 0.0
+        """Smoothed turn rate, rad/s: more than noise where the body moves."""
+        self._waiting: list[tuple[float, Odometry | PositionFix | HeightAboveGround]] = []
+        self._before: dict[str, Report] = {}
+        self._fix_before: dict[str, tuple[float, Vector3]] = {}
+        self._voted_s = float("-inf")
+        self._held_s = float("-inf")
+        """When a source last held the horizontal position."""
+        self._conflict: Verdict | None = None
+        self._conflict_s = float("-inf")
+        self._height_misses = 0
+        settings = self.settings
+        if settings.start_ned_m is not None and settings.start_heading_deg is not None:
+            heading = from_yaw(np.radians(settings.start_heading_deg))
+            self.align_by(State(0.0, settings.start_ned_m, (0.0, 0.0, 0.0), heading))
+
+    # --- the start ---
+
+    def align_by(
+        self,
+        state: State,
+        *,
+        position_std_m: float | None = None,
+        heading_std_rad: float | None = None,
+        is_moving: bool = False,
+    ) -> None:
+        """Says where the body is before anything was measured; once aligned, that is no longer asked for."""
+        if not self.is_aligned:
+            heading_std = float(np.radians(self.settings.start_heading_std_deg))
+            self._start = Start(
+                state,
+                self.settings.start_std_m if position_std_m is None else position_std_m,
+                heading_std if heading_std_rad is None else heading_std_rad,
+                is_moving,
+            )
+
+    def _align(self, rate: Vector3, force: Vector3, t_s: float) -> None:
+        start = self._start
+        is_still = self._standing.add(rate, force, t_s)
+        if start is None or not (is_still or start.is_moving):
+            return
+        state, bias = start.state._replace(t_s=t_s), (0.0, 0.0, 0.0)
+        if not start.is_moving:
+            state, bias = self._standing.state(start.state, t_s)
+        self.estimate.begin(start, state, bias)
+        self._odometers.clear()
+        self._before.clear()
+        self._held_s = t_s
+        self.is_aligned = True
+
+    # --- what comes in ---
+
+    def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
+        """A sample of the inertial unit, felt at `t_s`."""
+        trust = self._heard(IMU, t_s)
+        rate, force = rate_frd_rad_s, force_frd_m_s2
+        if not all(map(isfinite, (*rate, *force))) or hypot(*rate) > _FASTEST[0] or hypot(*force) > _FASTEST[1]:
+            trust.refuse("its numbers are beyond all measure")
+            return
+        self._same_samples = self._same_samples + 1 if (rate, force) == self._sample else 0
+        if self._same_samples >= _SAME_SAMPLES:
+            trust.turn_down("frozen")
+            return
+        if t_s <= self._sample_s or t_s <= self.estimate.t_s and self.is_aligned:
+            self._sample = (rate, force)
+            return
+        if not trust.is_used:
+            trust.let_in()
+        trust.accepted += 1
+        before, self._sample = self._sample or (rate, force), (rate, force)
+        gap_s, self._sample_s = t_s - self._sample_s, t_s
+        self._now_s = max(self._now_s, t_s)
+        if not self.is_aligned:
+            self._align(rate, force, t_s)
+            return
+        if gap_s > LONGEST_S:
+            before = (rate, force)
+        (p, q, r), (fx, fy, fz) = before
+        mean_rate = (0.5 * (p + rate[0]), 0.5 * (q + rate[1]), 0.5 * (r + rate[2]))
+        mean_force = (0.5 * (fx + force[0]), 0.5 * (fy + force[1]), 0.5 * (fz + force[2]))
+        self.estimate.move(mean_rate, mean_force, t_s)
+        self._restlessness += 0.02 * (hypot(*self.estimate.inertial.rate_frd_rad_s) - self._restlessness)
+        self._take_waiting()
+
+    def odometry(self, message: Odometry, t_s: float) -> None:
+        """A report of an odometer, valid at `t_s`."""
+        self._arrive(message.source, message, t_s)
+
+    def fix(self, message: PositionFix, t_s: float) -> None:
+        """A position from outside, valid at `t_s`."""
+        self._arrive(message.source, message, t_s)
+
+    def height(self, message: HeightAboveGround, t_s: float) -> None:
+        """A height above what is below, valid at `t_s`."""
+        self._arrive(HEIGHT, message, t_s)
+
+    def _arrive(self, source: str, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
+        trust = self._heard(source, self._now_s)
+        if not isfinite(t_s):
+            trust.refuse("its time is not finite")
+        elif not message.is_valid:
+            trust.step_back(message.reason or "it says that it is not valid")
+        elif self.is_aligned:
+            if t_s > self.estimate.t_s + 1e-6:
+                self._wait(source, message, t_s)
+            else:
+                self._take(message, t_s)
+        elif isinstance(message, PositionFix):
+            self._start_at(message)
+
+    def _wait(self, source: str, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
+        """The inertial unit has not come so far yet."""
+        if t_s > self.estimate.t_s + 0.2 or len(self._waiting) >= _WAITING:
+            self._heard(source, self._now_s).refuse("it is of the future")
+            return
+        self._waiting.append((t_s, message))
+
+    def _take_waiting(self) -> None:
+        if self._waiting:
+            now_s = self.estimate.t_s + 1e-6
+            due = [entry for entry in self._waiting if entry[0] <= now_s]
+            if due:
+                self._waiting = [entry for entry in self._waiting if entry[0] > now_s]
+                for t_s, message in sorted(due, key=lambda entry: entry[0]):
+                    self._take(message, t_s)
+
+    def _take(self, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
+        trust = self._trust[HEIGHT if isinstance(message, HeightAboveGround) else message.source]
+        age_s = self.estimate.t_s - t_s
+        if age_s > self.settings.latest_s or not self.estimate.inertial.knows(t_s):
+            trust.refuse(f"late by {age_s:.2f} s")
+            return
+        if t_s <= trust.valid_s:
+            trust.refuse("its time does not go on")
+            return
+        if isinstance(message, HeightAboveGround) and t_s - trust.valid_s < _HEIGHT_PERIOD_S:
+            return
+        trust.valid_s = t_s
+        self.estimate.predict(_BEHIND_S)
+        match message:
+            case Odometry():
+                self._take_odometry(trust, message, t_s)
+            case PositionFix():
+                self._take_fix(trust, message, t_s)
+            case HeightAboveGround():
+                self._take_height(trust, message, t_s)
+
+    # --- odometers ---
+
+    def _take_odometry(self, trust: Trust, message: Odometry, t_s: float) -> None:
+        report = read(message, t_s)
+        if isinstance(report, str):
+            trust.refuse(report)
+            return
+        past = self.estimate.past(t_s)
+        self._record_way(report, past.state)
+        numbers = (*message.position_m, *message.reference_from_frd)
+        if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
+            trust.turn_down("frozen: the same motion again and again")
+        found = self._odometers.measure(report, past)
+        if found is None:
+            return
+        measured, _ = found
+        rows = self.estimate.rows(measured, past, report.source)
+        if self._judge(trust, measured, rows, t_s):
+            self._held_s = max(self._held_s, t_s)
+        elif trust.is_out_of_step:
+            self._odometers.rebase(report)
+
+    def _record_way(self, report: Report, state: State) -> None:
+        """Books by how much the source says another way than is believed."""
+        attitude = state.ned_from_frd
+        before = self._before.get(report.source)
+        self._before[report.source] = report
+        record = self._vote.record(report.source)
+        if before is None:
+            return
+        told = way_of(before, report, attitude)
+        if told is None or not self.estimate.inertial.knows(told[0]):
+            record.forget()
+            return
+        since_s, way, is_new = told
+        excess = _minus(way, _minus(state.position_ned_m, self.estimate.inertial.at(since_s).position_ned_m))
+        axes = multiply(attitude, conjugate(report.attitude))
+        record.add(report.t_s, excess, report.covariance[:3, :3], axes, is_new_reference=is_new)
+
+    def _judge(self, trust: Trust, measured: Measured, rows: Matrix, t_s: float) -> bool:
+        """Gates a measurement and takes it in."""
+        noise = measured.noise * trust.widening
+        innovation = self.estimate.errors.test(measured.residual, rows, noise)
+        if not isfinite(innovation) or not trust.judge(innovation, measured.degrees, t_s):
+            return False
+        self.estimate.take(measured.residual, rows, noise)
+        return True
+
+    # --- fixes and heights ---
+
+    def _start_at(self, message: PositionFix) -> None:
+        """Without a declared start the first position from outside is it; the heading is the autopilot's."""
+        start = self._start
+        if start is None or self.settings.start_ned_m is not None or start.is_moving:
+            return
+        covariance = covariance_of(message.covariance, 3, _LEAST_FIX)
+        if covariance is not None and all(map(isfinite, message.position_ned_m)) and covariance.max() < 1.0:
+            position = _minus(message.position_ned_m, message.lever_frd_m)
+            std_m = float(np.sqrt(covariance.max())) + hypot(*message.lever_frd_m)
+            self._start = start._replace(state=start.state._replace(position_ned_m=position), position_std_m=std_m)
+
+    def _take_fix(self, trust: Trust, message: PositionFix, t_s: float) -> None:
+        covariance = covariance_of(message.covariance, 3, _LEAST_FIX)
+        if covariance is None or not all(map(isfinite, (*message.position_ned_m, *message.lever_frd_m))):
+            trust.refuse("its numbers are not finite")
+            return
+        past = self.estimate.past(t_s)
+        state = past.state
+        before = self._fix_before.get(message.source)
+        self._fix_before[message.source] = (t_s, message.position_ned_m)
+        if before is not None:
+            record = self._vote.record(message.source)
+            if self.estimate.inertial.knows(before[0]):
+                way = _minus(message.position_ned_m, before[1])
+                believed = _minus(state.position_ned_m, self.estimate.inertial.at(before[0]).position_ned_m)
+                record.add(t_s, _minus(way, believed), covariance)
+            else:
+                record.forget()
+        if trust.is_frozen(message.position_ned_m, state.position_ned_m, self._restlessness > 5e-3):
+            trust.turn_down("frozen: the same position again and again")
+        pose = (state.position_ned_m, state.ned_from_frd)
+        measured = place(pose, message.position_ned_m, message.lever_frd_m, covariance)
+        if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), t_s):
+            self._held_s = max(self._held_s, t_s)
+
+    def _take_height(self, trust: Trust, message: HeightAboveGround, t_s: float) -> None:
+        if not isfinite(message.height_m) or not 0.0 <= message.height_m < 1e3:
+            trust.refuse("its number is no height")
+            return
+        estimate, variance = self.estimate, _HEIGHT_STD_M**2
+        past = estimate.past(t_s)
+        down = past.state.position_ned_m[2]
+        if estimate.floor_down_m is None or self._height_misses >= _NEW_FLOOR:
+            estimate.measure_floor(message.height_m, down, variance)
+            self._height_misses = 0
+            trust.let_in()
+            return
+        rows = np.zeros((1, estimate.errors.size))
+        rows[0, :SIZE] = -past.jacobian[2]
+        rows[0, FLOOR] += 1.0
+        residual = np.array((message.height_m - (estimate.floor_down_m - down),))
+        measured = Measured(residual, rows, None, np.array(((variance,),)))
+        is_taken = self._judge(trust, measured, rows, t_s)
+        self._height_misses = 0 if is_taken or trust.is_used else self._height_misses + 1
+
+    # --- time passes ---
+
+    def tick(self, now_s: float) -> None:
+        """Looks for what does not come, goes on without it, and takes the vote; some times a second."""
+        self._now_s = max(self._now_s, now_s)
+        for trust in self._trust.values():
+            if now_s - trust.heard_s > self.settings.silent_s:
+                trust.step_back("nothing comes from it")
+        if not self.is_aligned:
+            return
+        if now_s - self.estimate.t_s > _IMU_LOST_S:
+            self._heard(IMU, self._trust[IMU].heard_s).step_back("nothing comes from it")
+            while self.estimate.t_s < now_s - 1e-6:
+                self.estimate.coast(min(self.estimate.t_s + _COAST_STEP_S, now_s))
+            self._take_waiting()
+        if now_s - self._voted_s >= _VOTE_S:
+            self._voted_s = now_s
+            self._take_vote()
+
+    def _take_vote(self) -> None:
+        now_s = self.estimate.t_s
+        voters = {name: self._trust[name].may_vote for name in sorted(self._vote.records)}
+        verdict = self._vote.look(voters, self.estimate.inertial.now.position_ned_m, now_s)
+        if verdict.voted_out:
+            self._vote_out(verdict)
+        if verdict.is_unanimous or verdict.voted_out:
+            self._conflict = None
+        elif self._conflict is None:
+            self._conflict, self._conflict_s = verdict, now_s
+        else:
+            self._conflict = verdict
+        used = [name for name, may in voters.items() if may and self._trust[name].is_used]
+        for name in voters:
+            trust = self._trust[name]
+            if trust.is_voted_out and self._vote.agrees(name, [other for other in used if other != name], now_s):
+                trust.is_voted_out = False  # its gate and the probation are left
+        self._look_whether_stuck(used, now_s)
+
+    def _vote_out(self, verdict: Verdict) -> None:
+        """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
+        apart = hypot(*verdict.apart_m)
+        others = " and ".join(verdict.against)
+        self._trust[verdict.voted_out].turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
+        self._odometers.forget(verdict.voted_out)
+        self.estimate.doubt_place(verdict.apart_m)
+        for name in verdict.against:
+            if not self._trust[name].is_used:
+                self._odometers.forget(name)
+                self._trust[name].let_in()
+
+    def _look_whether_stuck(self, used: list[str], now_s: float) -> None:
+        """When nothing passes any more while sources go on, the estimate's motion is wrong, not all of them."""
+        going_on = [name for name in self._vote.records if self._trust[name].may_vote]
+        if now_s - self._held_s < _STUCK_S or len(going_on) < 2 or self._conflict is not None:
+            return
+        self.estimate.doubt_motion()
+        for name in going_on:
+            self._odometers.forget(name)
+            self._trust[name].let_in()
+
+    def _heard(self, source: str, now_s: float) -> Trust:
+        trust = self._trust.get(source)
+        if trust is None:
+            trust = self._trust[source] = Trust(source, self.settings.probation_s)
+        trust.heard_s = now_s
+        return trust
+
+    # --- what it says ---
+
+    @property
+    def witnesses(self) -> list[str]:
+        """The sources that hold the horizontal position now."""
+        limit_s = self.estimate.t_s - self.settings.silent_s
+        return [name for name in self._vote.records if self._trust[name].is_used and self._trust[name].used_s > limit_s]
+
+    @property
+    def quality(self) -> float:
+        """1 where several sources agree, 0.8 with two, 0.5 with one, 0.2 with none; less as it becomes uncertain."""
+        quality = (0.2, 0.5, 0.8, 1.0)[min(len(self.witnesses), 3)]
+        if self._conflict is not None:
+            quality = min(quality, 0.5 if self.estimate.t_s - self._conflict_s < 3.0 else 0.25)
+        north, east, down = self.position_std_m
+        return quality * max(0.0, 1.0 - (max(north, east, down) / self.settings.std_limit_m) ** 2)
+
+    @property
+    def position_std_m(self) -> Vector3:
+        """Standard deviation along each axis; where sources contradict each other, no less than they are apart."""
+        north, east, down = self.estimate.position_std_m
+        if self._conflict is None:
+            return (north, east, down)
+        n, e, d = self._conflict.apart_m
+        return (hypot(north, n), hypot(east, e), hypot(down, d))
+
+    def why_not_valid(self) -> str:
+        """Why the pose cannot be flown by; empty where it can."""
+        if not self.is_aligned:
+            return "not aligned yet" if self._start is not None else "the start is not known yet"
+        lost_s = self.estimate.t_s - self._held_s
+        if lost_s > self.settings.coast_s:
+            return f"nothing has held the position for {lost_s:.1f} s: {self._troubles()}"
+        std_m = max(self.position_std_m)
+        if not std_m <= self.settings.std_limit_m:
+            return f"uncertain by {std_m:.2f} m: {self._troubles()}"
+        return ""
+
+    def _troubles(self) -> str:
+        told = [f"{name}: {trust.reason}" for name, trust in self._trust.items() if trust.reason]
+        if self._conflict is not None:
+            told.append(f"{' and '.join(self._conflict.against)} contradict each other")
+        return "; ".join(told) or "no source"
+
+    def pose(self) -> Pose:
+        """The pose now, of the time `estimate.t_s`."""
+        reason = self.why_not_valid()
+        inertial = self.estimate.inertial
+        is_lost = bool(reason)
+        return Pose(
+            position_ned_m=self.estimate.reported_ned_m,
+            velocity_ned_m_s=inertial.now.velocity_ned_m_s,
+            ned_from_frd=inertial.now.ned_from_frd,
+            rate_frd_rad_s=inertial.rate_frd_rad_s,
+            position_std_m=self.position_std_m if self.is_aligned else (0.0, 0.0, 0.0),
+            is_valid=not is_lost,
+            reason=reason,
+            quality=0.0 if is_lost else self.quality,
+            reset_counter=self.estimate.reset_counter,
+            sources=[name for name, trust in self._trust.items() if trust.is_used] if self.is_aligned else [],
+        )
+
+    def velocity_std_m_s(self) -> Vector3:
+        """Standard deviation of the velocity along each axis."""
+        n, e, d = np.sqrt(self.estimate.errors.covariance.diagonal()[VELOCITY]).tolist()
+        return (n, e, d)
+
+    def state(self) -> FusionState:
+        """What the pose rests on."""
+        sources: list[SourceState] = [trust.state() for trust in self._trust.values()]
+        inertial = self.estimate.inertial
+        return FusionState(
+            sources=sources,
+            gyroscope_bias_rad_s=inertial.gyroscope_bias_rad_s,
+            accelerometer_bias_m_s2=inertial.accelerometer_bias_m_s2,
+        )
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

@@ -1,0 +1,171 @@
+"""The sources' vote: who says something else than the others about the way that was flown.
+
+Every source tells how far the body came since its last report. What it tells less what the fusion believes is summed
+up; over a window, the difference of two sources' sums is by how much *they* disagree: what the fusion believed drops
+out, even where a bad source has pulled it. Two sources agree where that difference is explained by their covariances
+and by an error of scale that either may have. A source that disagrees with at least two others, with more than any of
+these does, is voted out. Where two disagree and nobody else can tell, nobody is voted out: the disagreement itself is
+told, and the pose is as uncertain as they are apart.
+"""
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gloc3.frames import IDENTITY, Quaternion, Vector3
+from gloc3_onboard.fusion.error_state import Matrix
+from gloc3_onboard.fusion.measurements import CHI2_999, matrix_of
+
+_KEPT: Final = 1024
+_SHORT_S: Final = 1.5
+"""A second, shorter window sees coarse errors sooner."""
+_FLOOR_M2: Final = 0.004**2
+_CONFIRM: Final = 2
+"""Votes in a row with the same outcome, before it counts."""
+
+
+class Verdict(NamedTuple):
+    """The outcome of a vote."""
+
+    voted_out: str = ""
+    against: tuple[str, ...] = ()
+    """Whom the one that was voted out contradicts, or the two that contradict each other."""
+    apart_m: Vector3 = (0.0, 0.0, 0.0)
+    """By how much, in NED."""
+
+    @property
+    def is_unanimous(self) -> bool:
+        """Whether nobody contradicts anybody."""
+        return not self.against
+
+
+class Record:
+    """What one source has told of the way."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque(maxlen=_KEPT)
+        self._sums: deque[tuple[float, float, float, int]] = deque(maxlen=_KEPT)
+        self._covariance: Matrix = np.eye(3)
+        self._axes: Quaternion = IDENTITY
+
+    def add(
+        self,
+        t_s: float,
+        excess_ned_m: Vector3,
+        covariance: Matrix,
+        ned_from_axes: Quaternion = IDENTITY,
+        *,
+        is_new_reference: bool = False,
+    ) -> None:
+        """One more report: its way less the believed one, and the covariance (3, 3) of its end, in some axes."""
+        x, y, z, changes = self._sums[-1] if self._sums else (0.0, 0.0, 0.0, 0)
+        self._times.append(t_s)
+        ex, ey, ez = excess_ned_m
+        self._sums.append((x + ex, y + ey, z + ez, changes + is_new_reference))
+        self._covariance, self._axes = covariance, ned_from_axes
+
+    def forget(self) -> None:
+        """Begins anew."""
+        self._times.clear()
+        self._sums.clear()
+
+    def is_about(self, begin_s: float, now_s: float) -> bool:
+        """Whether it has something to say of a time: from its begin to almost now."""
+        return bool(self._times) and self._times[0] <= begin_s + 0.3 and now_s - self._times[-1] < 0.8
+
+    def over(self, begin_s: float) -> tuple[Matrix, Matrix]:
+        """Sum of the excess since a time, and its covariance."""
+        first = min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
+        bx, by, bz, before = self._sums[first]
+        x, y, z, changes = self._sums[-1]
+        axes = matrix_of(self._axes)
+        return np.array((x - bx, y - by, z - bz)), (2.0 + changes - before) * (axes @ self._covariance @ axes.T)
+
+
+class Vote:
+    """Compares the records of all sources twice a second."""
+
+    def __init__(self, window_s: float, scale_std: float) -> None:
+        self.records: dict[str, Record] = {}
+        self._window_s, self._scale_std = window_s, scale_std
+        self._way: deque[tuple[float, float]] = deque(maxlen=128)
+        """Time and length of the way flown until then."""
+        self._at: Vector3 | None = None
+        self._last: tuple[str, int] = ("", 0)
+
+    def record(self, source: str) -> Record:
+        """That of a source."""
+        return self.records.setdefault(source, Record())
+
+    def look(self, voters: Mapping[str, bool], position: Vector3, now_s: float) -> Verdict:
+        """Takes the vote.
+
+        Args:
+            voters: the sources that may vote.
+            position: where the body is believed to be, for the length of the way.
+            now_s: the time.
+        """
+        self._travel(position, now_s)
+        found = self._verdict([name for name, may in voters.items() if may], now_s)
+        key = found.voted_out or "/".join(found.against)
+        self._last = (key, self._last[1] + 1 if key == self._last[0] else 1)
+        return found if self._last[1] >= _CONFIRM else Verdict()
+
+    def agrees(self, source: str, others: list[str], now_s: float, way_m: float = 1.0) -> bool:
+        """Whether a source that was voted out has been at one with the others over a whole window and a way."""
+        begin_s = now_s - self._window_s
+        if self._length(begin_s) < way_m or not self._known(source, begin_s, now_s):
+            return False
+        judges = [other for other in others if self._known(other, begin_s, now_s)]
+        return bool(judges) and not any(self._apart(source, other, begin_s) for other in judges)
+
+    def _travel(self, position: Vector3, now_s: float) -> None:
+        step = 0.0 if self._at is None else sum((a - b) ** 2 for a, b in zip(position, self._at, strict=True)) ** 0.5
+        self._at = position
+        self._way.append((now_s, (self._way[-1][1] if self._way else 0.0) + step))
+
+    def _length(self, begin_s: float) -> float:
+        """Of the way since a time."""
+        before = next((length for t_s, length in self._way if t_s >= begin_s), self._way[-1][1])
+        return self._way[-1][1] - before
+
+    def _known(self, source: str, begin_s: float, now_s: float) -> bool:
+        record = self.records.get(source)
+        return record is not None and record.is_about(begin_s, now_s)
+
+    def _apart(self, a: str, b: str, begin_s: float) -> Vector3 | None:
+        """By how much two sources disagree since a time; None where they agree, or one cannot tell."""
+        (one, one_m2), (two, two_m2) = self.records[a].over(begin_s), self.records[b].over(begin_s)
+        apart = one - two
+        tolerance = (self._scale_std * self._length(begin_s)) ** 2 + _FLOOR_M2
+        spread = one_m2 + two_m2 + np.eye(3) * tolerance
+        if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
+            return None
+        return (float(apart[0]), float(apart[1]), float(apart[2]))
+
+    def _differences(self, names: list[str], now_s: float) -> Iterator[tuple[str, str, Vector3]]:
+        for window_s in (_SHORT_S, self._window_s):
+            begin_s = now_s - window_s
+            able = [name for name in names if self._known(name, begin_s, now_s)]
+            for a, b in combinations(able, 2):
+                apart = self._apart(a, b, begin_s)
+                if apart is not None:
+                    yield a, b, apart
+
+    def _verdict(self, names: list[str], now_s: float) -> Verdict:
+        against: dict[str, dict[str, Vector3]] = {}
+        for a, b, (x, y, z) in self._differences(names, now_s):
+            against.setdefault(a, {})[b] = (x, y, z)
+            against.setdefault(b, {})[a] = (-x, -y, -z)
+        if not against:
+            return Verdict()
+        worst = max(against, key=lambda name: len(against[name]))
+        others = against[worst]
+        if len(others) >= 2 and all(len(against[name]) < len(others) for name in others):
+            return Verdict(worst, tuple(others), next(iter(others.values())))
+        other = next(iter(others))
+        return Verdict("", (worst, other), others[other])

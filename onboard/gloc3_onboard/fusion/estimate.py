@@ -43,6 +43,8 @@ class Past(NamedTuple):
 
     state: State
     jacobian: Matrix
+    noise: Matrix | None = None
+    """Variances (6,) of what has moved the pose since, unknown to anybody: where the inertial unit is missed."""
 
 
 class Estimate:
@@ -146,7 +148,12 @@ class Estimate:
         fall = GRAVITY_M_S2 * age_s
         change = np.array((vn - un, ve - ue, vd - ud - fall))
         way = np.array((pn - qn - un * age_s, pe - qe - ue * age_s, pd - qd - ud * age_s - 0.5 * fall * age_s))
-        return Past(state, past_pose(age_s, matrix_of(now.ned_from_frd), change, way))
+        jacobian = past_pose(age_s, matrix_of(now.ned_from_frd), change, way)
+        if not self._is_blind:
+            return Past(state, jacobian)
+        turn, force = _BLIND
+        place, angle = force**2 * age_s**3 / 3.0, turn**2 * age_s
+        return Past(state, jacobian, np.array((place, place, place, angle, angle, angle)))
 
     # --- measurements ---
 
@@ -218,8 +225,9 @@ class Estimate:
 
     def doubt_motion(self) -> None:
         """Velocity, attitude and biases may be off: the sources agree on another motion."""
+        self.errors.loosen(POSITION.start, np.array((0.01, 0.01, 0.01)))
         self.errors.loosen(VELOCITY.start, np.array((0.25, 0.25, 0.25, 2e-3, 2e-3, 2e-3)))
-        self.errors.loosen(GYROSCOPE.start, np.array((1e-4, 1e-4, 1e-4, 0.25, 0.25, 0.25)))
+        self.errors.loosen(GYROSCOPE.start, np.array((1e-3, 1e-3, 1e-3, 0.25, 0.25, 0.25)))
 
     # --- what is reported ---
 

@@ -116,11 +116,11 @@ def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | No
     diagonal = given.diagonal()
     if diagonal.min() < 0.0:
         return None
-    covariance = 0.5 * (given + given.T) + np.diag(np.maximum(floor - diagonal, 0.0))
+    covariance: Matrix = 0.5 * (given + given.T) + np.diag(np.maximum(floor - diagonal, 0.0))
     try:
         np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:  # no covariance: its correlations cannot be believed
-        return np.diag(covariance.diagonal())
+        covariance = np.diag(covariance.diagonal())
     return covariance
 
 

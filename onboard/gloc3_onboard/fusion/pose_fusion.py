@@ -5,26 +5,25 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.frames import Vector3, conjugate, from_yaw, multiply
+from gloc3.frames import Vector3, from_yaw
 from gloc3.perception import FusionState, Odometry, PositionFix, SourceState
 from gloc3.vehicle import HeightAboveGround, Pose
 from gloc3_onboard.fusion.alignment import Standing, Start
 from gloc3_onboard.fusion.error_state import FLOOR, SIZE, VELOCITY, Matrix
-from gloc3_onboard.fusion.estimate import LONGEST_S, Estimate
+from gloc3_onboard.fusion.estimate import Estimate, Past
+from gloc3_onboard.fusion.imu_watch import ImuWatch
 from gloc3_onboard.fusion.inertial import State
 from gloc3_onboard.fusion.measurements import Measured, covariance_of, place
-from gloc3_onboard.fusion.odometers import Odometers, Report, read, way_of
+from gloc3_onboard.fusion.odometers import Odometers, read
 from gloc3_onboard.fusion.settings import FusionSettings
 from gloc3_onboard.fusion.trust import Trust
 from gloc3_onboard.fusion.vote import Verdict, Vote
+from gloc3_onboard.fusion.ways import Ways
 
 IMU, HEIGHT = "imu", "height"
-_VOTE_S: Final = 0.5
+_VOTE_S: Final = 0.25
 _IMU_LOST_S: Final = 0.1
 _COAST_STEP_S: Final = 0.02
-_FASTEST: Final = (35.0, 160.0)
-"""More rad/s or m/s² than that no inertial unit of a vehicle tells."""
-_SAME_SAMPLES: Final = 20
 _HEIGHT_STD_M: Final = 0.02
 _HEIGHT_PERIOD_S: Final = 0.09
 """More often a height is not worth its cost."""
@@ -34,7 +33,12 @@ _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
 _STUCK_S: Final = 0.7
 """When nothing was taken in for so long while sources go on, it is the estimate that is wrong."""
+_FAR_OFF: Final = 4.0
+"""Where the innovations of all odometers are beyond that, and they agree with each other, the estimate is wrong."""
+_AGAIN_S: Final = 4.0
+"""Where that comes again so soon, its biases were not the reason."""
 _WAITING: Final = 64
+_DOWN: Final = np.array(((0.0, 0.0, -1.0, 0.0, 0.0, 0.0),))
 _LEAST_FIX: Final = np.array((4e-6, 4e-6, 4e-6))
 
 
@@ -55,20 +59,19 @@ class PoseFusion:
         self._standing: Final = Standing()
         self._start: Start | None = None
         self._now_s = float("-inf")
-        self._sample: tuple[Vector3, Vector3] | None = None
-        self._sample_s = float("-inf")
-        self._same_samples = 0
+        self._imu: Final = ImuWatch()
         self._restlessness = 0.0
         """Smoothed turn rate, rad/s: more than noise where the body moves."""
         self._waiting: list[tuple[float, Odometry | PositionFix | HeightAboveGround]] = []
-        self._before: dict[str, Report] = {}
-        self._fix_before: dict[str, tuple[float, Vector3]] = {}
+        self._ways: Final = Ways(self.estimate.inertial, self._vote)
         self._voted_s = float("-inf")
         self._held_s = float("-inf")
         """When a source last held the horizontal position."""
         self._conflict: Verdict | None = None
         self._conflict_s = float("-inf")
         self._height_misses = 0
+        self._doubted_s = float("-inf")
+        """When the estimate's motion was last doubted."""
         settings = self.settings
         if settings.start_ned_m is not None and settings.start_heading_deg is not None:
             heading = from_yaw(np.radians(settings.start_heading_deg))
@@ -104,7 +107,7 @@ class PoseFusion:
             state, bias = self._standing.state(start.state, t_s)
         self.estimate.begin(start, state, bias)
         self._odometers.clear()
-        self._before.clear()
+        self._ways.clear()
         self._held_s = t_s
         self.is_aligned = True
 
@@ -112,33 +115,20 @@ class PoseFusion:
 
     def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
         """A sample of the inertial unit, felt at `t_s`."""
-        trust = self._heard(IMU, t_s)
-        rate, force = rate_frd_rad_s, force_frd_m_s2
-        if not all(map(isfinite, (*rate, *force))) or hypot(*rate) > _FASTEST[0] or hypot(*force) > _FASTEST[1]:
-            trust.refuse("its numbers are beyond all measure")
+        trust = self._heard(IMU, self._now_s)
+        mean = self._imu.take(rate_frd_rad_s, force_frd_m_s2, t_s, self._now_s, trust)
+        if mean is None:
             return
-        self._same_samples = self._same_samples + 1 if (rate, force) == self._sample else 0
-        if self._same_samples >= _SAME_SAMPLES:
-            trust.turn_down("frozen")
-            return
-        if t_s <= self._sample_s or t_s <= self.estimate.t_s and self.is_aligned:
-            self._sample = (rate, force)
-            return
-        if not trust.is_used:
-            trust.let_in()
-        trust.accepted += 1
-        before, self._sample = self._sample or (rate, force), (rate, force)
-        gap_s, self._sample_s = t_s - self._sample_s, t_s
-        self._now_s = max(self._now_s, t_s)
+        self._now_s = trust.heard_s = max(self._now_s, t_s)
         if not self.is_aligned:
-            self._align(rate, force, t_s)
+            self._align(rate_frd_rad_s, force_frd_m_s2, t_s)
             return
-        if gap_s > LONGEST_S:
-            before = (rate, force)
-        (p, q, r), (fx, fy, fz) = before
-        mean_rate = (0.5 * (p + rate[0]), 0.5 * (q + rate[1]), 0.5 * (r + rate[2]))
-        mean_force = (0.5 * (fx + force[0]), 0.5 * (fy + force[1]), 0.5 * (fz + force[2]))
-        self.estimate.move(mean_rate, mean_force, t_s)
+        if t_s <= self.estimate.t_s:
+            return
+        if mean.is_believed:
+            self.estimate.move(mean.rate_frd_rad_s, mean.force_frd_m_s2, t_s)
+        else:
+            self.estimate.coast(t_s)
         self._restlessness += 0.02 * (hypot(*self.estimate.inertial.rate_frd_rad_s) - self._restlessness)
         self._take_waiting()
 
@@ -213,40 +203,26 @@ class PoseFusion:
             trust.refuse(report)
             return
         past = self.estimate.past(t_s)
-        self._record_way(report, past.state)
+        self._ways.book_motion(report, past.state)
         numbers = (*message.position_m, *message.reference_from_frd)
         if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same motion again and again")
+            self._vote.record(report.source).forget()
         found = self._odometers.measure(report, past)
         if found is None:
             return
         measured, _ = found
         rows = self.estimate.rows(measured, past, report.source)
-        if self._judge(trust, measured, rows, t_s):
+        if self._judge(trust, measured, rows, past):
             self._held_s = max(self._held_s, t_s)
         elif trust.is_out_of_step:
             self._odometers.rebase(report)
 
-    def _record_way(self, report: Report, state: State) -> None:
-        """Books by how much the source says another way than is believed."""
-        attitude = state.ned_from_frd
-        before = self._before.get(report.source)
-        self._before[report.source] = report
-        record = self._vote.record(report.source)
-        if before is None:
-            return
-        told = way_of(before, report, attitude)
-        if told is None or not self.estimate.inertial.knows(told[0]):
-            record.forget()
-            return
-        since_s, way, is_new = told
-        excess = _minus(way, _minus(state.position_ned_m, self.estimate.inertial.at(since_s).position_ned_m))
-        axes = multiply(attitude, conjugate(report.attitude))
-        record.add(report.t_s, excess, report.covariance[:3, :3], axes, is_new_reference=is_new)
-
-    def _judge(self, trust: Trust, measured: Measured, rows: Matrix, t_s: float) -> bool:
+    def _judge(self, trust: Trust, measured: Measured, rows: Matrix, past: Past) -> bool:
         """Gates a measurement and takes it in."""
-        noise = measured.noise * trust.widening
+        noise, t_s = measured.noise * trust.widening, past.state.t_s
+        if past.noise is not None:
+            noise = noise + (measured.by_pose * past.noise) @ measured.by_pose.T
         innovation = self.estimate.errors.test(measured.residual, rows, noise)
         if not isfinite(innovation) or not trust.judge(innovation, measured.degrees, t_s):
             return False
@@ -273,22 +249,16 @@ class PoseFusion:
             return
         past = self.estimate.past(t_s)
         state = past.state
-        before = self._fix_before.get(message.source)
-        self._fix_before[message.source] = (t_s, message.position_ned_m)
-        if before is not None:
-            record = self._vote.record(message.source)
-            if self.estimate.inertial.knows(before[0]):
-                way = _minus(message.position_ned_m, before[1])
-                believed = _minus(state.position_ned_m, self.estimate.inertial.at(before[0]).position_ned_m)
-                record.add(t_s, _minus(way, believed), covariance)
-            else:
-                record.forget()
+        self._ways.book_place(message.source, message.position_ned_m, covariance, state)
         if trust.is_frozen(message.position_ned_m, state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same position again and again")
+            self._vote.record(message.source).forget()
         pose = (state.position_ned_m, state.ned_from_frd)
         measured = place(pose, message.position_ned_m, message.lever_frd_m, covariance)
-        if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), t_s):
+        was = self.estimate.inertial.now.position_ned_m
+        if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past):
             self._held_s = max(self._held_s, t_s)
+            self._vote.record(message.source).pull(_minus(self.estimate.inertial.now.position_ned_m, was), t_s)
 
     def _take_height(self, trust: Trust, message: HeightAboveGround, t_s: float) -> None:
         if not isfinite(message.height_m) or not 0.0 <= message.height_m < 1e3:
@@ -306,8 +276,8 @@ class PoseFusion:
         rows[0, :SIZE] = -past.jacobian[2]
         rows[0, FLOOR] += 1.0
         residual = np.array((message.height_m - (estimate.floor_down_m - down),))
-        measured = Measured(residual, rows, None, np.array(((variance,),)))
-        is_taken = self._judge(trust, measured, rows, t_s)
+        measured = Measured(residual, _DOWN, None, np.array(((variance,),)))
+        is_taken = self._judge(trust, measured, rows, past)
         self._height_misses = 0 if is_taken or trust.is_used else self._height_misses + 1
 
     # --- time passes ---
@@ -332,7 +302,8 @@ class PoseFusion:
     def _take_vote(self) -> None:
         now_s = self.estimate.t_s
         voters = {name: self._trust[name].may_vote for name in sorted(self._vote.records)}
-        verdict = self._vote.look(voters, self.estimate.inertial.now.position_ned_m, now_s)
+        heading_std_rad = float(np.sqrt(self.estimate.errors.covariance[8, 8]))
+        verdict = self._vote.look(voters, self.estimate.inertial.now.position_ned_m, heading_std_rad, now_s)
         if verdict.voted_out:
             self._vote_out(verdict)
         if verdict.is_unanimous or verdict.voted_out:
@@ -352,23 +323,39 @@ class PoseFusion:
         """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
         apart = hypot(*verdict.apart_m)
         others = " and ".join(verdict.against)
-        self._trust[verdict.voted_out].turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
+        culprit = self._trust[verdict.voted_out]
+        if culprit.is_used:
+            pulled = self._vote.record(verdict.voted_out).pulled_m
+            self.estimate.doubt_place(verdict.apart_m if pulled is None else pulled)
+        culprit.turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
         self._odometers.forget(verdict.voted_out)
-        self.estimate.doubt_place(verdict.apart_m)
         for name in verdict.against:
             if not self._trust[name].is_used:
                 self._odometers.forget(name)
                 self._trust[name].let_in()
 
     def _look_whether_stuck(self, used: list[str], now_s: float) -> None:
-        """When nothing passes any more while sources go on, the estimate's motion is wrong, not all of them."""
-        going_on = [name for name in self._vote.records if self._trust[name].may_vote]
-        if now_s - self._held_s < _STUCK_S or len(going_on) < 2 or self._conflict is not None:
+        """When odometers that agree do not pass any more, the estimate is wrong: its biases, or the inertial unit itself."""
+        going_on = [name for name in self._vote.records if self._trust[name].may_vote and not self._is_silent(name)]
+        if len(going_on) < 2 or self._conflict is not None:
             return
+        motions = [name for name in going_on if not self._vote.records[name].is_of_places]
+        is_far_off = len(motions) > 1 and all(self._is_off(self._trust[name]) for name in motions)
+        if now_s - self._held_s < _STUCK_S and not is_far_off:
+            return
+        if is_far_off and now_s - self._doubted_s < _AGAIN_S and not self._imu.is_doubted(now_s):
+            self._imu.doubt(now_s, f"it contradicts {' and '.join(going_on)}", self._trust[IMU])
+        self._doubted_s = now_s
         self.estimate.doubt_motion()
         for name in going_on:
             self._odometers.forget(name)
             self._trust[name].let_in()
+
+    def _is_off(self, trust: Trust) -> bool:
+        return trust.innovation > _FAR_OFF or not trust.is_used
+
+    def _is_silent(self, source: str) -> bool:
+        return self.estimate.t_s - self._trust[source].valid_s > self.settings.silent_s
 
     def _heard(self, source: str, now_s: float) -> Trust:
         trust = self._trust.get(source)

@@ -21,8 +21,9 @@ from gloc3_onboard.fusion.error_state import Matrix
 from gloc3_onboard.fusion.measurements import CHI2_999, matrix_of
 
 _KEPT: Final = 1024
-_SHORT_S: Final = 1.5
-"""A second, shorter window sees coarse errors sooner."""
+_PULLS_S: Final = 3.0
+_WINDOWS: Final = (0.25, 0.5, 1.0)
+"""Shorter windows see coarse errors sooner."""
 _FLOOR_M2: Final = 0.004**2
 _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
@@ -47,10 +48,13 @@ class Record:
     """What one source has told of the way."""
 
     def __init__(self) -> None:
+        self.is_of_places = False
+        """Whether it is told in NED itself, not in the body's axes, which the believed attitude turns."""
         self._times: deque[float] = deque(maxlen=_KEPT)
         self._sums: deque[tuple[float, float, float, int]] = deque(maxlen=_KEPT)
         self._covariance: Matrix = np.eye(3)
         self._axes: Quaternion = IDENTITY
+        self._pulls: deque[tuple[float, Vector3]] = deque(maxlen=_KEPT)
 
     def add(
         self,
@@ -68,6 +72,19 @@ class Record:
         self._sums.append((x + ex, y + ey, z + ez, changes + is_new_reference))
         self._covariance, self._axes = covariance, ned_from_axes
 
+    def pull(self, moved_m: Vector3, t_s: float) -> None:
+        """A position from outside has moved the estimate."""
+        self._pulls.append((t_s, moved_m))
+
+    @property
+    def pulled_m(self) -> Vector3 | None:
+        """By how much it has moved the estimate of late; None for what tells ways, not places."""
+        if not self._pulls:
+            return None
+        since_s = self._pulls[-1][0] - _PULLS_S
+        north, east, down = zip(*(moved for t_s, moved in self._pulls if t_s >= since_s), strict=True)
+        return (sum(north), sum(east), sum(down))
+
     def forget(self) -> None:
         """Begins anew."""
         self._times.clear()
@@ -77,17 +94,23 @@ class Record:
         """Whether it has something to say of a time: from its begin to almost now."""
         return bool(self._times) and self._times[0] <= begin_s + 0.3 and now_s - self._times[-1] < 0.8
 
-    def over(self, begin_s: float) -> tuple[Matrix, Matrix]:
-        """Sum of the excess since a time, and its covariance."""
+    def over(self, begin_s: float) -> tuple[Vector3, float]:
+        """Sum of the excess since a time; and how many times the covariance of a report it has."""
         first = min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
         bx, by, bz, before = self._sums[first]
         x, y, z, changes = self._sums[-1]
+        return (x - bx, y - by, z - bz), 2.0 + changes - before
+
+    @property
+    def covariance(self) -> Matrix:
+        """Of the last report's end, (3, 3), in NED."""
         axes = matrix_of(self._axes)
-        return np.array((x - bx, y - by, z - bz)), (2.0 + changes - before) * (axes @ self._covariance @ axes.T)
+        spread: Matrix = axes @ self._covariance @ axes.T
+        return spread
 
 
 class Vote:
-    """Compares the records of all sources twice a second."""
+    """Compares the records of all sources, some times a second."""
 
     def __init__(self, window_s: float, scale_std: float) -> None:
         self.records: dict[str, Record] = {}
@@ -95,20 +118,23 @@ class Vote:
         self._way: deque[tuple[float, float]] = deque(maxlen=128)
         """Time and length of the way flown until then."""
         self._at: Vector3 | None = None
+        self._heading_std_rad = 0.0
         self._last: tuple[str, int] = ("", 0)
 
     def record(self, source: str) -> Record:
         """That of a source."""
         return self.records.setdefault(source, Record())
 
-    def look(self, voters: Mapping[str, bool], position: Vector3, now_s: float) -> Verdict:
+    def look(self, voters: Mapping[str, bool], position: Vector3, heading_std_rad: float, now_s: float) -> Verdict:
         """Takes the vote.
 
         Args:
             voters: the sources that may vote.
             position: where the body is believed to be, for the length of the way.
+            heading_std_rad: of the believed heading, which turns what the odometers tell.
             now_s: the time.
         """
+        self._heading_std_rad = heading_std_rad
         self._travel(position, now_s)
         found = self._verdict([name for name, may in voters.items() if may], now_s)
         key = found.voted_out or "/".join(found.against)
@@ -139,17 +165,21 @@ class Vote:
 
     def _apart(self, a: str, b: str, begin_s: float) -> Vector3 | None:
         """By how much two sources disagree since a time; None where they agree, or one cannot tell."""
-        (one, one_m2), (two, two_m2) = self.records[a].over(begin_s), self.records[b].over(begin_s)
-        apart = one - two
-        tolerance = (self._scale_std * self._length(begin_s)) ** 2 + _FLOOR_M2
-        spread = one_m2 + two_m2 + np.eye(3) * tolerance
-        if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
-            return None
-        return (float(apart[0]), float(apart[1]), float(apart[2]))
+        one, two = self.records[a], self.records[b]
+        ((ax, ay, az), m), ((bx, by, bz), n) = one.over(begin_s), two.over(begin_s)
+        apart = (ax - bx, ay - by, az - bz)
+        share = self._scale_std**2
+        if one.is_of_places is not two.is_of_places:
+            share += self._heading_std_rad**2
+        tolerance = share * self._length(begin_s) ** 2 + _FLOOR_M2
+        if sum(value * value for value in apart) <= CHI2_999[3] * tolerance:
+            return None  # whatever their covariances are
+        spread = m * one.covariance + n * two.covariance + np.eye(3) * tolerance
+        return None if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3] else apart
 
     def _differences(self, names: list[str], now_s: float) -> Iterator[tuple[str, str, Vector3]]:
-        for window_s in (_SHORT_S, self._window_s):
-            begin_s = now_s - window_s
+        for share in _WINDOWS:
+            begin_s = now_s - share * self._window_s
             able = [name for name in names if self._known(name, begin_s, now_s)]
             for a, b in combinations(able, 2):
                 apart = self._apart(a, b, begin_s)

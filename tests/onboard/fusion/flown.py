@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from itertools import pairwise
+from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from gloc3.frames import (
@@ -15,6 +17,7 @@ from gloc3.frames import (
     multiply,
     rotate,
     rotate_back,
+    to_rotation_vector,
     yaw_of,
 )
 from gloc3.perception import UNKNOWN_VARIANCE, Odometry, PositionFix
@@ -22,7 +25,8 @@ from gloc3.vehicle import HeightAboveGround
 
 IMU_HZ = 100
 GRAVITY = 9.80665
-Array = np.ndarray[Any, np.dtype[np.float64]]
+Array = np.ndarray[Any, np.dtype[Any]]
+M = TypeVar("M", Odometry, PositionFix)
 
 
 @dataclass(frozen=True)
@@ -47,12 +51,22 @@ class Flight:
 @cache
 def inspection(scale: float = 1.0, *, has_turns: bool = True) -> Flight:
     """Stands for 2 s, climbs to 1.5 m and sweeps a wall in three lines of 16 m, 60 m in all: 0.8 m/s, with a gust's wobble."""
-    corners = [(0, 0, 0), (0, 0, -1.5), (16, 0, -1.5), (16, 0, -3), (0, 0, -3), (0, 2, -3), (16, 2, -3), (16, 2, -2), (8, 2, -2)]
+    corners = [
+        (0, 0, 0),
+        (0, 0, -1.5),
+        (16, 0, -1.5),
+        (16, 0, -3),
+        (0, 0, -3),
+        (0, 2, -3),
+        (16, 2, -3),
+        (16, 2, -2),
+        (8, 2, -2),
+    ]
     places = np.array(corners, dtype=float) * scale
     fine = 5
     dt = 1.0 / (IMU_HZ * fine)
     way: list[Array] = [np.repeat(places[:1], int(2.0 / dt), axis=0)]
-    for begin, end in zip(places[:-1], places[1:], strict=True):
+    for begin, end in pairwise(places):
         steps = max(int(np.linalg.norm(end - begin) / 0.8 / dt), 1)
         way.append(begin + (end - begin) * np.linspace(0.0, 1.0, steps, endpoint=False)[:, None])
         way.append(np.repeat(end[None], int(0.5 / dt), axis=0))
@@ -73,7 +87,7 @@ def inspection(scale: float = 1.0, *, has_turns: bool = True) -> Flight:
     force, rate = [], []
     for i in range(len(attitude)):
         a, b = attitude[max(i - 1, 0)], attitude[min(i + 1, len(attitude) - 1)]
-        turn = _log(multiply(conjugate(a), b))
+        turn = to_rotation_vector(multiply(conjugate(a), b))
         rate.append(np.array(turn) * IMU_HZ / (min(i + 1, len(attitude) - 1) - max(i - 1, 0)))
         n, e, d = acceleration[i * fine]
         force.append(rotate_back(attitude[i], (n, e, d - GRAVITY)))
@@ -87,12 +101,6 @@ def _lag(path: Array, share: float) -> Array:
         at = at + share * (wanted - at)
         out[i] = at
     return out
-
-
-def _log(turn: Quaternion) -> Vector3:
-    from gloc3.frames import to_rotation_vector
-
-    return to_rotation_vector(turn)
 
 
 def _leaning(acceleration: Array, yaw: float) -> Quaternion:
@@ -178,7 +186,11 @@ class Odometer(Sensor):
     def measure(self, flight: Flight, t_s: float) -> Odometry:
         now = flight.index(t_s)
         key_s, key = self._key
-        if key_s < 0.0 or t_s - key_s > self.key_s or np.linalg.norm(flight.position[now] - flight.position[key]) > self.key_m:
+        if (
+            key_s < 0.0
+            or t_s - key_s > self.key_s
+            or np.linalg.norm(flight.position[now] - flight.position[key]) > self.key_m
+        ):
             if key_s >= 0.0:
                 self._new_key(t_s - 1.0 / self.rate_hz, flight)
             else:
@@ -215,7 +227,9 @@ class Odometer(Sensor):
 
     def garbage(self, message: Odometry) -> Odometry:
         x, y, z = self.rng.normal(size=3) * 2.0
-        return _changed(message, position_m=(x, y, z), reference_from_frd=from_rotation_vector(tuple(self.rng.normal(size=3))))
+        return _changed(
+            message, position_m=(x, y, z), reference_from_frd=from_rotation_vector(tuple(self.rng.normal(size=3)))
+        )
 
     def biased(self, message: Odometry) -> Odometry:
         x, y, z = message.position_m
@@ -247,7 +261,9 @@ class Tracker(Sensor):
 
     def biased(self, message: PositionFix) -> PositionFix:
         n, e, d = message.position_ned_m
-        return _changed(message, position_ned_m=(n * 1.05, e * 1.05, d * 1.05) if self.fault == "scale" else (n + 0.2, e, d))
+        return _changed(
+            message, position_ned_m=(n * 1.05, e * 1.05, d * 1.05) if self.fault == "scale" else (n + 0.2, e, d)
+        )
 
 
 @dataclass
@@ -266,9 +282,7 @@ class Height(Sensor):
         return HeightAboveGround(height_m=message.height_m + more, is_valid=True)
 
 
-def _changed(message: Any, **fields: Any) -> Any:
-    import msgspec
-
+def _changed(message: M, **fields: Any) -> M:
     return msgspec.structs.replace(message, **fields)
 
 
@@ -281,7 +295,12 @@ def sensors_of(platform: str, seed: int) -> list[Sensor]:
         Height("height", 20.0, 0.02),
     ]
     if platform == "pelican":
-        make.insert(2, Odometer("laser", 10.0, 0.06, std_m=0.004, std_rad=4e-4, key_m=2.0, key_s=6.0, is_level=True, blind=(2, 3, 4)))
+        make.insert(
+            2,
+            Odometer(
+                "laser", 10.0, 0.06, std_m=0.004, std_rad=4e-4, key_m=2.0, key_s=6.0, is_level=True, blind=(2, 3, 4)
+            ),
+        )
     for number, sensor in enumerate(make):
         sensor.rng = np.random.default_rng((seed, number))
     return make

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gloc3.frames import conjugate, multiply, to_rotation_vector, yaw_of
+from gloc3.frames import conjugate, multiply, to_rotation_vector
 from gloc3.perception import Odometry, PositionFix
 from gloc3.vehicle import Pose
 from gloc3_onboard.fusion.pose_fusion import PoseFusion
@@ -85,7 +85,9 @@ def fly(
                 truth_i = flight.index(fusion.estimate.t_s)
                 kept.append((t_s, *_errors(fusion, pose, flight, truth_i), pose))
     columns = list(zip(*kept, strict=True))
-    return Flown(np.array(columns[0]), np.array(columns[1]), np.array(columns[2]), np.array(columns[3]), list(columns[4]), fusion)
+    return Flown(
+        np.array(columns[0]), np.array(columns[1]), np.array(columns[2]), np.array(columns[3]), list(columns[4]), fusion
+    )
 
 
 def _errors(fusion: PoseFusion, pose: Pose, flight: Flight, i: int) -> tuple[Array, Array, float]:

@@ -1,0 +1,206 @@
+"""The parts of the fusion: inertial solution, Jacobians, covariance with clones, trust, vote."""
+
+import numpy as np
+import pytest
+
+from gloc3.frames import (
+    IDENTITY,
+    Quaternion,
+    Vector3,
+    conjugate,
+    from_euler,
+    from_rotation_vector,
+    from_yaw,
+    multiply,
+    rotate,
+    to_rotation_vector,
+    yaw_of,
+)
+from gloc3.perception import UNKNOWN_VARIANCE
+from gloc3_onboard.fusion.error_state import SIZE, ErrorState, past_pose
+from gloc3_onboard.fusion.inertial import Inertial, State
+from gloc3_onboard.fusion.measurements import Measured, covariance_of, matrix_of, place, relative
+from gloc3_onboard.fusion.trust import Trust
+from gloc3_onboard.fusion.vote import Vote
+
+LEVEL_AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.80665))
+
+
+def moved(state: tuple[Vector3, Quaternion], error: np.ndarray) -> tuple[Vector3, Quaternion]:
+    """A pose with an error of six numbers."""
+    (n, e, d), attitude = state
+    a, b, c = error[3:].tolist()
+    return (n + error[0], e + error[1], d + error[2]), multiply(from_rotation_vector((a, b, c)), attitude)
+
+
+def test_a_circle_flown_with_its_centripetal_force_is_a_circle() -> None:
+    inertial = Inertial()
+    radius_m, rate = 2.0, 0.5
+    inertial.place(State(0.0, (radius_m, 0.0, -1.0), (0.0, radius_m * rate, 0.0), from_yaw(np.pi / 2)))
+    for i in range(1, 1 + round(2 * np.pi / rate * 100)):
+        inertial.move((0.0, 0.0, rate), (0.0, radius_m * rate**2, -9.80665), i / 100)
+    assert np.allclose(inertial.now.position_ned_m, (radius_m, 0.0, -1.0), atol=0.02)
+
+
+def test_the_past_is_asked_as_it_is_believed_after_a_correction() -> None:
+    inertial = Inertial()
+    inertial.place(State(0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), IDENTITY))
+    for i in range(1, 101):
+        inertial.move(*LEVEL_AT_REST, i / 100)
+    inertial.correct((0.5, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.0, 0.2))
+    past = inertial.at(0.755)
+    assert past.position_ned_m[0] == pytest.approx(0.755 + 0.5 - 0.1 * 0.245)
+    assert past.velocity_ned_m_s[0] == pytest.approx(1.1)
+    assert yaw_of(past.ned_from_frd) == pytest.approx(0.2)
+    assert inertial.knows(0.755)
+    assert not inertial.knows(-0.5)
+    assert not inertial.knows(1.1)
+
+
+@pytest.mark.parametrize("is_level", [False, True])
+def test_the_jacobian_of_a_motion_is_that_of_its_differences(is_level: bool) -> None:
+    then = ((1.0, 2.0, -1.0), from_euler(0.1, -0.2, 0.7))
+    now = ((1.6, 1.5, -1.2), from_euler(-0.05, 0.1, 1.0))
+
+    def told(then: tuple[Vector3, Quaternion], now: tuple[Vector3, Quaternion]) -> tuple[Vector3, Quaternion]:
+        axes = from_yaw(yaw_of(then[1])) if is_level else then[1]
+        way = [b - a for a, b in zip(then[0], now[0], strict=True)]
+        return rotate(conjugate(axes), (way[0], way[1], way[2])), multiply(conjugate(axes), now[1])
+
+    def measured(error: np.ndarray) -> Measured:
+        axes = from_yaw(yaw_of(then[1])) if is_level else then[1]
+        is_told = told(moved(then, error[6:]), moved(now, error[:6]))
+        found = relative(then, axes, now, is_told, np.eye(6), is_level=is_level)
+        assert found is not None
+        return found
+
+    exact = measured(np.zeros(12))
+    assert exact.by_reference is not None
+    assert np.allclose(exact.residual, 0.0, atol=1e-12)
+    jacobian = np.hstack([exact.by_pose, exact.by_reference])
+    for i in range(12):
+        error = np.zeros(12)
+        error[i] = 1e-6
+        assert np.allclose(measured(error).residual / 1e-6, jacobian[:, i], atol=1e-4)
+
+
+def test_the_jacobian_of_a_position_has_the_lever_of_the_lamp() -> None:
+    pose = ((1.0, 2.0, -1.0), from_euler(0.1, -0.2, 0.7))
+    lever = (0.2, -0.1, 0.05)
+    for i in range(6):
+        error = np.zeros(6)
+        error[i] = 1e-6
+        position, attitude = moved(pose, error)
+        n, e, d = (p + a for p, a in zip(position, rotate(attitude, lever), strict=True))
+        found = place(pose, (n, e, d), lever, np.eye(3))
+        assert found is not None
+        assert np.allclose(found.residual / 1e-6, found.by_pose[:, i], atol=1e-5)
+
+
+def test_the_error_of_a_past_pose_follows_from_the_error_now() -> None:
+    """Two inertial solutions that differ in everything, run on: their difference of then is told by that of now."""
+
+    def run(error: np.ndarray) -> Inertial:
+        inertial = Inertial()
+        v, w, g, a = error[3:6].tolist(), error[6:9].tolist(), error[9:12].tolist(), error[12:15].tolist()
+        inertial.gyroscope_bias_rad_s, inertial.accelerometer_bias_m_s2 = tuple(g), tuple(a)
+        attitude = multiply(from_rotation_vector(tuple(w)), from_euler(0.1, 0.2, 0.5))
+        inertial.place(State(0.0, tuple(error[:3].tolist()), (1.0 + v[0], v[1], v[2]), attitude))
+        for i in range(1, 21):
+            inertial.move((0.1, -0.1, 0.2), (1.0, 0.5, -9.0), i / 100)
+        return inertial
+
+    rng = np.random.default_rng(3)
+    error = rng.normal(size=15) * 1e-5
+    wrong, right = run(error), run(np.zeros(15))
+
+    def difference(a: State, b: State) -> np.ndarray:
+        turn = to_rotation_vector(multiply(a.ned_from_frd, conjugate(b.ned_from_frd)))
+        return np.concatenate([np.subtract(a.position_ned_m, b.position_ned_m), turn])
+
+    now = np.zeros(SIZE)
+    now[[0, 1, 2, 6, 7, 8]] = difference(wrong.now, right.now)
+    now[3:6] = np.subtract(wrong.now.velocity_ned_m_s, right.now.velocity_ned_m_s)
+    now[9:15] = error[9:15]
+    then, state = right.at(0.0), right.now
+    change = np.subtract(state.velocity_ned_m_s, then.velocity_ned_m_s) - (0, 0, 9.80665 * 0.2)
+    way = np.subtract(state.position_ned_m, then.position_ned_m)
+    way = way - np.multiply(then.velocity_ned_m_s, 0.2) - (0, 0, 9.80665 * 0.02)
+    jacobian = past_pose(0.2, matrix_of(state.ned_from_frd), change, way)
+    assert (jacobian @ now).tolist() == pytest.approx(difference(wrong.at(0.0), then).tolist(), abs=5e-7)
+
+
+def test_a_clone_is_the_pose_of_its_time_and_goes_without_trace() -> None:
+    errors = ErrorState()
+    errors.reset(np.full(SIZE, 0.1))
+    before = errors.covariance.copy()
+    jacobian = np.zeros((6, SIZE))
+    jacobian[:3, :3] = jacobian[3:, 6:9] = np.eye(3)
+    errors.clone("stereo", jacobian, np.zeros((6, 6)))
+    errors.clone("laser", jacobian, np.eye(6))
+    rows = np.zeros((3, errors.size))
+    rows[:, :3], rows[:, SIZE : SIZE + 3] = np.eye(3), -np.eye(3)
+    assert errors.test(np.full(3, 0.1), rows, np.eye(3) * 0.01) == pytest.approx(3.0)  # the difference is known to be 0
+    errors.drop("stereo")
+    assert errors.clones == ["laser"]
+    assert errors.place_of("laser") == SIZE
+    errors.drop("laser")
+    assert np.array_equal(errors.covariance, before)
+
+
+def test_a_direction_that_is_not_told_is_left_out_also_where_it_lies_askew() -> None:
+    axes = matrix_of(from_yaw(0.5))
+    covariance = np.diag([1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6])
+    covariance[:3, :3] = axes @ np.diag([UNKNOWN_VARIANCE, 1e-6, 1e-6]) @ axes.T
+    pose = ((0.0, 0.0, 0.0), IDENTITY)
+    along = axes[:, 0] * 0.3
+    found = relative(pose, IDENTITY, pose, ((along[0], along[1], 0.0), IDENTITY), covariance, is_level=False)
+    assert found is not None
+    assert found.degrees == 5
+    assert np.allclose(found.residual, 0.0, atol=1e-9)
+    assert place(pose, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), np.eye(3) * UNKNOWN_VARIANCE) is None
+
+
+def test_what_is_no_covariance_is_none_or_loses_its_correlations() -> None:
+    floor = np.full(3, 1e-6)
+    assert covariance_of([1.0] * 8, 3, floor) is None
+    assert covariance_of([float("nan")] * 9, 3, floor) is None
+    assert covariance_of([-1.0, 0, 0, 0, 1, 0, 0, 0, 1], 3, floor) is None
+    found = covariance_of([1.0, 5.0, 0, 5.0, 1.0, 0, 0, 0, 0.0], 3, floor)
+    assert found is not None
+    assert np.allclose(found, np.diag([1.0, 1.0, 1e-6]))
+
+
+def test_a_source_that_does_not_agree_is_turned_down_and_used_again_after_its_probation() -> None:
+    trust = Trust("stereo", probation_s=1.0)
+    assert trust.judge(3.0, 6, 0.0)
+    assert not any(trust.judge(500.0, 6, 0.1 * i) for i in range(1, 6))
+    assert not trust.is_used
+    taken = [trust.judge(3.0, 6, 1.0 + 0.1 * i) for i in range(15)]
+    assert taken.index(True) == 10
+    assert trust.is_used
+
+
+def test_one_that_only_said_nothing_is_used_again_at_once() -> None:
+    trust = Trust("tracker", probation_s=1.0)
+    trust.step_back("it does not see the lamp")
+    assert trust.state().reason == "it does not see the lamp"
+    assert trust.judge(3.0, 3, 1.0)
+    assert trust.is_used
+
+
+def test_the_one_that_contradicts_two_is_voted_out_and_two_that_contradict_each_other_are_told() -> None:
+    def vote(names: tuple[str, ...]) -> str:
+        vote = Vote(6.0, 0.01)
+        for i in range(60):
+            for name in names:
+                excess = (0.004 if name == "bad" else 0.0, 0.0, 0.0)
+                vote.record(name).add(i * 0.1, excess, np.eye(3) * 1e-5)
+        position = (0.0, 0.0, 0.0)
+        vote.look(dict.fromkeys(names, True), position, 0.0, 5.7)
+        verdict = vote.look(dict.fromkeys(names, True), position, 0.0, 5.95)
+        return verdict.voted_out or "/".join(sorted(verdict.against))
+
+    assert vote(("a", "b", "c")) == ""
+    assert vote(("a", "bad", "c")) == "bad"
+    assert vote(("a", "bad")) == "a/bad"

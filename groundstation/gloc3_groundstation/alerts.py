@@ -58,6 +58,12 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
         return self.platform, self.what
 
 
+TWO_OF_ONE_NAME: Final = (
+    "two platforms have this name: one of them is shown, and both obey; end one, then give it another name (platform file) "
+    "and system id (gloc3 onboard --system-id)"
+)
+
+
 class Alerts(msgspec.Struct, frozen=True):
     """All alerts of a fleet."""
 
@@ -132,15 +138,25 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
     for platform in fleet:
         for problem in platform.problems:
             yield Cause(platform.name, problem.what, problem.severity, problem.text)
+        if platform.is_doubled(now_s):
+            yield Cause(platform.name, "name", Severity.ERROR, TWO_OF_ONE_NAME)
         if platform.is_quiet_link(now_s):
             is_flying = platform.vehicle is not None and platform.vehicle.value.is_armed
-            text = "nothing is heard of it, and it was armed" if is_flying else "nothing is heard of it any more"
+            text = _silence(is_flying=is_flying, has_companion=platform.has_companion)
             yield Cause(platform.name, "link", Severity.CRITICAL if is_flying else Severity.ERROR, text)
             continue
         if now_s - platform.first_heard_s >= SETTLE_S and platform.link.loss >= LOSS_BAD:
             yield Cause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
         yield from _vehicle_causes(platform, now_s)
         yield from _component_causes(platform)
+
+
+def _silence(*, is_flying: bool, has_companion: bool) -> str:
+    """That a vehicle is silent, what it does meanwhile, and what to do."""
+    if not is_flying:
+        return "nothing is heard of it any more: is it switched on, and its link open (Fleet)?"
+    policy = "it keeps to the mission's on_link_loss" if has_companion else "it keeps to its own failsafe"
+    return f"nothing is heard of it, and it was armed: {policy}; see to radio and antenna, and to its link (Fleet)"
 
 
 def _vehicle_causes(platform: PlatformSnapshot, now_s: float) -> Iterator[Cause]:

@@ -20,6 +20,8 @@ PLACE_WITHIN_S: Final = 5.0
 SAME_BOOT_S: Final = 2.0
 """Times of start that differ by more are of two vehicles, or of two lives of one."""
 DOUBLED_WITHIN_S: Final = 10.0
+RESTART_CLEAR_S: Final = 3.0
+"""So long its time since boot runs on evenly after a jump that was a restart."""
 DOUBLED_JUMPS: Final = 4
 """So many jumps of the time since boot, to and fro, are no restarts."""
 _ARMED: Final = 128
@@ -100,6 +102,14 @@ class AutopilotWatch:
             and now_s - jumps[0][0] <= DOUBLED_WITHIN_S
             and len({is_up for _, is_up in jumps}) > 1
         )
+
+    def restarted_s(self, now_s: float) -> float | None:
+        """When it has been started anew; None if it has not, and until it is clear that it is one vehicle, not two."""
+        if not self._jumps:
+            return None
+        at_s, is_up = self._jumps[-1]
+        before_s = self._jumps[-2][0] if len(self._jumps) > 1 else float("-inf")
+        return at_s if is_up and now_s - at_s >= RESTART_CLEAR_S and at_s - before_s >= RESTART_CLEAR_S else None
 
     def is_same_life(self, other: "AutopilotWatch") -> bool:
         """Whether the same vehicle is heard here and there: it was started at the same time."""

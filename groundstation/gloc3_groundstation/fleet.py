@@ -27,6 +27,13 @@ SMOOTHING: Final = 0.05
 HEARD_TOPICS: Final = tuple(name for name in TOPICS if name.startswith("ci/") and name != "ci/request")
 """What a station listens to, below a platform's name."""
 
+FORMER_KEPT: Final = 3
+LATE_MESSAGES: Final = 5
+"""So many messages of a life that is over may come late."""
+RESTARTED: Final = (
+    "its onboard process has restarted: in flight it keeps to the mission's on_restart; look at mission and checks before "
+    "it goes on"
+)
 _COUNTED: Final = frozenset(name for name in HEARD_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
 """The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped.
 
@@ -52,9 +59,11 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     if known is None:
         platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s)
         fleet = note(fleet, name, Severity.INFO, "is heard", now_s)
+    elif known.boot != boot and boot in known.former and not known.is_quiet_link(now_s):
+        return with_platform(fleet, _spoken_by_another(known, boot, now_s))
     elif known.boot != boot:
         platform = _restarted(known, boot, now_s)
-        fleet = note(fleet, name, Severity.WARNING, "its command interface has restarted", now_s)
+        fleet = note(fleet, name, Severity.WARNING, RESTARTED, now_s)
     else:
         platform = known
         if known.is_quiet_link(now_s):
@@ -101,7 +110,15 @@ def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformS
         link=replace(platform.link, sequences={}),
         autopilot=platform.autopilot,
         problems=platform.problems,
+        former={**dict(list(platform.former.items())[-FORMER_KEPT:]), platform.boot: 0},
     )
+
+
+def _spoken_by_another(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:
+    """A life that is over has spoken: once it may be late, but then it is another platform of that name."""
+    times = platform.former[boot] + 1
+    former = {**platform.former, boot: times}
+    return replace(platform, former=former, doubled_s=now_s if times > LATE_MESSAGES else platform.doubled_s)
 
 
 def _counted(link: LinkStatistics, topic: str, sequence: int) -> LinkStatistics | None:

@@ -112,6 +112,10 @@ class Problem(msgspec.Struct, frozen=True, kw_only=True):
     """What is the matter, and what to do."""
 
 
+DOUBLED_FOR_S: Final = 10.0
+"""So long after it was seen last that two platforms have one name it is taken to be so."""
+
+
 class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """One platform as it was last heard."""
 
@@ -140,6 +144,10 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """None where no link of this station hears its autopilot."""
     problems: tuple[Problem, ...] = ()
     """What its links show to be wrong with it."""
+    former: Mapping[int, int] = {}
+    """Boots of former lives, the last one last, to how often each has spoken since: a life that is over does not."""
+    doubled_s: float = float("-inf")
+    """When a life that should be over spoke last."""
 
     @property
     def is_incomplete(self) -> bool:
@@ -153,6 +161,10 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     def is_quiet_link(self, now_s: float) -> bool:
         """Whether nothing came for longer than it should."""
         return now_s - self.heard_s >= QUIET_LINK_S
+
+    def is_doubled(self, now_s: float) -> bool:
+        """Whether two platforms speak under its name."""
+        return now_s - self.doubled_s < DOUBLED_FOR_S
 
     def components(self, now_s: float) -> tuple[ComponentSnapshot, ...]:
         """Its components in the order of the data: SS, DP, CC, AD, CI, each as in the platform file."""

@@ -38,6 +38,7 @@ TOLD_HZ: Final = 1.0
 MOST_VEHICLES: Final = 64
 _COMPANION: Final = 191
 _HEARTBEAT: Final = shape("HEARTBEAT").id
+RESTARTED: Final = "its autopilot has restarted: mode and home are those of a fresh start; look at them and at its plan before it flies"
 _IDS_HINT: Final = "give one of them another id (PX4: MAV_SYS_ID, ArduPilot: SYSID_THISMAV or MAV_SYSID)"
 
 
@@ -83,6 +84,8 @@ class Vehicles:
         """Links and systems to the platform whose companion speaks there."""
         self._names: dict[Way, str] = {}
         """Which vehicle is reached by which way."""
+        self._restarts: dict[Way, float] = {}
+        """When an autopilot was started anew, as far as that has been told."""
         self._asked: dict[Way, tuple[int, float]] = {}
         """How often a vehicle was asked for what it does not tell by itself, and when last."""
         self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
@@ -246,6 +249,10 @@ class Vehicles:
         elif known.is_quiet_link(now_s) and watch.heard_s > known.heard_s:
             silence = duration(watch.heard_s - known.heard_s)
             fleet = reducers.note(fleet, name, Severity.NOTICE, f"is heard again after {silence} of silence", now_s)
+        restarted_s = watch.restarted_s(now_s)
+        if restarted_s is not None and restarted_s != self._restarts.get(way):
+            self._restarts[way] = restarted_s
+            fleet = reducers.note(fleet, name, Severity.WARNING, RESTARTED, now_s)
         platform = PlatformSnapshot(
             name=name,
             boot=0,

@@ -8,11 +8,11 @@ from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.platform import Platform
+from gloc3.port_advice import port_advice
 from gloc3.preflight import Check, Group, Verdict, in_order
 from gloc3.vehicle import Pose
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.checklist import checklist
-from gloc3_onboard.checks.computer import port_advice
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.computer import HostComputer
 

@@ -2,10 +2,10 @@
 
 import sys
 
-from tests.evidence import demo, events, flight, inputs, link, suites
+from tests.evidence import demo, events, flight, inputs, link, station, suites
 from tests.evidence.page import Bar, Progress, commit, write
 
-BARS: tuple[Bar, ...] = (*demo.BARS, *events.BARS, *flight.BARS, *inputs.BARS, *link.BARS, *suites.BARS)
+BARS: tuple[Bar, ...] = (*demo.BARS, *events.BARS, *flight.BARS, *inputs.BARS, *link.BARS, *station.BARS, *suites.BARS)
 
 
 def main(names: list[str]) -> int:

@@ -39,6 +39,7 @@ class Browser:
         self.requested: list[str] = []
         """The addresses of everything that the page has asked for."""
         self.problems: list[str] = []
+        self.received_bytes = 0
         self._devtools = devtools
         self._numbers = itertools.count(1)
         self._answers: dict[int, asyncio.Future[dict[str, Any]]] = {}
@@ -51,7 +52,9 @@ class Browser:
                 continue
             match message["method"], message["params"]:
                 case "Network.webSocketFrameReceived", {"response": {"opcode": 2, "payloadData": data}}:
-                    self.terminal.feed(base64.b64decode(data))
+                    drawn = base64.b64decode(data)
+                    self.received_bytes += len(drawn)
+                    self.terminal.feed(drawn)
                 case "Network.webSocketFrameSent", {"response": {"payloadData": data}}:
                     said = json.loads(data)
                     if said[0] == "resize":

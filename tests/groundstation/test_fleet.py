@@ -16,6 +16,7 @@ from gloc3.ci import (
 from gloc3.messages import Envelope, Message, Severity, Source
 from gloc3.wire import type_name
 from gloc3_groundstation import fleet as reducers
+from gloc3_groundstation.alerts import causes
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
 from .scripted_platform import VEHICLE
@@ -125,8 +126,28 @@ def test_a_restarted_platform_is_asked_anew_and_keeps_its_last_position() -> Non
     assert platform.is_incomplete
     assert platform.vehicle is not None
     assert platform.vehicle.heard_s == 0.0
-    assert fleet.events[-1].text == "its command interface has restarted"
+    assert fleet.events[-1].text == reducers.RESTARTED
     assert fleet.events[-1].severity is Severity.WARNING
+
+
+def test_two_platforms_of_one_name_are_told_and_one_of_them_is_shown() -> None:
+    fleet = heard(Fleet(), VEHICLE, 0.0, boot=1)
+    for step in range(1, 40):
+        fleet = heard(fleet, VEHICLE, 0.5 * step, sequence=step, boot=1 + step % 2)
+    assert [event.text for event in fleet.events] == ["is heard", reducers.RESTARTED], "told once, not at each message"
+    assert heron(fleet).boot == 2
+    (cause,) = [cause for cause in causes(fleet, 20.0) if cause.what == "name"]
+    assert cause.text.startswith("two platforms have this name")
+    assert not heron(fleet).is_doubled(40.0)
+    fleet = heard(fleet, VEHICLE, 40.0, sequence=80, boot=1)
+    assert heron(fleet).boot == 1, "the other one has gone"
+
+
+def test_what_comes_late_from_a_life_that_is_over_is_no_second_platform() -> None:
+    fleet = heard(heard(Fleet(), VEHICLE, 0.0, boot=1), VEHICLE, 1.0, boot=2)
+    fleet = heard(heard(fleet, VEHICLE, 1.1, sequence=8, boot=1), VEHICLE, 1.2, sequence=9, boot=1)
+    assert heron(fleet).boot == 2
+    assert not heron(fleet).is_doubled(1.3)
 
 
 def test_silence_that_ends_is_an_event() -> None:

@@ -1,120 +1,20 @@
 """Vehicles by what the links hear: bare ones appear with their state, platforms get their autopilots, doubles are told."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from random import Random
-from typing import Any, TypeVar
 
 import pytest
 
 from gloc3.ci import EmergencyVerb
-from gloc3.clock import run_virtual
 from gloc3.errors import Refused
-from gloc3.exchange import LocalExchange
-from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
-from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.memory import MemoryLink
+from gloc3.link.codec import Parser
 from gloc3.link.message import Address
 from gloc3.messages import Severity
-from gloc3.topics import TopicTable
 from gloc3_groundstation import alerts, flights
 from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.link import Link
-from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.station import Station
-from gloc3_groundstation.vehicles import Vehicles
+from gloc3_groundstation.vehicles import RESTARTED
 
-from .scripted_platform import ScriptedPlatform
-
-T = TypeVar("T")
-TOPICS = TopicTable.installed()
-PX4, ARDUPILOT, SMARTAP = 12, 3, 18
-BRAKE = 17
-
-
-class Autopilot:
-    """Speaks as an autopilot on one link, once a second while it is switched on."""
-
-    def __init__(self, memory: MemoryLink, autopilot: int, system: int = 1, **beat: Any) -> None:
-        self._encoder, self._send = Encoder(system, 1), memory.b.send
-        self._loop = asyncio.get_running_loop()
-        self.beat = {"type": 2, "autopilot": autopilot, **beat}
-        self.booted_s = self._loop.time()
-        self.is_on = True
-        self._tick()
-
-    def say(self, name: str, **fields: Any) -> None:
-        self._send(self._encoder.encode(message(name, **fields)))
-
-    def _tick(self) -> None:
-        self._loop.call_later(1.0, self._tick)
-        if self.is_on:
-            self.say("HEARTBEAT", **self.beat)
-            self.say("SYSTEM_TIME", time_boot_ms=int(1000 * (self._loop.time() - self.booted_s)))
-
-
-class Scene:
-    """A station with two links."""
-
-    def __init__(self) -> None:
-        loop = asyncio.get_running_loop()
-        exchange = LocalExchange()
-        self.station = Station(exchange, loop, "255", 11)
-        self.memories = [MemoryLink(loop, Random(n)) for n in range(2)]
-        self.links: list[tuple[str, Link]] = []
-        for number, memory in enumerate(self.memories):
-            link = Link(
-                memory.a.send, loop=loop, exchange=exchange, topics=TOPICS, system=255, boot=11, told=lambda text: None
-            )
-            memory.a.on_data = link.receive
-            self.links.append((f"udpin://0.0.0.0:{14550 + number}", link))
-        self.vehicles = Vehicles(self.station, lambda: self.links)
-
-    def platform(self, name: str) -> PlatformSnapshot:
-        found = self.station.fleet.get(name)
-        assert found is not None, list(self.station.fleet.platforms)
-        return found
-
-    def companion(self, number: int, name: str = "heron", system: int = 1) -> MavlinkExchange:
-        """A platform's companion on a link, that speaks twice a second."""
-        memory, there, address = self.memories[number], LocalExchange(), Address(system, 191)
-        platform, encoder = ScriptedPlatform(there, name), Encoder(*address)
-        end = TunnelEndpoint(Role.PLATFORM, name, address, 99, TOPICS)
-        tunnel = MavlinkExchange(end, platform.loop, lambda sent: memory.b.send(encoder.encode(sent)))
-        tunnel.bridge(there, TOPICS, name)
-
-        def take(data: bytes) -> None:
-            for frame in Parser(is_datagram=True).receive(data):
-                decoded = frame.decode()
-                if decoded is not None:
-                    tunnel.receive(decoded, frame.sender)
-
-        memory.b.on_data = take
-        platform.loop.call_later(0.3, platform.speak_every, 0.5)
-        return tunnel
-
-    async def pass_s(self, seconds: float) -> None:
-        ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        asyncio.get_running_loop().call_later(seconds, ended.set_result, None)
-        await ended
-
-    def texts(self) -> list[str]:
-        return [event.text for event in self.station.fleet.events]
-
-
-def over(play: Callable[[Scene], Awaitable[T]]) -> T:
-    async def main() -> T:
-        scene = Scene()
-        try:
-            return await play(scene)
-        finally:
-            scene.vehicles.close()
-            scene.station.close()
-            for _, link in scene.links:
-                link.close()
-
-    return run_virtual(main())
+from .vehicles_scene import ARDUPILOT, BRAKE, PX4, SMARTAP, Autopilot, Scene, over
 
 
 def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
@@ -248,9 +148,11 @@ def test_two_vehicles_of_one_system_id_on_one_link_are_told_and_a_restart_is_not
         await scene.pass_s(3.0)
         assert scene.platform("px4-1").problems == ()
         await scene.pass_s(8.5)
+        assert [text for text in scene.texts() if "restarted" in text] == [RESTARTED]
         Autopilot(scene.memories[0], PX4)
         await scene.pass_s(5.0)
         (problem,) = scene.platform("px4-1").problems
+        assert scene.texts().count(RESTARTED) == 1
         assert problem.text.startswith("two vehicles share system id 1 on udpin://0.0.0.0:14550: both obey; give one")
 
     over(play)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Final
 
+from gloc3.port_advice import port_advice
 from gloc3.preflight import Check, Group, Verdict
 from gloc3.readiness import ComputerState, LinkCondition
 from gloc3_onboard.checks.readings import Readings
@@ -77,15 +78,3 @@ def _port(name: str, link: LinkCondition) -> Check:
     if not link.problem:
         return Check(GROUP, name, Verdict.OK, f"{link.url} is open")
     return Check(GROUP, name, Verdict.WARNING, f"{link.url}: {link.problem}", port_advice(link.problem))
-
-
-def port_advice(problem: str) -> str:
-    """What to do about a port that cannot be used, as far as the system's words tell."""
-    said = problem.lower()
-    if "permission" in said or "not permitted" in said:
-        return "give this user the right: sudo usermod -aG dialout $USER, then log in anew"
-    if "no such file" in said or "no such device" in said:
-        return "is it plugged in? ls /dev/serial/by-id names what is"
-    if "in use" in said:
-        return "another program has it, perhaps gloc3 onboard itself; stop that, or take another port"
-    return "check address, cable and power at the other end"

@@ -18,7 +18,7 @@ from gloc3_groundstation.tui.views.fleet import (
     fleet_line,
     fleet_title,
     link_header,
-    link_line,
+    link_lines,
 )
 from gloc3_groundstation.tui.views.overview import waiting_lines
 
@@ -95,8 +95,13 @@ class FleetScreen(StationScreen):
         known = self.desk.fleet.links()
         self.panel("links_header").show([link_header(links.width)])
         none = [Row((Span(" There is no link; n opens one.", Tone.DIM),))]
-        links.show_rows([Row(link_line(link, links.width), link.url) for link in known] or none)
-        links.styles.height = max(2, min(len(known), self.size.height // 4))
+        rows = [
+            Row(line, link.url if number == 0 else "")
+            for link in known
+            for number, line in enumerate(link_lines(link, links.width))
+        ]
+        links.show_rows(rows or none)
+        links.styles.height = max(2, min(len(rows), self.size.height // 4))
         offered = possible, self.focused is links, bool(view.fleet.platforms)
         if offered != self._offered:
             self._offered = offered

@@ -4,10 +4,11 @@ from collections.abc import Container, Sequence
 from typing import Final
 
 from gloc3.ci import ControlVerb
+from gloc3.port_advice import port_advice
 from gloc3_groundstation import wording
 from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.lines import Line, Span, Tone
+from gloc3_groundstation.tui.lines import Line, Span, Tone, cut
 from gloc3_groundstation.tui.tables import Column, Table
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, worst_span
@@ -98,6 +99,13 @@ def control_lines(view: View, possible: Container[ControlVerb]) -> list[Line]:
 def link_header(width: int) -> Line:
     """The titles of the columns."""
     return Table(LINK_COLUMNS, width).header()
+
+
+def link_lines(link: LinkSnapshot, width: int) -> list[Line]:
+    """One link, and what to do where it is not open."""
+    is_lost = bool(link.problem) and not link.is_connected
+    advice = [(Span(cut(f"   → {port_advice(link.problem)}", width), Tone.DIM),)] if is_lost else []
+    return [link_line(link, width), *advice]
 
 
 def link_line(link: LinkSnapshot, width: int) -> Line:

@@ -1,0 +1,80 @@
+"""Bars on the ground station in front of a person: what it says in trouble, and journeys in a terminal and a browser."""
+
+import asyncio
+import base64
+import tempfile
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from tests.evidence.page import PAGES, Bar, Figure, Progress
+from tests.evidence.suites import suite
+
+PICTURE = PAGES / "web.png"
+
+
+def troubles(progress: Progress) -> list[Figure]:
+    """Has everything go wrong, and keeps what the station says."""
+    from tests.groundstation.troubles import TROUBLES, one_line
+
+    figures = []
+    for trouble in TROUBLES:
+        shown = one_line(progress.part(trouble.what, lambda trouble=trouble: asyncio.run(trouble.show())))  # type: ignore[misc]
+        is_met = trouble.matter in shown and trouble.advice in shown
+        bar = f"says “{trouble.matter}” and “{trouble.advice}”"
+        figures.append(Figure(trouble.what, shown.replace("|", "\\|"), bar, is_met))
+    return figures
+
+
+def browser(progress: Progress) -> list[Figure]:
+    """Flies in a headless Chromium."""
+    from tests.groundstation.browser_journey import fly
+    from tests.groundstation.chromium import found
+
+    if found() is None:
+        return [Figure("Chromium", "is not installed here", "is", is_met=False)]
+
+    def flown() -> dict[str, Any]:
+        with tempfile.TemporaryDirectory() as folder:
+            result = asyncio.run(fly(Path(folder)))
+        return {**result._asdict(), "picture": base64.b64encode(result.picture).decode()}
+
+    result = progress.part("journey", flown)
+    PICTURE.write_bytes(base64.b64decode(result["picture"]))
+    own = urlsplit(result["url"]).netloc
+    elsewhere = [url for url in result["requested"] if urlsplit(url).netloc != own]
+    last = result["said"].splitlines()[-2]
+    return [
+        Figure("exit code of the station after the key q", str(result["code"]), "0", result["code"] == 0),
+        Figure("the mission that was started, held and landed by keys", last, "aborted", "'hop' is aborted" in last),
+        Figure("things that the page asks of other computers", str(len(elsewhere)), "0", not elsewhere),
+        Figure("errors in the page", str(len(result["problems"])), "0", not result["problems"]),
+        Figure("what the browser was sent, kB", f"{result['received_bytes'] / 1000:.0f}"),
+        Figure("in all, seconds", f"{result['took_s']:.0f}"),
+        Figure("the browser in flight", f"![flight data in a browser]({PICTURE.name})"),
+    ]
+
+
+BARS = (
+    Bar(
+        "trouble",
+        "Trouble, and what the station says",
+        "Whatever goes wrong around a station, it says what is the matter and what to do.",
+        troubles,
+    ),
+    Bar(
+        "web",
+        "The station in a browser",
+        "`gloc3 station --web`, the onboard process and the simulated vehicle run as three processes; in a headless Chromium "
+        "a mission is opened, started, held and landed by keys, and the page is loaded anew in flight, which the station "
+        "does not notice.",
+        browser,
+    ),
+    Bar(
+        "terminal",
+        "The station in a real terminal",
+        "On a pty of 80×24 and under tmux, with three real processes: a mission with a mistake is opened, mended, saved, "
+        "streamed, started, paused, resumed and aborted by keys; the window is made too small, then 250×70.",
+        suite("terminal", ["tests/groundstation/test_real_terminal_journey.py", "tests/groundstation/test_web.py"]),
+    ),
+)

@@ -32,7 +32,7 @@ def demo(
     mission: str = "inspection",
     /,
     *,
-    platform: str = "pelican",
+    platform: str | None = None,
     autopilot: Literal["px4", "ardupilot"] = "px4",
     out: Path = Path("runs/demo"),
     headless: Annotated[bool, Parameter(negative=())] = False,
@@ -41,16 +41,19 @@ def demo(
 
     Args:
         mission: A mission file (.yaml, .plan, WPL), or an example by its name.
-        platform: A platform file, or the name of one that is installed.
+        platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
+            Pelican, with a receiver for satellites where the mission is on Earth.
         autopilot: The style of the simulated autopilot.
         out: Folder for everything that the flight leaves, in place of an earlier flight's.
         headless: Narrate, also on a terminal.
     """
     from gloc3.platform import load_platform
     from gloc3_sitl.demo import DemoOptions, run_demo
-    from gloc3_sitl.mission_file import find_file
+    from gloc3_sitl.mission_file import find_file, platform_for
 
-    path, known = find_file(mission), load_platform(platform, is_loading_classes=True)
+    path = find_file(mission)
+    platform = platform or platform_for(path)
+    known = load_platform(platform, is_loading_classes=True)
     is_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr) if stream is not None)
     options = DemoOptions(
         mission=path,

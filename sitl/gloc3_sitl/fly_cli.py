@@ -48,7 +48,7 @@ def fly(
     mission: str,
     /,
     *,
-    platform: str = "pelican",
+    platform: str | None = None,
     autopilot: Literal["px4", "ardupilot"] = "px4",
     seed: int = 0,
     wind: float = 0.0,
@@ -61,7 +61,8 @@ def fly(
 
     Args:
         mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, patrol.
-        platform: A platform file, or the name of one that is installed.
+        platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
+            Pelican, with a receiver for satellites where the mission is on Earth.
         autopilot: The style of the simulated autopilot.
         seed: Of all chance: sensor noise, turbulence, links, boot numbers.
         wind: Mean wind in m/s from the west, gusty; 0 is calm air.
@@ -81,10 +82,11 @@ def fly(
     from gloc3_sitl.flight import DEVICES
     from gloc3_sitl.flight_report import as_json, as_lines
     from gloc3_sitl.fly import FlyOptions, fly_mission
-    from gloc3_sitl.mission_file import find_file
+    from gloc3_sitl.mission_file import find_file, platform_for
     from gloc3_sitl.outputs import make_anew
 
     path = find_file(mission)
+    platform = platform or platform_for(path)
     warn = None if quiet else lambda found: narrate(str(found))
     known = load_platform(platform, is_loading_classes=True, devices=DEVICES, warn=warn)
     for text in fault or ():

@@ -1,16 +1,21 @@
 """A mission of any format before a simulated flight: found, converted into our format, and checked."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from gloc3.errors import Finding, Refused
+from gloc3.document import load_bytes, parse
+from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
-from gloc3.mission.model import Mission
+from gloc3.mission.model import GEO, Mission
 from gloc3.platform import Platform
 
-UNKNOWN_DURATION_S = 600.0
+INDOORS: Final = "pelican"
+"""The platform of a mission in a local frame that names none."""
+OUTDOORS: Final = "pelican"
+"""The platform of a mission on Earth that names none."""
+UNKNOWN_DURATION_S: Final = 600.0
 """Taken for a mission whose duration the checker cannot tell."""
 
 
@@ -36,6 +41,20 @@ def find_file(name: str) -> Path:
     if not path.is_file():
         raise Refused(f"{path} is a folder, not a mission file" if path.is_dir() else f"there is no file {path}")
     return path
+
+
+def platform_for(path: Path) -> str:
+    """The platform that a mission is flown with where none is named."""
+    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        return OUTDOORS
+    try:
+        written = parse(load_bytes(path), str(path)).value
+    except InputError:  # it is told with everything else that is wrong
+        return INDOORS
+    if not isinstance(written, dict):
+        return INDOORS
+    named = written.get("platform")
+    return named if isinstance(named, str) else OUTDOORS if written.get("frame") == GEO else INDOORS
 
 
 def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFile:

@@ -114,6 +114,8 @@ class MissionFile(Policies, frozen=True, kw_only=True):
     """Its name."""
     frame: Annotated[str, msgspec.Meta(min_length=1, max_length=32)]
     """A local frame of the world or platform, or `geo`."""
+    platform: Annotated[str, msgspec.Meta(min_length=1, max_length=200)] | None = None
+    """The platform file, or the name of an installed one, that it is flown with in simulation where none is named."""
     height_above: HeightAbove = HeightAbove.HOME
     """What heights are counted from in frame geo."""
     deadline_s: Seconds | None = None
@@ -155,6 +157,7 @@ class Mission:
 
     name: str
     frame: str
+    platform: str | None = None
     height_above: HeightAbove = HeightAbove.HOME
     geofence: GeofenceFile | None = None
     """As written."""

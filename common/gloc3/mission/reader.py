@@ -143,6 +143,7 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
         mission = Mission(
             name=written.mission,
             frame=written.frame,
+            platform=written.platform,
             height_above=written.height_above,
             geofence=geofence,
             fence=fence,

@@ -14,6 +14,8 @@ from gloc3.mission.policy import Policy
 def write_mission(mission: Mission) -> str:
     """The file of a mission; what has its default value is left out."""
     written: dict[str, Any] = {"mission": mission.name, "frame": mission.frame}
+    if mission.platform is not None:
+        written["platform"] = mission.platform
     if mission.height_above is not HeightAbove.HOME:
         written["height_above"] = mission.height_above.value
     if mission.deadline_s is not None:

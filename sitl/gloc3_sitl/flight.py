@@ -41,6 +41,7 @@ from gloc3_groundstation.flights import End
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import SimulatedComputer
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
@@ -60,7 +61,7 @@ from gloc3_sitl.world import World
 STATION_ID: Final = 255
 STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
-DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES)
+DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu")
 """What the onboard process of a flight has."""
 FLUSH_S: Final = 1.0
 """How long a message stays in memory: in virtual time a second is over in some milliseconds."""
@@ -206,9 +207,16 @@ class Flight:
 
         return World.load("open", home=home_of(self.mission))
 
-    def _takes_pictures(self) -> bool:
-        """Whether the mission does: a picture costs as much as everything else together."""
-        return any(action.capability == "record_images" for action in self.mission.actions().values())
+    def _looks_down(self) -> bool:
+        """Whether pictures of the ground are used: one costs as much as everything else together."""
+        if any(action.capability == "record_images" for action in self.mission.actions().values()):
+            return True
+        recorder = self.platform.capabilities.get("record_images")
+        return any(
+            "camera/ground" in row.topics(name) and (recorder is None or row.name != recorder.performed_by)
+            for row in self.platform.components
+            for name in row.load_class().inputs
+        )
 
     async def __aenter__(self) -> Self:
         """Starts everything."""
@@ -248,7 +256,8 @@ class Flight:
             "computer": SimulatedComputer(self.clock),
             "rig": self.rig,
             **self.rig.devices,
-            **({} if self._takes_pictures() else {"ground_camera": NoCamera()}),
+            **({} if self._looks_down() else {"ground_camera": NoCamera()}),
+            "imu": AutopilotImu(self.autopilot_link.sensors),
             "pictures": self._pictures,
             "site": Site(platform, self._journal, self._progress),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),

@@ -46,6 +46,22 @@ class LinkCondition(msgspec.Struct, frozen=True, array_like=True):
     bytes_received: int = 0
 
 
+class SensorCondition(msgspec.Struct, frozen=True, array_like=True):
+    """One of the sensors that samplers read."""
+
+    device: str
+    source: str
+    """Its URL."""
+    problem: str = ""
+    """Why it cannot be used, then after a semicolon what to do; empty as far as nothing is known against it."""
+    age_s: float = -1.0
+    """Since it brought something last; negative for never."""
+    uncalibrated: list[str] = []
+    """Its cameras of which no calibration is given."""
+    is_open: bool = False
+    """Whether it was opened; else only what can be told without that is known."""
+
+
 class ComputerState(Message, frozen=True):
     """The computer on which the onboard process runs."""
 
@@ -62,3 +78,4 @@ class ComputerState(Message, frozen=True):
     utc_minus_t_s: float | None = None
     """The computer's UTC minus our time."""
     links: list[LinkCondition] = []
+    sensors: list[SensorCondition] = []

@@ -9,7 +9,7 @@ from typing import Final
 
 from gloc3.clock import Clock
 from gloc3.link.endpoints import Endpoint
-from gloc3.readiness import ComputerState, LinkCondition
+from gloc3.readiness import ComputerState, LinkCondition, SensorCondition
 
 MEASURED_BYTES: Final = 4_000_000
 """What is written to measure a disk: more than its own buffer takes at once, and little enough for a slow card."""
@@ -39,6 +39,7 @@ class HostComputer:
         clock: the process's time.
         log_problem: tells why the log is not written any more; empty while it is.
         endpoints: the links that are open.
+        sensors: tells how the sensors are.
     """
 
     def __init__(
@@ -47,7 +48,9 @@ class HostComputer:
         clock: Clock,
         log_problem: Callable[[], str] = lambda: "",
         endpoints: Sequence[Endpoint] = (),
+        sensors: Callable[[], list[SensorCondition]] = list,
     ) -> None:
+        self._sensors = sensors
         self._folder, self._clock = folder, clock
         self._log_problem, self._endpoints = log_problem, endpoints
         self._write_mb_s = 0.0
@@ -86,6 +89,7 @@ class HostComputer:
                 )
                 for one in self._endpoints
             ],
+            sensors=self._sensors(),
         )
 
 

@@ -1,6 +1,7 @@
 """Looks at a vehicle's computer and autopilot without flying: opens the link, listens for a while, makes the list."""
 
 import asyncio
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -10,11 +11,15 @@ from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.platform import Platform
 from gloc3.port_advice import port_advice
 from gloc3.preflight import Check, Group, Verdict, in_order
+from gloc3.readiness import SensorCondition
 from gloc3.vehicle import Pose
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.computer import HostComputer
+from gloc3_onboard.rig import calibration_problems
+from gloc3_onboard.sensor_watch import unopened_conditions
+from gloc3_onboard.sources.asked import source_urls
 
 LOOK_EVERY_S: Final = 0.1
 SETTLED_S: Final = 2.0
@@ -31,6 +36,10 @@ class Question(NamedTuple):
     out: Path
     wait_s: float
     system_id: int = 1
+    folder: Path = Path()
+    """Of the platform file."""
+    devices: tuple[str, ...] = ()
+    """Sources that differ from the platform file's, as NAME=URL."""
 
 
 async def examine(question: Question) -> list[Check]:
@@ -38,7 +47,7 @@ async def examine(question: Question) -> list[Check]:
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
     endpoints: list[Endpoint] = []
-    computer = HostComputer(question.out, clock, endpoints=endpoints)
+    computer = HostComputer(question.out, clock, endpoints=endpoints, sensors=partial(_sensors, question))
     await loop.run_in_executor(None, computer.measure)
     link = AutopilotLink(loop, clock, question.system_id)
     problem = ""
@@ -57,6 +66,15 @@ async def examine(question: Question) -> list[Check]:
         for one in endpoints:
             await one.close()
     return in_order(_with_port(checks, problem))
+
+
+def _sensors(question: Question) -> list[SensorCondition]:
+    """How the sensors are, without opening them."""
+    platform = question.platform
+    used = sorted({device for row in platform.components for device in row.devices.values()})
+    urls = source_urls(platform, used, question.devices)
+    wrong = calibration_problems(platform, question.folder)
+    return unopened_conditions(urls, question.folder, platform.cameras.__contains__, wrong)
 
 
 async def _listen(link: AutopilotLink, loop: asyncio.AbstractEventLoop, wait_s: float) -> None:

@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from gloc3.errors import Refused
 from gloc3.narrate import narrate
-from gloc3.platform import load_platform
+from gloc3.platform import find_platform, load_platform
 from gloc3.preflight import Check, summary, worst
 from gloc3_onboard.cli import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 
@@ -38,6 +38,7 @@ def doctor(
     /,
     *,
     autopilot: str = DEFAULT_AUTOPILOT,
+    device: Annotated[list[str] | None, Parameter(negative=())] = None,
     out: Path | None = None,
     wait: float = 10.0,
     system_id: int = 1,
@@ -48,6 +49,7 @@ def doctor(
     Args:
         platform: A platform file, or the name of one that is installed, such as pelican.
         autopilot: Where the autopilot is: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD.
+        device: Where a sensor's data comes from, as NAME=URL; may be given again, as for gloc3 onboard.
         out: The folder that `gloc3 onboard` will write to; default: gloc3-PLATFORM here.
         wait: How long to listen to the autopilot, in seconds; it ends as soon as everything is known.
         system_id: The vehicle's MAVLink system.
@@ -62,7 +64,9 @@ def doctor(
 
     parse_url(autopilot)
     known = load_platform(platform, is_loading_classes=True, warn=lambda found: narrate(str(found)))
-    question = Question(known, autopilot, out or Path(f"gloc3-{known.platform}"), wait, system_id)
+    folder = find_platform(platform).parent
+    devices = tuple(device or ())
+    question = Question(known, autopilot, out or Path(f"gloc3-{known.platform}"), wait, system_id, folder, devices)
     checks = asyncio.run(examine(question))
     for check in checks:
         print(_json(check) if json else _line(check, is_coloured=sys.stdout.isatty()))  # noqa: T201

@@ -2,7 +2,6 @@
 
 import asyncio
 import signal
-from collections.abc import Sequence
 from pathlib import Path
 from random import SystemRandom
 from typing import Any, Final
@@ -11,7 +10,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.context import HostContext
-from gloc3.errors import Refused, nearest
+from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.link.endpoints import Endpoint, open_endpoint
@@ -26,8 +25,10 @@ from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
+from gloc3_onboard.sensor_watch import SensorWatch
+from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.factory import SourceHost, make_sources
-from gloc3_onboard.sources.url import Sensor, sensor_of
+from gloc3_onboard.sources.url import Sensor
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
 from gloc3_onboard.taps import ExchangeTaps
@@ -35,9 +36,6 @@ from gloc3_onboard.viewer.catalogue import Catalogue
 
 DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
 """What this host has; installed packages bring more."""
-NOWHERE: Final = "none://"
-FILES: Final = ("video", "euroc", "kitti", "carmen", "mcap")
-"""Schemes whose place is a file or folder."""
 MOST_LOGS: Final = 10_000
 LOOK_AFTER_S: Final = 3.0
 LOOK_EVERY_S: Final = 1.0
@@ -87,18 +85,24 @@ class OnboardProcess:
         self._clock = Clock(loop)
         self._topics = TopicTable.installed()
         self._exchange = LocalExchange()
+        self._narrator = Narrator()
         self._random = SystemRandom()
         self._out = options.out or Path(f"gloc3-{platform.platform}")
         self._endpoints: list[Endpoint] = []
         self._stations: list[StationLink] = []
         self._autopilot = AutopilotLink(loop, self._clock, options.system_id, self.say)
         self._recorder: Recorder | None = None
-        self._computer = HostComputer(self._out, self._clock, self._log_problem, self._endpoints)
-        self._narrator = Narrator()
-        self._onboard: Onboard | None = None
         folder = find_platform(options.platform).parent
         self._rig = PlatformRig(platform, folder)
-        self._sources = self._make_sources(folder)
+        for warning in self._rig.warnings:
+            self.say(Severity.WARNING, str(warning))
+        used = sorted({device for row in platform.components for device in row.devices.values()})
+        urls = source_urls(platform, used, options.devices)
+        host = SourceHost(loop, folder, self._autopilot.t_s_of_boot, self._autopilot.sensors, self._autopilot)
+        self._sources = make_sources(urls, host)
+        watch = SensorWatch(urls, self._sources, self._rig, self._clock.now_s)
+        self._computer = HostComputer(self._out, self._clock, self._log_problem, self._endpoints, watch.conditions)
+        self._onboard: Onboard | None = None
         self._links: dict[str, str] = {}
         """What was told last of each link, by its URL."""
         self._timer: asyncio.TimerHandle | None = None
@@ -196,12 +200,6 @@ class OnboardProcess:
                 self.say(Severity.WARNING if problem else Severity.NOTICE, f"{endpoint.url}: {problem or 'connected'}")
             self._links[endpoint.url] = problem
 
-    def _make_sources(self, folder: Path) -> dict[str, Any]:
-        """The sensors of the platform, by device; those without a source bring nothing."""
-        used = sorted({device for row in self._platform.components for device in row.devices.values()})
-        host = SourceHost(self._loop, folder, self._autopilot.t_s_of_boot, self._autopilot.sensors, self._autopilot)
-        return make_sources(source_urls(self._platform, used, self._options.devices), host)
-
     def _devices(self, log: Path) -> dict[str, Any]:
         """What the components use; the pictures go to a folder of each log's own: `images`, `images-2`..."""
         return {
@@ -216,27 +214,3 @@ class OnboardProcess:
             "taps": ExchangeTaps(self._exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),
         }
-
-
-def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str]) -> dict[str, str]:
-    """Where each sensor's data comes from: what was asked for, else what the platform file says, else nowhere.
-
-    Raises:
-        Refused: what was asked for is not NAME=URL, or the platform has no such device.
-    """
-    sensors = {name for name in (*used, *platform.devices) if sensor_of(name) is not None}
-    urls = {name: platform.devices.get(name, NOWHERE) for name in sorted(sensors)}
-    for text in overrides:
-        name, equals, url = text.partition("=")
-        if not equals:
-            raise Refused(f"--device {text!r} must be NAME=URL, such as ground_camera=v4l2:///dev/video0")
-        if name not in urls:
-            raise Refused(f"--device {text!r}: {platform.platform} has no sensor {name!r}; {nearest(name, [*urls])}")
-        scheme, separator, place = url.partition("://")
-        urls[name] = f"{scheme}{separator}{_from_here(scheme, place)}"
-    return urls
-
-
-def _from_here(scheme: str, place: str) -> str:
-    """On a command line files are relative to where it was typed, in a platform file to that file."""
-    return str(Path.cwd() / place) if scheme in FILES and not place.startswith("/") else place

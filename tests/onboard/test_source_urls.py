@@ -9,7 +9,7 @@ from gloc3.clock import VirtualLoop
 from gloc3.errors import Refused
 from gloc3.platform import read_platform
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
-from gloc3_onboard.process import source_urls
+from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.factory import SourceHost, camera_name, make_sources, pair_names
 from gloc3_onboard.sources.none import NoSource
 from gloc3_onboard.sources.url import SCHEMES, Sensor, parse_source, sensor_of

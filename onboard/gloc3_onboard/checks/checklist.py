@@ -4,6 +4,7 @@ from gloc3.preflight import Check, in_order
 from gloc3_onboard.checks.autopilot import autopilot_checks
 from gloc3_onboard.checks.computer import computer_checks
 from gloc3_onboard.checks.failsafes import failsafe_checks
+from gloc3_onboard.checks.own_sensors import own_sensor_checks
 from gloc3_onboard.checks.platform_parts import component_checks, mission_checks
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.sensors import sensor_checks
@@ -16,6 +17,7 @@ def checklist(readings: Readings) -> list[Check]:
             *autopilot_checks(readings),
             *failsafe_checks(readings),
             *sensor_checks(readings),
+            *own_sensor_checks(readings),
             *component_checks(readings),
             *mission_checks(readings),
             *computer_checks(readings),

@@ -156,7 +156,7 @@ def scan_of(name: str, ranges_mm: object, parameters: Parameters) -> LaserScan:
     """A turn as a scan; what is nearer than the scanner can tell is one of its error codes, and no reading."""
     step_rad = math.tau / parameters.steps_a_turn
     ranges_m = np.asarray(ranges_mm, np.float32) * np.float32(1e-3)
-    near_m, far_m = parameters.min_mm * 1e-3, parameters.max_mm * 1e-3
+    near_m, far_m = parameters.min_mm / 1000.0, parameters.max_mm / 1000.0
     ranges_m[ranges_m < near_m] = 0.0
     beams = parameters.last - parameters.first
     return LaserScan(

@@ -16,6 +16,7 @@ from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.narrate import narrate
 from gloc3_sitl.autopilot.mavlink.links import Receive
 from gloc3_sitl.camera_server import CameraServer
+from gloc3_sitl.record_cli import record
 from gloc3_sitl.simulator import STYLES, LinkKind, Simulator
 from gloc3_sitl.truth_log import TruthLog
 from gloc3_sitl.vehicles import VEHICLES
@@ -38,6 +39,9 @@ app = App(
     gloc3 onboard). What it does and what the autopilot says goes to stderr.""",
     version_flags=[],
 )
+
+
+app.command(record)
 
 
 class LinkRow(NamedTuple):

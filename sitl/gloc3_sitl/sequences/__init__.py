@@ -1,0 +1,1 @@
+"""Rendered sequences as data sets in the forms that others use: KITTI odometry, EuRoC, CARMEN."""

@@ -2,7 +2,7 @@
 
 Each record is a header (magic, time in microseconds since the vehicle's boot, sizes, length of the sensor's name), the
 name, and the data: rows of 8-bit grey values of a camera's frame, or 32-bit ranges of a scan. The two frames of a
-stereo pair are two records with one time.
+stereo pair are two records with one time. A client first says in one line, with spaces between, which sensors it wants.
 """
 
 import math
@@ -16,6 +16,8 @@ SCAN_MAGIC: Final = b"G3S1"
 _HEADER: Final = struct.Struct("<4sQHHB")
 _SCAN_HEADER: Final = struct.Struct("<4sQHB5f")
 MOST_PIXELS: Final = 16_000_000
+MOST_WISH_BYTES: Final = 1024
+"""The longest line of a client."""
 
 
 class FrameError(Gloc3Error):
@@ -73,6 +75,16 @@ def encode_scan(scan: ScanFrame) -> bytes:
     if rest or not 0 < beams <= 0xFFFF or len(name) > 255 or scan.boot_us < 0 or not all(map(math.isfinite, numbers)):
         raise Misuse(f"{len(scan.ranges_m)} bytes are no scan")
     return _SCAN_HEADER.pack(SCAN_MAGIC, scan.boot_us, beams, len(name), *numbers) + name + scan.ranges_m
+
+
+def encode_wish(*sensors: str) -> bytes:
+    """The line with which a client asks for sensors by name."""
+    return " ".join(sensors).encode() + b"\n"
+
+
+def read_wish(line: bytes) -> frozenset[str]:
+    """The sensors that a client's line asks for."""
+    return frozenset(line.decode("ascii", "replace").split())
 
 
 class FrameReader:

@@ -15,8 +15,8 @@ from gloc3.frames import GeoPoint
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.narrate import narrate
 from gloc3_sitl.autopilot.mavlink.links import Receive
-from gloc3_sitl.camera_server import CameraServer
 from gloc3_sitl.record_cli import record
+from gloc3_sitl.sensor_server import SensorServer
 from gloc3_sitl.simulator import STYLES, LinkKind, Simulator
 from gloc3_sitl.truth_log import TruthLog
 from gloc3_sitl.vehicles import VEHICLES
@@ -56,7 +56,7 @@ class Extras(NamedTuple):
 
     speed: float
     seconds: float | None
-    camera_port: int | None
+    sensor_port: int | None
     seed: int
     out: Path | None
     vehicle: str
@@ -122,7 +122,7 @@ def sitl(
     param: Annotated[list[str] | None, Parameter(negative=())] = None,
     link: Annotated[list[str] | None, Parameter(negative=())] = None,
     seconds: float | None = None,
-    camera: int | None = None,
+    sensors: int | None = None,
     out: Path | None = None,
 ) -> int:
     """Run the simulated vehicle until Ctrl-C.
@@ -143,7 +143,8 @@ def sitl(
             `station=` or `companion=` before the URL chooses which telemetry begins by itself; ports 14540 to 14549 are
             companions' without it.
         seconds: End after so much simulated time.
-        camera: TCP port on 127.0.0.1 that serves the ground camera's frames (0: any); for `gloc3 onboard --camera`.
+        sensors: TCP port on 127.0.0.1 that serves cameras and laser scanner (0: any), as sources tcp://127.0.0.1:PORT of
+            `gloc3 onboard --device`.
         out: Folder for truth.mcap, the log of where the vehicle truly was.
     """
     if vehicle not in VEHICLES:
@@ -160,8 +161,8 @@ def sitl(
         raise Refused("--seed must be 0 or more")
     if seconds is not None and not seconds > 0.0:
         raise Refused("--seconds must be above 0")
-    if camera is not None and not 0 <= camera <= MOST_PORT:
-        raise Refused(f"--camera must be a port from 0 to {MOST_PORT}")
+    if sensors is not None and not 0 <= sensors <= MOST_PORT:
+        raise Refused(f"--sensors must be a port from 0 to {MOST_PORT}")
     place, heading = (None, None) if home is None else read_home(home)
     simulator = Simulator(
         World.load(world, place, heading),
@@ -175,7 +176,7 @@ def sitl(
     )
     links = [read_link(text) for text in link or DEFAULT_LINKS]
     title = f"{vehicle}, {autopilot}, world {simulator.world.name}"
-    return asyncio.run(_run(simulator, links, Extras(speed, seconds, camera, seed, out, vehicle), title))
+    return asyncio.run(_run(simulator, links, Extras(speed, seconds, sensors, seed, out, vehicle), title))
 
 
 async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, title: str) -> int:
@@ -185,7 +186,7 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
     endpoints: list[Endpoint] = []
-    camera = CameraServer(simulator, loop, extras.seed) if extras.camera_port is not None else None
+    server = SensorServer(simulator, loop, extras.seed) if extras.sensor_port is not None else None
     truth = TruthLog(simulator, loop, extras.out, extras.vehicle) if extras.out is not None else None
     try:
         for row in links:
@@ -194,16 +195,16 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
         _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {extras.speed:g} times real time")
         for row, endpoint in zip(links, endpoints, strict=True):
             _tell(f"{row.kind} link {row.url}, port {endpoint.local_port}")
-        if camera is not None and extras.camera_port is not None:
-            await camera.open(extras.camera_port)
-            _tell(f"ground camera tcp://127.0.0.1:{camera.port}")
+        if server is not None and extras.sensor_port is not None:
+            await server.open(extras.sensor_port)
+            _tell(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, extras.speed)
         await _watch(simulator, stopped, extras.seconds)
     finally:
         simulator.stop()
-        if camera is not None:
-            await camera.close()
+        if server is not None:
+            await server.close()
         if truth is not None:
             truth.close()
         for endpoint in endpoints:

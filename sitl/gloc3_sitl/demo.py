@@ -95,14 +95,14 @@ class Demo:
         """
         options, vehicle, onboard = self._options, self._vehicle, self._onboard
         to_companion, to_station = free_ports(2, socket.SOCK_DGRAM)
-        (camera,) = free_ports(1, socket.SOCK_STREAM)
+        (sensors,) = free_ports(1, socket.SOCK_STREAM)
         await vehicle.start(
             [
                 "sitl",
                 *_place(self._mission.mission),
                 *("--autopilot", options.autopilot),
                 *("--link", f"companion=udpout://127.0.0.1:{to_companion}"),
-                *("--camera", str(camera)),
+                *("--sensors", str(sensors)),
                 *("--out", str(options.out)),
             ]
         )
@@ -111,11 +111,11 @@ class Demo:
                 *("onboard", options.platform),
                 *("--autopilot", f"udpin://127.0.0.1:{to_companion}"),
                 *("--station", f"udpout://127.0.0.1:{to_station}"),
-                *("--device", f"ground_camera=tcp://127.0.0.1:{camera}"),
+                *("--device", f"ground_camera=tcp://127.0.0.1:{sensors}"),
                 *("--out", str(options.out)),
             ]
         )
-        await vehicle.await_line("ground camera")
+        await vehicle.await_line("sensors tcp")
         await onboard.await_line("components")
         heard = [
             *("--link", f"udpin://127.0.0.1:{to_station}"),

@@ -42,7 +42,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["sitl", "--vehicle", "nosuch"], "known: pelican"),
     (["sitl", "--home", "here"], "must be LAT,LON,ALT,HEADING"),
     (["sitl", "--speed", "0"], "--speed must be above 0"),
-    (["sitl", "--camera", "70000"], "--camera must be a port"),
+    (["sitl", "--sensors", "70000"], "--sensors must be a port"),
     (["sitl", "--link", "udp"], "has no scheme"),
     (["onboard"], "PLATFORM requires an argument"),
     (["onboard", "nosuch"], "no such platform"),

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from gloc3.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame
+from gloc3.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_wish
 from gloc3.perception import LaserScan
 from gloc3.vehicle import Image
 from gloc3_onboard.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
@@ -26,10 +26,12 @@ class StreamSource:
         name: of the thread.
         address: host and port.
         t_s_of: maps the vehicle's time to ours.
+        wish: the sensors of the other end that are wanted.
     """
 
-    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime) -> None:
+    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, wish: tuple[str, ...]) -> None:
         self._name, self._address, self._t_s_of = name, address, t_s_of
+        self._wish = encode_wish(*wish)
         self._bell = Bell()
         self._stop = threading.Event()
 
@@ -50,6 +52,7 @@ class StreamSource:
     def _read(self, stop: threading.Event) -> None:
         while not stop.is_set():
             with suppress(OSError, FrameError), socket.create_connection(self._address, CONNECT_S) as stream:
+                stream.sendall(self._wish)
                 reader = FrameReader()
                 while not stop.is_set():
                     data = stream.recv(1 << 20)
@@ -77,11 +80,11 @@ class StreamCamera(StreamSource):
         name: of the camera, whatever the stream calls it.
         address: host and port.
         t_s_of: maps the vehicle's time to ours.
-        part: which camera of the stream; empty for any.
+        part: which camera of the stream; empty for the one that has this name there, too.
     """
 
     def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, part: str = "") -> None:
-        super().__init__(name, address, t_s_of)
+        super().__init__(name, address, t_s_of, (part or name,))
         self._part = part
         self._frame: StampedImage | None = None
 
@@ -110,7 +113,7 @@ class StreamStereoCamera(StreamSource):
     """
 
     def __init__(self, names: tuple[str, str], address: tuple[str, int], t_s_of: MapTime) -> None:
-        super().__init__(names[0], address, t_s_of)
+        super().__init__(names[0], address, t_s_of, names)
         self._names = names
         self._sides: dict[str, GreyFrame] = {}
         self._pair: StampedPair | None = None
@@ -138,7 +141,7 @@ class StreamLaser(StreamSource):
     """A range scanner."""
 
     def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, part: str = "") -> None:
-        super().__init__(name, address, t_s_of)
+        super().__init__(name, address, t_s_of, (part or name,))
         self._part = part
         self._scan: StampedScan | None = None
 

@@ -1,4 +1,4 @@
-"""The simulated camera over TCP: pictures reach the onboard process's device, across breaks, and damage does not."""
+"""Simulated sensors over TCP: their data reaches the onboard process's devices, across breaks, and damage does not."""
 
 import asyncio
 import socket
@@ -9,8 +9,8 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.frame_stream import GreyFrame, encode
 from gloc3_onboard.devices import StampedImage
-from gloc3_onboard.sources.stream import StreamCamera
-from gloc3_sitl.camera_server import CameraServer
+from gloc3_onboard.sources.stream import StreamCamera, StreamLaser, StreamStereoCamera
+from gloc3_sitl.sensor_server import SensorServer
 from gloc3_sitl.simulator import Simulator
 from gloc3_sitl.world import World
 
@@ -39,8 +39,8 @@ async def frame_after(camera: StreamCamera, t_s: float) -> StampedImage:
 
 async def test_pictures_of_the_simulator_arrive_with_the_time_of_their_exposure() -> None:
     simulator, loop = Simulator(World.load("hold")), asyncio.get_running_loop()
-    server = await CameraServer(simulator, loop, 0).open(0)
-    camera = StreamCamera("belly", ("127.0.0.1", server.port), lambda boot_s: boot_s + OFFSET_S)
+    server = await SensorServer(simulator, loop, 0).open(0)
+    camera = StreamCamera("belly", ("127.0.0.1", server.port), lambda boot_s: boot_s + OFFSET_S, "ground")
     camera.open()
     simulator.start(loop)
     try:
@@ -55,6 +55,38 @@ async def test_pictures_of_the_simulator_arrive_with_the_time_of_their_exposure(
     assert image.camera == "belly"
     assert len(image.data) == image.width * image.height
     assert len(set(image.data)) > 10, "it shows something"
+
+
+async def test_pairs_scans_and_the_tracker_arrive_beside_each_other_and_nothing_else_is_looked_at() -> None:
+    simulator, loop = Simulator(World.load("hold")), asyncio.get_running_loop()
+    server = await SensorServer(simulator, loop, 0).open(0)
+    address = ("127.0.0.1", server.port)
+    stereo = StreamStereoCamera(("front_left", "front_right"), address, lambda boot_s: boot_s)
+    laser = StreamLaser("laser", address, lambda boot_s: boot_s)
+    tracker = StreamCamera("tracker", address, lambda boot_s: boot_s)
+    stranger = StreamCamera("nose", address, lambda boot_s: boot_s)
+    devices = (stereo, laser, tracker, stranger)
+    for device in devices:
+        device.open()
+    simulator.start(loop)
+    try:
+        await until(lambda: None not in (stereo.pair(), laser.scan(), tracker.frame()))
+        pair, turn, frame = stereo.pair(), laser.scan(), tracker.frame()
+        await until(lambda: stereo.pair() is not pair)
+    finally:
+        simulator.stop()
+        for device in devices:
+            device.close()
+        await server.close()
+    assert pair is not None
+    assert turn is not None
+    assert frame is not None
+    assert pair.left.data != pair.right.data
+    assert (pair.left.camera, pair.right.camera) == ("front_left", "front_right")
+    assert turn.scan.range_max_m == pytest.approx(30.0)
+    assert len(turn.scan.ranges_m) == 4 * 360
+    assert max(frame.image.data) > 200, "the light of the vehicle"
+    assert stranger.frame() is None, "there is no such camera"
 
 
 async def test_a_stream_that_breaks_or_is_damaged_is_opened_anew() -> None:
@@ -104,6 +136,6 @@ async def test_a_picture_whose_time_is_not_known_yet_is_dropped() -> None:
 
 async def test_a_camera_port_that_is_taken_is_refused() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        server = CameraServer(Simulator(World.load("hold")), asyncio.get_running_loop(), 0)
+        server = SensorServer(Simulator(World.load("hold")), asyncio.get_running_loop(), 0)
         with pytest.raises(Refused, match="in use by another program"):
             await server.open(taken.getsockname()[1])

@@ -14,6 +14,7 @@ from gloc3.errors import Misuse
 from gloc3.frames import Vector3
 from gloc3.mission.fence import Fence
 from gloc3.vehicle import MotionLimits, Setpoint
+from gloc3_onboard.obstacle_field import Detour, ObstacleField
 
 TOLERANCE_M: Final = 1e-6
 ROUNDING_M: Final = 1e-9
@@ -30,6 +31,9 @@ SEEN_M: Final = 0.02
 """A difference that is worth counting."""
 REACTION_S: Final = 0.4
 """So much later the vehicle does what the point does; the fence is kept by the vehicle, not only by the point."""
+SLACK_M: Final = 0.1
+"""So much nearer than is wanted the point may slide along an obstacle; from nearer still it goes away at once."""
+IN_THE_WAY: Final = "an obstacle is in the way"
 _AT_REST: Final = (0.0, 0.0, 0.0)
 
 
@@ -52,6 +56,9 @@ class SetpointLimiter:
         self._vehicle_ned_m: Vector3 = _AT_REST
         self._seen_s = -math.inf
         self._resets: int | None = None
+        self.obstacles: ObstacleField | None = None
+        """What stands around; may be replaced at any time. None where nobody looks."""
+        self._detour = Detour()
         self.highest_m = math.inf
         """Greatest height above the origin of NED; infinite while nothing limits it."""
         self.limits = limits
@@ -114,10 +121,14 @@ class SetpointLimiter:
         if wanted.position_ned_m is None:
             return self._limit_velocity(wanted, duration_s)
         target, reason = self._inside(wanted.position_ned_m)
+        target, reason = self._clear_of_obstacles(target, reason)
         feed_forward = wanted.velocity_ned_m_s
         self._approach(target, self._motion_of(target, feed_forward, duration_s), duration_s)
         if not reason and math.dist(self._at, target) > SEEN_M:
-            reason = "it asks for more than the platform may do, or the fence is on the way"
+            is_blocked = self._is_blocked(target)
+            reason = (
+                IN_THE_WAY if is_blocked else "it asks for more than the platform may do, or the fence is on the way"
+            )
         if reason or (feed_forward is not None and not self._agree(feed_forward, self._velocity)):
             feed_forward = self._velocity
         return Limited(_with(wanted, self._at, feed_forward), bool(reason), reason)
@@ -197,6 +208,56 @@ class SetpointLimiter:
             return told
         return seen if self._is_slow(seen) else _AT_REST
 
+    # --- obstacles ---
+
+    def _clear_of_obstacles(self, target: Vector3, reason: str) -> tuple[Vector3, str]:
+        """The target, not too near to anything; away from here first, where something has come too near."""
+        assert self._at is not None
+        field, at = self.obstacles, self._at
+        if field is None or field.is_empty:
+            return target, reason
+        missing_m = field.keep_m - field.clearance_m(at)
+        if missing_m > SLACK_M:
+            north, east = field.away(at)
+            place = (at[0] + missing_m * north, at[1] + missing_m * east, target[2])
+            return self._kept_inside(place), "an obstacle is too near"
+        if field.clearance_m(target) >= field.keep_m:
+            return target, reason
+        return self._kept_inside(field.pushed_out(target, at)), IN_THE_WAY
+
+    def _kept_inside(self, place: Vector3) -> Vector3:
+        """A place to flee to, not beyond the fence."""
+        if self._flat is None or self._flat.clearance_m(place) >= self._limits.fence_margin_m:
+            return place
+        return self._pushed_in(self._flat, place)
+
+    def _around(self, wish: Vector3, distance_m: float) -> Vector3:
+        """The wanted velocity, turned aside where something is in the way."""
+        assert self._at is not None
+        field, across = self.obstacles, math.hypot(wish[0], wish[1])
+        if field is None or field.is_empty or across < TOLERANCE_M:
+            return wish
+        heading, free_m = self._detour.heading(field, self._at, math.atan2(wish[1], wish[0]), distance_m)
+        # So fast that reacting and braking together take the way that is free.
+        lost = APPROACH_SHARE * self._limits.acceleration_m_s2 * REACTION_S
+        speed = min(across, math.sqrt(lost * lost + 2.0 * lost / REACTION_S * free_m) - lost)
+        return (speed * math.cos(heading), speed * math.sin(heading), wish[2])
+
+    def _is_clear(self, stop: Vector3, way_m: float) -> bool:
+        """Whether the way to a stop comes no nearer to an obstacle than it may, or than it is now."""
+        assert self._at is not None
+        field = self.obstacles
+        if field is None or field.is_empty:
+            return True
+        now_m, least_m = field.clearance_m(self._at), field.keep_m - SLACK_M
+        if now_m - least_m >= way_m:
+            return True
+        return field.leg_clearance_m(self._at, stop) >= min(now_m, least_m) - ROUNDING_M
+
+    def _is_blocked(self, target: Vector3) -> bool:
+        assert self._at is not None
+        return self.obstacles is not None and self.obstacles.leg_clearance_m(self._at, target) < self.obstacles.keep_m
+
     # --- the way there ---
 
     def _approach(self, target: Vector3, moving: Vector3, duration_s: float) -> None:
@@ -218,8 +279,8 @@ class SetpointLimiter:
         behind = _plus(way, moving, -duration_s)
         distance_m = math.hypot(*behind)
         closing_m_s = _speed_to_stop(distance_m, APPROACH_SHARE * self._limits.acceleration_m_s2, duration_s)
-        wish = _plus(moving, behind, closing_m_s / max(distance_m, TOLERANCE_M))
-        self._velocity = self._next(self._slowed(wish), duration_s)
+        wish = self._slowed(_plus(moving, behind, closing_m_s / max(distance_m, TOLERANCE_M)))
+        self._velocity = self._next(self._around(wish, distance_m), duration_s)
         self._at = _plus(at, self._velocity, duration_s)
 
     def _next(self, wish: Vector3, duration_s: float) -> Vector3:
@@ -251,11 +312,13 @@ class SetpointLimiter:
         height_m, stop_m = -at[2], -stop[2]
         if stop_m > max(self.highest_m, height_m) + TOLERANCE_M or stop_m < min(self._lowest_m, height_m) - TOLERANCE_M:
             return False
+        reach_s += REACTION_S
+        stop = _plus(at, velocity, reach_s)
+        if not self._is_clear(stop, speed * reach_s):
+            return False
         if self._flat is None:
             return True
         room_m, margin_m = self._room_m(), self._limits.fence_margin_m
-        reach_s += REACTION_S
-        stop = _plus(at, velocity, reach_s)
         if room_m - margin_m >= speed * reach_s:
             return True
         needed_m = min(room_m, margin_m) - ROUNDING_M

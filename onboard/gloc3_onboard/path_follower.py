@@ -79,6 +79,8 @@ class PathFollower:
     ) -> None:
         self.waited_s = 0.0
         """How long the point has been standing because the vehicle does not come."""
+        self.slack_m = 0.0
+        """So much farther ahead than usual the point may be, while the vehicle goes around something."""
         self._waypoints = tuple(waypoints_ned_m)
         self._speed_m_s, self._climb_m_s = speed_m_s, climb_m_s
         self._acceleration = acceleration_m_s2
@@ -190,7 +192,7 @@ class PathFollower:
 
     def _speed(self, leg: Leg, left_m: float, duration_s: float, behind_m: float) -> float:
         """For the next step: near to the wanted one, and such that the end's can still be kept."""
-        lead_m = LEAD_M + LEAD_S * leg.speed_m_s
+        lead_m = LEAD_M + LEAD_S * leg.speed_m_s + self.slack_m
         wanted = leg.speed_m_s * min(max(2.0 - behind_m / lead_m, 0.0), 1.0)
         change = self._acceleration * duration_s
         speed = min(max(wanted, self._now_m_s - change), self._now_m_s + change)

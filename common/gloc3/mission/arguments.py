@@ -29,6 +29,8 @@ GeoPosition = tuple[Latitude, Longitude, Height]
 Speed = Annotated[float, msgspec.Meta(gt=0.0, le=50.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
+WallDistance = Annotated[float, msgspec.Meta(ge=0.9, le=6.0)]
+"""No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
 
 
 class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -190,6 +192,8 @@ class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
     """A waypoint counts as passed within this distance."""
     hold_s: float = 0.0
     """Stay so long at each waypoint."""
+    wall_distance_m: float | None = None
+    """Keep so far from the wall ahead."""
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
         """Straight from waypoint to waypoint."""
@@ -228,11 +232,15 @@ class FollowWaypoints(_Flight, frozen=True, kw_only=True):
     """`[x, y, height]` each, in a local frame."""
     waypoints: Annotated[tuple[GeoPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
     """`[latitude, longitude, height]` each, in frame geo."""
+    wall_distance_m: WallDistance | None = None
+    """Keep so far from the wall that the vehicle looks at: the way is moved to and fro by up to 1.5 m. Its heading should
+    be across the way (degrees, or `look_at`); it needs a laser scanner."""
 
     def order(self, placement: Placement) -> FollowWaypointsOrder:
         """The waypoints in NED."""
         waypoints = written_for(placement, self.waypoints_m, self.waypoints, "waypoints")
-        return self._order(waypoints, placement, "waypoints")
+        order = self._order(waypoints, placement, "waypoints")
+        return msgspec.structs.replace(order, wall_distance_m=self.wall_distance_m)
 
 
 class GoTo(_Flight, frozen=True, kw_only=True):

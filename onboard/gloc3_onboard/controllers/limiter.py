@@ -1,5 +1,6 @@
 """CC: the limiter between the controllers and the driver: one owner of motion, inside the limits and the fence."""
 
+import math
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -7,8 +8,9 @@ from gloc3.component import Controller
 from gloc3.messages import Envelope
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, Pose, Setpoint
+from gloc3.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, ObstacleScan, Pose, Setpoint
 from gloc3_onboard.motion_limits import SetpointLimiter
+from gloc3_onboard.obstacle_field import Approach, ObstacleField
 from gloc3_onboard.setpoint_gate import SetpointGate
 
 
@@ -17,6 +19,10 @@ class LimiterSettings(Settings, frozen=True):
 
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """Without a pose younger than this nothing passes: the fence could not be kept."""
+    keep_m: Annotated[float, Bounds(0.3, 10.0)] = 0.8
+    """Distance from the vehicle's middle to any obstacle that is wanted, in metres."""
+    obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
+    """Obstacles that were seen longer ago do not count."""
 
 
 class Limiter(Controller[LimiterSettings]):
@@ -30,6 +36,7 @@ class Limiter(Controller[LimiterSettings]):
     grant = Input(MotionGrant)
     limits = Input(MotionLimits)
     pose = Input(Pose)
+    obstacles = Input(ObstacleScan)
     setpoint = Output(Setpoint, frame="ned")
     manoeuvre = Output(Manoeuvre)
 
@@ -40,6 +47,8 @@ class Limiter(Controller[LimiterSettings]):
         self._settings = LimiterSettings()
         self._gate = SetpointGate()
         self._limiter: SetpointLimiter | None = None
+        self._approach = Approach()
+        self._seen_s = -math.inf
 
     def initialize(self, settings: LimiterSettings) -> None:
         """Adopts the settings."""
@@ -48,6 +57,7 @@ class Limiter(Controller[LimiterSettings]):
     def start(self) -> None:
         """Waits for the limits."""
         self._limiter = None
+        self._approach, self._seen_s = Approach(), -math.inf
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Limits what the owner of motion wants."""
@@ -57,6 +67,8 @@ class Limiter(Controller[LimiterSettings]):
             self._limiter.limits = limits.payload
         grant = inbox.latest(self.grant)
         owner = grant.payload.action_id if grant is not None else ""
+        for scan in inbox.new(self.obstacles):
+            self._look_around(scan, inbox.latest(self.pose))
         results: list[Result] = []
         for manoeuvre in inbox.new(self.manoeuvre_wanted):
             if owner and manoeuvre.payload.action_id == owner:
@@ -70,6 +82,14 @@ class Limiter(Controller[LimiterSettings]):
         self.foreign, self.stale, self.not_finite = gate.foreign, gate.stale, gate.not_finite
         return results
 
+    def _look_around(self, scan: Envelope[ObstacleScan], pose: Envelope[Pose] | None) -> None:
+        if self._limiter is None or pose is None or not scan.payload.is_valid or scan.t_s <= self._seen_s:
+            return
+        self._seen_s = scan.t_s
+        at, points, keep_m = pose.payload.position_ned_m, scan.payload.points_ne_m, self._settings.keep_m
+        farther_m = self._approach.see(ObstacleField(points, at, keep_m), at, scan.t_s)
+        self._limiter.obstacles = ObstacleField(points, at, keep_m + farther_m)
+
     def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
         if self._limiter is None:
             self.reason = "the limits are not known yet"
@@ -79,6 +99,8 @@ class Limiter(Controller[LimiterSettings]):
             return []
         place = pose.payload
         self._limiter.see(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
+        if now_s - self._seen_s > self._settings.obstacles_limit_s:
+            self._limiter.obstacles = None
         limited = self._limiter.limit(wanted.payload, wanted.t_s)
         self.clamped += limited.is_clamped
         self.reason = limited.reason

@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
+from msgspec.structs import replace
+
 from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.errors import Refused
@@ -13,10 +15,17 @@ from gloc3.mission.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHo
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import DriverState, Home, Pose, Setpoint
+from gloc3.vehicle import DriverState, Home, ObstacleScan, Pose, Setpoint
 from gloc3_onboard.leader import Leader
-from gloc3_onboard.path_follower import PathFollower, next_ahead
+from gloc3_onboard.obstacle_field import ObstacleField
+from gloc3_onboard.path_follower import PathFollower, Target, next_ahead
+from gloc3_onboard.wall_keeper import WallKeeper, wall_ahead
 
+DETOUR_M = 2.0
+"""So much farther ahead the point that is followed may be while the vehicle goes around something."""
+AHEAD_M = 1.5
+NARROW_M = 0.1
+"""A way that is so much too narrow is flown all the same, as the limiter does."""
 LOOK_AT_M = 0.2
 """Nearer than this to the point that it looks at, the vehicle keeps its heading."""
 
@@ -41,6 +50,12 @@ class WaypointsSettings(Settings, frozen=True):
     there; in a wind that never lets it rest it is done after some seconds."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """A pose older than this is lost."""
+    keep_m: Annotated[float, Bounds(0.3, 10.0)] = 0.8
+    """Something nearer to the way than this is gone around, in metres; as in the limiter, which does it."""
+    obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
+    """Obstacles that were seen longer ago do not count."""
+    wall_s: Annotated[float, Bounds(0.5, 600.0)] = 5.0
+    """Longest flight without sight of the wall that a distance is to be kept from, before the action fails."""
 
 
 class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
@@ -57,6 +72,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
     pose = Input(Pose)
     home = Input(Home)
     driver = Input(DriverState)
+    obstacles = Input(ObstacleScan)
     setpoint_wanted = Output(Setpoint, frame="ned")
 
     def __init__(self) -> None:
@@ -68,6 +84,9 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         self._home_ned_m: Vector3 | None = None
         self._order: FollowWaypointsOrder | None = None
         self._leader: Leader | None = None
+        self._wall: WallKeeper | None = None
+        self._points: list[tuple[float, float]] | None = None
+        """What stands around; None where nobody looks."""
         self._passed = 0
         """Waypoints that an earlier attempt had passed."""
         self._yaw_rad = 0.0
@@ -91,6 +110,8 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         count = len(order.waypoints_ned_m)
         if not count:
             raise Refused("there is no waypoint")
+        if order.wall_distance_m is not None and self._points is None:
+            raise Refused("nobody sees the wall to keep the distance from: there are no obstacles of a laser scanner")
         self._order = order
         self._passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
         if self._passed and not order.hold_s:
@@ -107,6 +128,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             acceptance_m=order.acceptance_m,
         )
         self._leader = Leader(follower, now_s, self._settings.at_rest_m_s)
+        self._wall = None if order.wall_distance_m is None else WallKeeper(order.wall_distance_m)
 
     def _way_home(self, arguments: ReturnHome, pose: Pose) -> FollowWaypointsOrder:
         home, (north, east, down) = self._home_ned_m, pose.position_ned_m
@@ -130,6 +152,9 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         self._pose = latest.payload if latest is not None and is_fresh else None
         if (home := inbox.latest(self.home)) is not None:
             self._home_ned_m = home.payload.position_ned_m
+        scan = inbox.latest(self.obstacles)
+        is_seen = scan is not None and inbox.is_fresh(self.obstacles, now_s, self._settings.obstacles_limit_s)
+        self._points = scan.payload.points_ne_m if scan is not None and is_seen and scan.payload.is_valid else None
         results: list[Result] = []
         if self.is_running and self._leader is not None and self._order is not None:
             if self._pose is not None and self._pose.is_valid:
@@ -147,12 +172,14 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         now_s: float,
     ) -> Setpoint:
         action_id, follower = self.action_id, leader.follower
-        target = leader.advance(pose, driver, now_s)
+        target = self._target(leader, pose, driver, now_s)
         self.travelled_m, self.waypoint = follower.travelled_m, self._passed + follower.waypoint
         self.cross_track_m = math.dist(target.position_ned_m, pose.position_ned_m)
         count = len(order.waypoints_ned_m)
         progress = (self._passed + follower.progress * (count - self._passed)) / count
         problem = leader.problem(self._settings.settle_s, self._settings.follow_s)
+        if self._wall is not None and self._wall.blind_s > self._settings.wall_s:
+            problem = "it does not see the wall that it is to keep the distance from"
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
             self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away)")
@@ -165,6 +192,30 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             velocity_ned_m_s=target.velocity_ned_m_s,
             yaw_rad=self._yaw_rad,
         )
+
+    def _target(self, leader: Leader, pose: Pose, driver: Envelope[DriverState] | None, now_s: float) -> Target:
+        """Where the vehicle shall be now: on its way, or as far from the wall as is wanted."""
+        at, wall, points = pose.position_ned_m, self._wall, self._points or []
+        if wall is None:
+            target = leader.advance(pose, driver, now_s)
+        else:
+            target = leader.advance(replace(pose, position_ned_m=wall.unmoved(at)), driver, now_s)
+            seen = wall_ahead(points, at, yaw_of(pose.ned_from_frd))
+            wall.see(seen, at, target.position_ned_m, min(now_s - self._last_s, 0.1))
+            target = target._replace(position_ned_m=wall.moved(target.position_ned_m))
+        leader.follower.slack_m = DETOUR_M if self._is_blocked(at, target, points) else 0.0
+        return target
+
+    def _is_blocked(self, at: Vector3, target: Target, points: list[tuple[float, float]]) -> bool:
+        """Whether something is too near to the way to the target, or to what comes next."""
+        if not points:
+            return False
+        speed = math.hypot(*target.velocity_ned_m_s[:2])
+        share = AHEAD_M / speed if speed > 0.0 else 0.0
+        north, east, down = target.position_ned_m
+        ahead = (north + share * target.velocity_ned_m_s[0], east + share * target.velocity_ned_m_s[1], down)
+        field, keep_m = ObstacleField(points, at, self._settings.keep_m), self._settings.keep_m - NARROW_M
+        return min(field.leg_clearance_m(at, target.position_ned_m), field.leg_clearance_m(at, ahead)) < keep_m
 
     def _turn(self, heading: HeadingOrder, bearing_rad: float | None, pose: Pose, duration_s: float) -> None:
         match heading.mode:

@@ -1,0 +1,154 @@
+"""Obstacles as points in the plane: how far they are, whether a way is free, and which way leads around them.
+
+All places are (north, east, …) in NED; height does not count: what a level scanner has hit is taken for a post of any
+height.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from gloc3.frames import Vector3
+
+FARTHEST_M: Final = 8.0
+"""What is farther away does not matter yet."""
+SIDEWAYS_RAD: Final = math.radians(10.0)
+WIDEST_RAD: Final = math.radians(110.0)
+"""Directions around the wanted one are looked at in such steps, up to so far."""
+SAME_SIDE_RAD: Final = math.radians(35.0)
+"""So much farther round is taken to pass an obstacle on the side that was begun with."""
+LOOK_AHEAD_M: Final = 1.2
+TUBE_M: Final = 0.03
+"""A way may be so much narrower than the distance that is kept, or sliding along a wall would end at its roughness."""
+MOVING_M_S: Final = 0.15
+"""Slower approaches than this are taken for noise."""
+FASTEST_M_S: Final = 2.0
+FORESIGHT_S: Final = 0.6
+"""What approaches is kept away from as if it were already where it will be then."""
+
+
+class ObstacleField:
+    """The points of one scan around a vehicle, and the distance that is kept from them."""
+
+    def __init__(self, points_ne_m: Sequence[tuple[float, float]], around: Vector3, keep_m: float) -> None:
+        points = np.array(points_ne_m, np.float64).reshape(-1, 2)
+        near = np.hypot(*(points - around[:2]).T) < FARTHEST_M
+        self._points = points[near]
+        self.keep_m: Final = keep_m
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is near."""
+        return not len(self._points)
+
+    def clearance_m(self, place: Vector3) -> float:
+        """Distance to the nearest point."""
+        if self.is_empty:
+            return math.inf
+        return float(np.sqrt(((self._points - place[:2]) ** 2).sum(axis=1).min()))
+
+    def leg_clearance_m(self, start: Vector3, end: Vector3) -> float:
+        """The smallest distance from any place on a straight way."""
+        if self.is_empty:
+            return math.inf
+        along = np.subtract(end[:2], start[:2])
+        square = float(along @ along)
+        offset = self._points - start[:2]
+        if square > 0.0:
+            share = np.clip(offset @ along / square, 0.0, 1.0)
+            offset = offset - share[:, None] * along
+        return float(np.sqrt((offset**2).sum(axis=1).min()))
+
+    def away(self, place: Vector3) -> tuple[float, float]:
+        """Unit vector away from the nearest point; nowhere when there is none."""
+        if self.is_empty:
+            return (0.0, 0.0)
+        offset = place[:2] - self._points
+        distance = np.hypot(*offset.T)
+        nearest = int(np.argmin(distance))
+        if distance[nearest] < 1e-6:
+            return (0.0, 0.0)
+        north, east = (offset[nearest] / distance[nearest]).tolist()
+        return (north, east)
+
+    def pushed_out(self, place: Vector3, at: Vector3) -> Vector3:
+        """A place near to the wanted one that is far enough from everything; where one is already, if none is found."""
+        for _ in range(12):
+            missing_m = self.keep_m - self.clearance_m(place)
+            if missing_m <= 0.0:
+                return place
+            north, east = self.away(place)
+            place = (place[0] + (missing_m + 0.01) * north, place[1] + (missing_m + 0.01) * east, place[2])
+        return (at[0], at[1], place[2])
+
+    def free_m(self, at: Vector3, headings_rad: Sequence[float]) -> list[float]:
+        """How far the way in each direction is free, with the distance that is kept; infinite where nothing is."""
+        if self.is_empty:
+            return [math.inf] * len(headings_rad)
+        width_m = min(self.keep_m, self.clearance_m(at)) - TUBE_M
+        angles = np.array(headings_rad)
+        offset = self._points - at[:2]
+        c, s = np.cos(angles), np.sin(angles)
+        along = np.outer(offset[:, 0], c) + np.outer(offset[:, 1], s)
+        across = np.outer(offset[:, 1], c) - np.outer(offset[:, 0], s)
+        contact = along - np.sqrt(np.maximum(width_m**2 - across**2, 0.0))
+        blocked = np.where((along > 0.0) & (np.abs(across) < width_m), contact, np.inf)
+        return [max(0.0, float(free)) for free in blocked.min(axis=0)]
+
+
+class Detour:
+    """Chooses the direction around what is in the way, and stays with the side that it has chosen."""
+
+    def __init__(self) -> None:
+        self._side = 0
+
+    def heading(self, field: ObstacleField, at: Vector3, wanted_rad: float, distance_m: float) -> tuple[float, float]:
+        """The direction nearest to the wanted one that is free for long enough, and how far it is free.
+
+        Args:
+            field: what is around.
+            at: where the vehicle is.
+            wanted_rad: direction of the place that it is to go to, clockwise from north.
+            distance_m: of that place.
+        """
+        turns = [0.0]
+        for number in range(1, round(WIDEST_RAD / SIDEWAYS_RAD) + 1):
+            turns += [number * SIDEWAYS_RAD, -number * SIDEWAYS_RAD]
+        needed_m = min(distance_m, LOOK_AHEAD_M)
+        free = field.free_m(at, [wanted_rad + turn for turn in turns])
+        if free[0] >= needed_m:
+            self._side = 0
+            return wanted_rad, free[0]
+        choices = [
+            (self._cost(turn), turn, free_m) for turn, free_m in zip(turns, free, strict=True) if free_m >= needed_m
+        ]
+        if not choices:
+            return wanted_rad, free[0]
+        _, turn, free_m = min(choices)
+        self._side = 1 if turn > 0.0 else -1
+        return wanted_rad + turn, free_m
+
+    def _cost(self, turn: float) -> float:
+        return abs(turn) + (SAME_SIDE_RAD if turn * self._side < 0.0 else 0.0)
+
+
+class Approach:
+    """How fast something comes nearer that is not the vehicle's own doing, smoothed over some scans."""
+
+    def __init__(self) -> None:
+        self._before: ObstacleField | None = None
+        self._before_s = 0.0
+        self._speed_m_s = 0.0
+
+    def see(self, field: ObstacleField, at: Vector3, t_s: float) -> float:
+        """Takes a new scan in; how much farther than usual to keep away, in metres."""
+        before, duration_s = self._before, t_s - self._before_s
+        if before is not None and 0.0 < duration_s < 1.0 and not (before.is_empty or field.is_empty):
+            seen = (before.clearance_m(at) - field.clearance_m(at)) / duration_s
+            self._speed_m_s += 0.5 * (min(max(seen, 0.0), FASTEST_M_S) - self._speed_m_s)
+        else:
+            self._speed_m_s = 0.0
+        self._before, self._before_s = field, t_s
+        return FORESIGHT_S * self._speed_m_s if self._speed_m_s > MOVING_M_S else 0.0

@@ -5,6 +5,7 @@ from pathlib import Path
 from cyclopts import App
 
 from gloc3.trajectory import read_trajectory
+from gloc3_onboard.odometry_ground import ground
 from gloc3_onboard.odometry_laser import laser
 from gloc3_onboard.odometry_report import ReportOptions, report
 
@@ -30,4 +31,5 @@ def compare(estimate: Path, /, *, options: ReportOptions | None = None) -> int:
     return report(read_trajectory(estimate), options or ReportOptions())
 
 
+app.command(ground)
 app.command(laser)

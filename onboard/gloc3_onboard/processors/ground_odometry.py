@@ -38,6 +38,8 @@ class GroundOdometrySettings(Settings, frozen=True):
     """How well the attitude tells changes of roll and pitch within a second, in radians."""
     yaw_std_rad: Annotated[float, Bounds(1e-5, 0.5)] = 0.02
     """The same of heading."""
+    level_std_rad: Annotated[float, Bounds(1e-5, 0.2)] = 0.006
+    """How wrong the attitude may say where down is, all the time, in radians."""
     slope_std: Annotated[float, Bounds(0.0001, 0.5)] = 0.015
     """How far the floor may be from level, as a tangent."""
 
@@ -85,6 +87,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
             sensor_frd_m=given.sensor_frd_m,
             tilt_std_rad=given.tilt_std_rad,
             yaw_std_rad=given.yaw_std_rad,
+            level_std_rad=given.level_std_rad,
             slope_std=given.slope_std,
         )
         self._np = np

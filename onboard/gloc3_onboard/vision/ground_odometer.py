@@ -62,6 +62,8 @@ class GroundSettings(NamedTuple):
     """How well the attitude tells changes of roll and pitch between two pictures."""
     yaw_std_rad: float = 0.02
     """The same of heading."""
+    level_std_rad: float = 0.006
+    """How wrong the attitude may say where down is, all the time."""
     slope_std: float = 0.015
     """How far the floor may be from level (or the attitude wrong all the time), as a tangent."""
     pixel_std: float = 0.1
@@ -222,7 +224,7 @@ class GroundOdometer:
         self._velocity = (place - self._place) / ahead_s
         self._place, self._moved_s, self._lost = place, held.t_s, 0
         lever = np.array(self.camera.position_frd_m)
-        moved = report(motion, self._height, key.held, held, lever, self.settings.tilt_std_rad)
+        moved = report(motion, self._height, key.held, held, lever, self.settings.level_std_rad)
         if self._is_worn(motion, len(key.pixels), held.t_s - key.held.t_s):
             self._renew(key, motion, picture, held, pixels[is_found], before, now, key.relief_m[is_found])
         return moved

@@ -42,7 +42,7 @@ def ratio_std(motion: PlaneMotion) -> float:
 
 
 def report(
-    motion: PlaneMotion, height: GroundHeight, key: Held, now: Held, lever_frd_m: Array, tilt_std_rad: float
+    motion: PlaneMotion, height: GroundHeight, key: Held, now: Held, lever_frd_m: Array, level_std_rad: float
 ) -> Odometry:
     """The motion of the body's origin since the key frame.
 
@@ -57,7 +57,7 @@ def report(
         reference_t_s=key.t_s,
         position_m=(float(place[0]), float(place[1]), float(place[2])),
         reference_from_frd=reference_from_frd,
-        covariance=_covariance(motion, height, now, tilt_std_rad).reshape(-1).tolist(),
+        covariance=_covariance(motion, height, key, now, level_std_rad).reshape(-1).tolist(),
         is_level=True,
         quality=min(1.0, float(motion.is_inlier.sum()) / _GOOD_POINTS) * float(motion.is_inlier.mean()),
     )
@@ -76,7 +76,7 @@ def invalid(reference_t_s: float, reason: str) -> Odometry:
     )
 
 
-def _covariance(motion: PlaneMotion, height: GroundHeight, now: Held, tilt_std_rad: float) -> Array:
+def _covariance(motion: PlaneMotion, height: GroundHeight, key: Held, now: Held, level_std_rad: float) -> Array:
     """(6, 6): position in the reference's level axes, rotation in the body's."""
     covariance = np.zeros((6, 6))
     scale = height.std_m / height.mean_m
@@ -86,10 +86,12 @@ def _covariance(motion: PlaneMotion, height: GroundHeight, now: Held, tilt_std_r
     # The axes of the reference are as level as its attitude was.
     north, east, down = place
     tipped = np.array([[0.0, down], [-down, 0.0], [east, -north]])
-    covariance[:3, :3] += tipped @ tipped.T * tilt_std_rad**2
+    covariance[:3, :3] += tipped @ tipped.T * level_std_rad**2
     covariance[:3, 5] = covariance[5, :3] = seen[:3, 5] * height.mean_m
     covariance[3, 3] = covariance[4, 4] = UNKNOWN_VARIANCE
-    covariance[5, 5] = seen[5, 5]
+    # Heading is turned about a vertical that is as wrong as the attitude: it leaks in where the body is not level.
+    tipped_square = sum(x * x + y * y for _, x, y, _ in (key.level_from_frd, now.level_from_frd)) * 4.0
+    covariance[5, 5] = seen[5, 5] + level_std_rad**2 * tipped_square
     body = np.eye(6)
     body[3:, 3:] = matrix(now.level_from_frd).T
     return np.asarray(body @ covariance @ body.T)

@@ -3,13 +3,14 @@
 import sys
 from collections.abc import Callable
 
-from tests.benchmarks import footprint, parts, terminal, turnaround
+from tests.benchmarks import footprint, ground, parts, terminal, turnaround
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
     "turnaround": turnaround.run,
     "footprint": footprint.run,
     "terminal": terminal.run,
+    "ground": ground.run,
 }
 
 

@@ -2,10 +2,20 @@
 
 import sys
 
-from tests.evidence import demo, events, flight, inputs, link, station, suites
+from tests.evidence import demo, events, flight, ground, inputs, link, station, suites, tracker
 from tests.evidence.page import Bar, Progress, commit, write
 
-BARS: tuple[Bar, ...] = (*demo.BARS, *events.BARS, *flight.BARS, *inputs.BARS, *link.BARS, *station.BARS, *suites.BARS)
+BARS: tuple[Bar, ...] = (
+    *demo.BARS,
+    *events.BARS,
+    *flight.BARS,
+    *ground.BARS,
+    *inputs.BARS,
+    *link.BARS,
+    *station.BARS,
+    *suites.BARS,
+    *tracker.BARS,
+)
 
 
 def main(names: list[str]) -> int:

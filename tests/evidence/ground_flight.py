@@ -11,8 +11,7 @@ from gloc3.frames import Quaternion, from_euler, from_rotation_vector, multiply,
 from gloc3.trajectory import Array, Trajectory, matrices_from_quaternions
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world.camera import Camera
-from gloc3_sitl.world.imager import Imager
-from gloc3_sitl.world.rig import GROUND
+from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
 
@@ -71,29 +70,32 @@ def motion(seed: int, corners: tuple[tuple[float, float, float], ...] = (*WAY, *
     return Motion(times, positions, np.column_stack((tilt, yaw)))
 
 
-def fly(
-    seed: int, world: World, path: Motion | None = None, *, with_pictures: bool = True, imager: Imager | None = None
-) -> Iterator[Step]:
-    """Takes the pictures of a flight one by one."""
-    path = path or motion(seed)
-    camera = Camera(world, GROUND, imager or Imager(name="ground"), seed)
-    random = np.random.default_rng([seed, 7])
-    tilt_bias = TILT_BIAS_RAD * random.standard_normal(2)
-    range_bias_m = HEIGHT_BIAS_M * random.standard_normal()
+def truths(world: World, path: Motion) -> Iterator[Truth]:
+    """What the vehicle does at each time of a motion."""
     speed = np.gradient(path.positions_m, path.times_s, axis=0)
     turning = np.gradient(path.angles_rad, path.times_s, axis=0)
     for index, t_s in enumerate(path.times_s):
+        yield _truth(world, float(t_s), path.positions_m[index], speed[index], path.angles_rad[index], turning[index])
+
+
+def fly(seed: int, world: World, path: Motion | None = None) -> Iterator[Step]:
+    """Takes the pictures of a flight one by one."""
+    path = path or motion(seed)
+    camera = Camera(world, GROUND, GROUND_IMAGER, seed)
+    random = np.random.default_rng([seed, 7])
+    tilt_bias = TILT_BIAS_RAD * random.standard_normal(2)
+    range_bias_m = HEIGHT_BIAS_M * random.standard_normal()
+    for index, truth in enumerate(truths(world, path)):
         x, y, height = path.positions_m[index]
         roll, pitch, yaw = path.angles_rad[index]
-        truth = _truth(world, float(t_s), path.positions_m[index], speed[index], path.angles_rad[index], turning[index])
         error = TILT_NOISE_RAD * random.standard_normal(2) + tilt_bias
-        level = from_euler(0.0, 0.0, yaw + YAW_DRIFT_RAD_S * t_s)
+        level = from_euler(0.0, 0.0, yaw + YAW_DRIFT_RAD_S * truth.t_s)
         tipped = multiply(from_rotation_vector((error[0], error[1], 0.0)), from_euler(roll, pitch, 0.0))
         cosine = rotate(truth.attitude_wxyz, (0.0, 0.0, 1.0))[2]
         range_m = (height - world.height_at(x, y)) / cosine + range_bias_m + HEIGHT_NOISE_M * random.standard_normal()
         yield Step(
-            t_s=float(t_s),
-            picture=camera.capture(truth).pixels if with_pictures else np.zeros((0, 0), np.uint8),
+            t_s=truth.t_s,
+            picture=camera.capture(truth).pixels,
             ned_from_frd=multiply(level, tipped),
             range_m=round(range_m / HEIGHT_STEP_M) * HEIGHT_STEP_M,
             true_ned_m=world.frame.to_ned((x, y, height)),

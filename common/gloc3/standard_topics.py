@@ -17,7 +17,7 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.mission.messages import ActionStatus
-from gloc3.perception import ImuSample, LaserScan, Odometry, PositionFix
+from gloc3.perception import FusionState, ImuSample, LaserScan, Odometry, PositionFix
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.topics import TopicRow
@@ -56,6 +56,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     # processors
     "odometry/*": TopicRow(Odometry, 10.0),
     "position_fix/*": TopicRow(PositionFix, 10.0),
+    "fusion/*": TopicRow(FusionState, 2.0),
     "pose": TopicRow(Pose, 20.0, silent_after=3.0),
     # controllers: each has a topic of its own, the limiter takes them all
     "setpoint_wanted/*": TopicRow(Setpoint, 20.0),

@@ -118,6 +118,7 @@ def sitl(
     wind: float = 0.0,
     wind_from: float = 0.0,
     plain_gps: bool = False,
+    no_gps: bool = False,
     battery: float = 1.0,
     param: Annotated[list[str] | None, Parameter(negative=())] = None,
     link: Annotated[list[str] | None, Parameter(negative=())] = None,
@@ -137,6 +138,7 @@ def sitl(
         wind: Mean speed of a gusty wind, in m/s.
         wind_from: Bearing that the wind blows from, in degrees.
         plain_gps: Metre-level fixes in place of RTK-grade ones.
+        no_gps: No satellites: the autopilot is set to fly by the ODOMETRY that it is sent.
         battery: Charge at the start, 1 to 0.
         param: An autopilot parameter as NAME=VALUE; may be given again.
         link: Where MAVLink goes, as udpout://HOST:PORT, udpin://, tcpin://, tcpout:// or serial://; may be given again.
@@ -171,6 +173,7 @@ def sitl(
         seed=seed,
         wind=gusty(wind, wind_from) if wind > 0.0 else CALM,
         is_plain_gps=plain_gps,
+        is_without_gps=no_gps,
         battery_remaining=battery,
         parameters=dict(read_parameter(text) for text in param or ()),
     )

@@ -87,6 +87,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     world: str = ""
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
     is_plain_gps: bool = False
+    is_without_gps: bool = False
+    """No satellites: the autopilot flies by the platform's own pose."""
     station_link: Conditions = STATION_RADIO
     """Both ways between station and platform."""
     cycle_cost_s: CycleCost | None = None
@@ -171,6 +173,7 @@ class Flight:
             seed=plan.seed,
             wind=plan.wind,
             is_plain_gps=plan.is_plain_gps,
+            is_without_gps=plan.is_without_gps,
             battery_remaining=plan.battery,
             parameters=plan.parameters,
         )

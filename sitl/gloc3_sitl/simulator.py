@@ -13,6 +13,7 @@ from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.modes import Severity, Style
 from gloc3_sitl.autopilot.pilot import Pilot
+from gloc3_sitl.autopilot.sources import WITHOUT_SATELLITES
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.px4 import PX4
 from gloc3_sitl.physics import Quadrotor
@@ -52,6 +53,7 @@ class Simulator:
         seed: of turbulence and of all sensor noise.
         wind: what the air does.
         is_plain_gps: metre-level fixes in place of RTK-grade ones.
+        is_without_gps: no fixes at all; the autopilot is set to fly by `ODOMETRY`.
         battery_remaining: charge at the start, 1 to 0.
         parameters: autopilot parameters that differ from their defaults.
 
@@ -69,6 +71,7 @@ class Simulator:
         seed: int = 0,
         wind: Wind = CALM,
         is_plain_gps: bool = False,
+        is_without_gps: bool = False,
         battery_remaining: float = 1.0,
         parameters: Mapping[str, float] | None = None,
     ) -> None:
@@ -89,6 +92,10 @@ class Simulator:
         self.autopilot: Final = Autopilot(
             STYLES[style], self._say, declination_rad=radians(declination_deg(world.home))
         )
+        if is_without_gps:
+            self.sensors.fail("fix", "lost")
+            for name, value in WITHOUT_SATELLITES[style].items():
+                self.autopilot.parameters.set(name, value)
         for name, value in (parameters or {}).items():
             self.autopilot.parameters.set(name, value)
         self.autopilot.utc_offset_s = VIRTUAL_EPOCH_S

@@ -20,6 +20,7 @@ FROM_ELSEWHERE: Final = {
     "imu": "the inertial unit of a platform that moves by its own sensors",
     "laser": "the range scanner of a platform that has one",
     "odometry/*": "the odometers of a platform that moves by its own sensors",
+    "fusion/*": "the pose fusion of a platform that moves by its own sensors",
     "position_fix/*": "the optical follower of a platform that is looked at",
     "obstacles": "the range scanner of a platform that has one",
 }

@@ -20,7 +20,7 @@ from gloc3.link.statustext import StatusTextReceiver
 from gloc3.messages import Severity
 from gloc3.mission.formats.items import FenceArea
 from gloc3.readiness import AutopilotSetup
-from gloc3.vehicle import AutopilotState, FlightMode
+from gloc3.vehicle import AutopilotState, FlightMode, Pose
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.commands import CommandDesk
 from gloc3_onboard.autopilot.fence_upload import FenceUpload
@@ -30,6 +30,7 @@ from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
+from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.checks.parameters import TABLES
 from gloc3_onboard.devices import Answer, Bell, Stamped, StampedHeight, Unwatch
 
@@ -296,6 +297,27 @@ class AutopilotLink:
                     yaw=yaw,
                 )
             )
+
+        self._post(send)
+
+    def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
+        """Tells the autopilot where it is, by a pose of the time `t_s`."""
+        spread = Spread(attitude_std_rad, velocity_std_m_s)
+
+        def send() -> None:
+            if self._target is not None:
+                age_s = max(0.0, self._loop.time() - t_s)
+                boot_us = max(0, self._telemetry.boot_ms(self._loop.time()) * 1000 - round(age_s * 1e6))
+                self.send_message(odometry_message(pose, boot_us, spread))
+
+        self._post(send)
+
+    def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
+        """Tells the autopilot where the frame of the poses begins."""
+
+        def send() -> None:
+            if self._target is not None:
+                self.send_message(origin_message(origin_geo, self._target))
 
         self._post(send)
 

@@ -97,6 +97,11 @@ class PoseFusion:
                 is_moving,
             )
 
+    @property
+    def is_prepared_in_flight(self) -> bool:
+        """Whether it was told a pose in flight to begin at."""
+        return self._start is not None and self._start.is_moving
+
     def _align(self, rate: Vector3, force: Vector3, t_s: float) -> None:
         start = self._start
         is_still = self._standing.add(rate, force, t_s)

@@ -1,6 +1,6 @@
 """Which sources the estimator uses (bits of `Source`), as the parameters of each style say."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from gloc3_sitl.autopilot.estimator.sources import Source
@@ -53,6 +53,18 @@ def ardupilot_sources(ask: Ask, number: int) -> int:
         sources |= Source.MAGNETOMETER
     return sources
 
+
+WITHOUT_SATELLITES: Final[Mapping[str, Mapping[str, float]]] = {
+    "px4": {"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15, "EKF2_HGT_REF": 3, "EKF2_MAG_TYPE": 5},
+    "ardupilot": {
+        "VISO_TYPE": 1,
+        "EK3_SRC1_POSXY": 6,
+        "EK3_SRC1_VELXY": 6,
+        "EK3_SRC1_POSZ": 6,
+        "EK3_SRC1_YAW": 6,
+    },
+}
+"""What has each style fly by odometry alone: position, velocity, height and heading."""
 
 _NO_MAGNETOMETER: Final = 5
 _RANGE_REFERENCE: Final = 2

@@ -74,6 +74,7 @@ def indoors(style: str) -> Bench:
         bench.set_parameter("EKF2_GPS_CTRL", 0)
         bench.set_parameter("EKF2_EV_CTRL", 7)
     else:
+        bench.set_parameter("VISO_TYPE", 1)
         bench.set_parameter("EK3_SRC1_POSXY", 6)
         bench.set_parameter("EK3_SRC1_VELXY", 6)
         bench.set_parameter("EK3_SRC1_POSZ", 6)
@@ -159,6 +160,7 @@ def test_a_reset_of_the_odometer_moves_the_vehicle_nowhere() -> None:
 
 def test_ardupilot_switches_its_set_of_sources_by_command() -> None:
     bench = Bench("ardupilot")
+    bench.set_parameter("VISO_TYPE", 1)
     bench.set_parameter("EK3_SRC2_POSXY", 6)
     bench.set_parameter("EK3_SRC2_YAW", 1)
     bench.take_off()

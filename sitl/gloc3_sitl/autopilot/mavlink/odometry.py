@@ -54,7 +54,7 @@ def odometry(front: "Front", message: MavlinkMessage, sender: Address) -> None:
         if frame not in (_LOCAL_NED, _LOCAL_FRD):
             raise Refused(f"frame {frame} is not supported")
         least = front.autopilot.parameters["EKF2_EV_QMIN"]
-    elif frame != _LOCAL_FRD or child != _BODY_FRD:
+    elif frame != _LOCAL_FRD or child != _BODY_FRD or not front.autopilot.parameters["VISO_TYPE"]:
         return
     else:
         least = front.autopilot.parameters["VISO_QUAL_MIN"]

@@ -1,0 +1,82 @@
+"""A pose of ours as the MAVLink message that PX4 and ArduPilot both fly by, and the origin of its frame.
+
+Frames: ArduPilot takes only MAV_FRAME_LOCAL_FRD with a velocity in MAV_FRAME_BODY_FRD, and PX4 takes these as well. Our
+frame is a LOCAL_FRD whose x axis points north, so that it is the autopilot's NED where it takes its heading from us.
+The estimator type is VIO for whatever the pose rests on: PX4 refuses others.
+"""
+
+from typing import Final, NamedTuple
+
+from gloc3.frames import Vector3, rotate_back
+from gloc3.link import codec
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.vehicle import Pose
+
+LOCAL_FRD: Final = 20
+BODY_FRD: Final = 12
+VIO: Final = 3
+_ROWS: Final = (0, 6, 11, 15, 18, 20)
+"""Places of the diagonal in the upper triangle of a 6 by 6 matrix, rows first."""
+
+
+class Spread(NamedTuple):
+    """Standard deviations of what a `Pose` does not tell of itself."""
+
+    attitude_rad: float = 0.02
+    velocity_m_s: float = 0.05
+
+
+def odometry_message(pose: Pose, boot_us: int, spread: Spread) -> MavlinkMessage:
+    """ODOMETRY of a valid pose.
+
+    Args:
+        pose: in the NED frame of the platform.
+        boot_us: its time of validity by the autopilot's own clock, in microseconds since it booted.
+        spread: what the pose does not tell.
+    """
+    n, e, d = pose.position_ned_m
+    forward, right, down = rotate_back(pose.ned_from_frd, pose.velocity_ned_m_s)
+    p, q, r = pose.rate_frd_rad_s
+    attitude, velocity = spread.attitude_rad**2, spread.velocity_m_s**2
+    return codec.message(
+        "ODOMETRY",
+        time_usec=boot_us,
+        frame_id=LOCAL_FRD,
+        child_frame_id=BODY_FRD,
+        x=n,
+        y=e,
+        z=d,
+        q=pose.ned_from_frd,
+        vx=forward,
+        vy=right,
+        vz=down,
+        rollspeed=p,
+        pitchspeed=q,
+        yawspeed=r,
+        pose_covariance=_triangle(pose.position_std_m, attitude),
+        velocity_covariance=_triangle((spread.velocity_m_s,) * 3, velocity),
+        reset_counter=pose.reset_counter % 256,
+        estimator_type=VIO,
+        quality=min(max(round(100.0 * pose.quality), 1), 100),
+    )
+
+
+def origin_message(origin_geo: tuple[float, float, float], target: Address) -> MavlinkMessage:
+    """SET_GPS_GLOBAL_ORIGIN: without satellites the autopilot cannot know where its frame lies, and would not arm."""
+    latitude, longitude, altitude = origin_geo
+    return codec.message(
+        "SET_GPS_GLOBAL_ORIGIN",
+        target_system=target.system,
+        latitude=round(latitude * 1e7),
+        longitude=round(longitude * 1e7),
+        altitude=round(altitude * 1e3),
+    )
+
+
+def _triangle(deviations: Vector3, rest: float) -> tuple[float, ...]:
+    numbers = [0.0] * 21
+    for row, deviation in zip(_ROWS[:3], deviations, strict=True):
+        numbers[row] = deviation * deviation
+    for row in _ROWS[3:]:
+        numbers[row] = rest
+    return tuple(numbers)

@@ -1,0 +1,132 @@
+"""AD: gives the platform's pose to the autopilot, which flies by it where there are no satellites."""
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Annotated, Any, Final, NamedTuple, Protocol
+
+from gloc3.component import ActuatorDriver
+from gloc3.ports import Actuation, Inbox, Input, Result
+from gloc3.settings import Bounds, Settings
+from gloc3.vehicle import AutopilotPose, Pose
+
+ORIGIN_PERIOD_S: Final = 1.0
+_SAME_DEG: Final = 2e-7
+_SAME_M: Final = 0.01
+
+
+class PoseInput(Protocol):
+    """How an autopilot is told where it is. Nothing blocks."""
+
+    def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
+        """Sends a valid pose of the time `t_s`."""
+
+    def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
+        """Tells where the frame of the poses begins: degrees, degrees, metres above mean sea level."""
+
+
+class VisionPoseSettings(Settings, frozen=True):
+    """Settings of the vision pose driver."""
+
+    rate_hz: Annotated[float, Bounds(4.0, 50.0)] = 30.0
+    """Poses come no more often than that to the autopilot. PX4 wants 30 to 50, ArduPilot at least 4."""
+    attitude_std_deg: Annotated[float, Bounds(0.01, 45.0)] = 1.0
+    """Standard deviation of the attitude, which a pose does not tell."""
+    velocity_std_m_s: Annotated[float, Bounds(0.001, 10.0)] = 0.05
+    """Standard deviation of the velocity, which a pose does not tell."""
+    least_quality: Annotated[float, Bounds(0.0, 1.0)] = 0.0
+    """A pose of less quality is not sent."""
+
+
+class SendPose(NamedTuple):
+    """Write: a pose."""
+
+    pose: Pose
+    t_s: float
+
+
+class SendOrigin(NamedTuple):
+    """Write: where the frame begins."""
+
+    origin_geo: tuple[float, float, float]
+
+
+class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
+    """Sends each valid pose once, and the origin until the autopilot has it.
+
+    An invalid pose is not sent: the autopilot misses it within half a second, and does what it is set to do then.
+    """
+
+    settings_type = VisionPoseSettings
+    loggable = ("sent", "withheld", "reason")
+
+    pose = Input(Pose)
+    autopilot_pose = Input(AutopilotPose)
+
+    def __init__(self, device: PoseInput) -> None:
+        self.sent = self.withheld = 0
+        self.reason = ""
+        """Why the last pose was not sent."""
+        self._device = device
+        self._settings = VisionPoseSettings()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._sent_s = self._told_s = float("-inf")
+
+    def initialize(self, settings: VisionPoseSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def start(self) -> None:
+        """Begins with the next pose."""
+        self._forget()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Sends what is new."""
+        results: list[Result] = []
+        for envelope in inbox.new(self.pose):
+            pose, t_s = envelope.payload, envelope.t_s
+            self.reason = self._why_not(pose, t_s)
+            if self.reason:
+                self.withheld += 1
+            elif t_s - self._sent_s >= 1.0 / self._settings.rate_hz - 2e-3:
+                self._sent_s = t_s
+                self.sent += 1
+                results.append(Actuation(SendPose(pose, t_s)))
+            if pose.origin_geo is not None and self._must_tell(pose.origin_geo, inbox, now_s):
+                self._told_s = now_s
+                results.append(Actuation(SendOrigin(pose.origin_geo)))
+        return results
+
+    def _why_not(self, pose: Pose, t_s: float) -> str:
+        numbers = (*pose.position_ned_m, *pose.velocity_ned_m_s, *pose.ned_from_frd, *pose.position_std_m)
+        if not pose.is_valid:
+            return pose.reason or "the pose is not valid"
+        if not all(map(isfinite, numbers)):
+            return "the pose is not finite"
+        if pose.quality < self._settings.least_quality:
+            return f"its quality is {pose.quality:.2f} only"
+        return "" if t_s > self._sent_s else "its time does not go on"
+
+    def _must_tell(self, origin_geo: tuple[float, float, float], inbox: Inbox, now_s: float) -> bool:
+        """Whether the autopilot is heard, and has no origin or another one."""
+        told = inbox.latest(self.autopilot_pose)
+        if told is None or now_s - self._told_s < ORIGIN_PERIOD_S:
+            return False
+        has = told.payload.origin_geo
+        return has is None or not (
+            abs(has[0] - origin_geo[0]) < _SAME_DEG
+            and abs(has[1] - origin_geo[1]) < _SAME_DEG
+            and abs(has[2] - origin_geo[2]) < _SAME_M
+        )
+
+    def actuate(self, write: Any) -> None:
+        """Sends to the autopilot."""
+        if isinstance(write, SendOrigin):
+            self._device.send_origin(write.origin_geo)
+        else:
+            deviation_rad = self._settings.attitude_std_deg * 0.017453292519943295
+            self._device.send_pose(write.pose, write.t_s, deviation_rad, self._settings.velocity_std_m_s)
+
+    def make_safe(self) -> None:
+        """An autopilot that hears no pose any more does by itself what it is set to do."""

@@ -1,0 +1,110 @@
+"""The pose on its way to the autopilot: which are sent and how often, the origin, and the message itself."""
+
+import pytest
+
+from gloc3.frames import from_yaw
+from gloc3.vehicle import Pose
+from gloc3_onboard.drivers.vision_pose import VisionPoseDriver, VisionPoseSettings
+
+from .messages import autopilot_pose, pose
+from .stage import Stage
+from .test_autopilot_link import Rig
+
+ORIGIN = (39.5528, 2.6285, 2.0)
+
+
+class Device:
+    """Remembers what it is told."""
+
+    def __init__(self) -> None:
+        self.poses: list[tuple[Pose, float]] = []
+        self.origins: list[tuple[float, float, float]] = []
+
+    def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
+        self.poses.append((pose, t_s))
+
+    def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
+        self.origins.append(origin_geo)
+
+
+def test_each_valid_pose_is_sent_once_and_no_more_often_than_the_rate() -> None:
+    device = Device()
+    driver = VisionPoseDriver(device)
+    stage = Stage(driver, VisionPoseSettings(rate_hz=25.0))
+    for _ in range(100):
+        stage.step(0.01, pose=pose())
+    assert len(device.poses) == pytest.approx(25, abs=1)
+    stage.step(0.05)
+    stage.put(stage.now_s - 1.0, pose=pose())
+    stage.cycle()
+    assert len(device.poses) == pytest.approx(25, abs=1)
+    assert driver.reason == "its time does not go on"
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (pose(is_valid=False, reason="uncertain by 0.50 m"), "uncertain by 0.50 m"),
+        (pose(north=float("nan")), "the pose is not finite"),
+        (pose(quality=0.05), "its quality is 0.05 only"),
+    ],
+)
+def test_what_cannot_be_flown_by_is_withheld(bad: Pose, reason: str) -> None:
+    device = Device()
+    driver = VisionPoseDriver(device)
+    stage = Stage(driver, VisionPoseSettings(least_quality=0.1))
+    stage.step(0.05, pose=bad)
+    assert (device.poses, driver.withheld, driver.reason) == ([], 1, reason)
+    stage.step(0.05, pose=pose())
+    assert len(device.poses) == 1
+    assert driver.reason == ""
+
+
+def test_a_quiet_one_sends_nothing() -> None:
+    device = Device()
+    stage = Stage(VisionPoseDriver(device))
+    stage.is_quiet = True
+    stage.step(0.05, pose=pose())
+    assert device.poses == []
+
+
+def test_the_origin_is_told_until_the_autopilot_has_it() -> None:
+    device = Device()
+    stage = Stage(VisionPoseDriver(device))
+    placed = pose(origin_geo=ORIGIN)
+    stage.step(0.05, pose=placed)
+    assert device.origins == []  # nobody is heard yet
+    for _ in range(45):
+        stage.step(0.05, pose=placed, autopilot_pose=autopilot_pose())
+    assert device.origins == [ORIGIN] * 3
+    for _ in range(45):
+        stage.step(0.05, pose=placed, autopilot_pose=autopilot_pose(origin_geo=ORIGIN))
+    assert len(device.origins) == 3
+
+
+@pytest.mark.parametrize("style", ["px4", "ardupilot"])
+def test_the_message_is_one_that_both_styles_take(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        told = pose(
+            1.0,
+            2.0,
+            3.0,
+            velocity_ned_m_s=(0.5, 0.0, 0.1),
+            ned_from_frd=from_yaw(1.5707963267948966),
+            position_std_m=(0.01, 0.02, 0.03),
+            quality=0.8,
+            reset_counter=258,
+        )
+        rig.link.send_pose(told, rig.loop.time() - 0.06, 0.02, 0.1)
+        rig.link.send_origin(ORIGIN)
+        rig.run(0.1)
+        heard = {message.name: message for message in rig.autopilot.heard}
+        message = heard["ODOMETRY"]
+        assert (message.frame_id, message.child_frame_id, message.estimator_type) == (20, 12, 3)
+        assert (message.x, message.y, message.z) == (1.0, 2.0, -3.0)
+        assert (message.vx, message.vy, message.vz) == pytest.approx((0.0, -0.5, 0.1), abs=1e-6)
+        assert [message.pose_covariance[i] for i in (0, 6, 11, 15)] == pytest.approx([1e-4, 4e-4, 9e-4, 4e-4])
+        assert (message.reset_counter, message.quality) == (2, 80)
+        assert message.time_usec * 1e-6 == pytest.approx(4.0 - 0.06, abs=0.03)
+        assert heard["SET_GPS_GLOBAL_ORIGIN"].latitude == 395528000

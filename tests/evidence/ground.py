@@ -11,7 +11,7 @@ from tests.evidence.ground_flight import Motion, Step, fly, motion, trajectory
 from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.camera_geometry import matrix
-from gloc3.frames import conjugate, from_yaw, multiply, wrap_pi, yaw_of
+from gloc3.frames import from_yaw, wrap_pi, yaw_of
 from gloc3.perception import Odometry
 from gloc3.trajectory_metrics import Evaluation, evaluate
 from gloc3_onboard.odometry_chain import OdometryChain
@@ -78,10 +78,8 @@ def normalised(found: Odometry, then: Step, now: Step) -> tuple[float, float]:
     moved = np.array(now.true_ned_m) - np.array(then.true_ned_m)
     error = np.array(found.position_m) - matrix(from_yaw(yaw)).T @ moved
     covariance = np.array(found.covariance).reshape(6, 6)
-    level = matrix(multiply(conjugate(from_yaw(yaw_of(found.reference_from_frd))), found.reference_from_frd))
-    turn_variance = float((level @ covariance[3:, 3:] @ level.T)[2, 2])
     turn = wrap_pi(yaw_of(found.reference_from_frd) - (yaw_of(now.true_ned_from_frd) - yaw))
-    return float(error @ np.linalg.solve(covariance[:3, :3], error)) / 3.0, turn**2 / turn_variance
+    return float(error @ np.linalg.solve(covariance[:3, :3], error)) / 3.0, turn**2 / float(covariance[5, 5])
 
 
 def flight(seed: int, world: str = "hold", path: Motion | None = None) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from gloc3_onboard.vision.ground_plane import PlaneMotion
 Array = NDArray[np.float64]
 
 SOURCE: Final = "ground"
+_CAUTION: Final = 2.0
+"""The corners of one picture err alike in the next; so their number promises too much."""
 _GOOD_POINTS: Final = 60
 """So many points that move together are as good as it gets."""
 
@@ -77,7 +79,7 @@ def invalid(reference_t_s: float, reason: str) -> Odometry:
 
 
 def _covariance(motion: PlaneMotion, height: GroundHeight, key: Held, now: Held, level_std_rad: float) -> Array:
-    """(6, 6): position in the reference's level axes, rotation in the body's."""
+    """(6, 6): position in the reference's level axes, rotation in the body's, of which roll and pitch are not told."""
     covariance = np.zeros((6, 6))
     scale = height.std_m / height.mean_m
     seen = motion.covariance * _CAUTION
@@ -92,10 +94,4 @@ def _covariance(motion: PlaneMotion, height: GroundHeight, key: Held, now: Held,
     # Heading is turned about a vertical that is as wrong as the attitude: it leaks in where the body is not level.
     tipped_square = sum(x * x + y * y for _, x, y, _ in (key.level_from_frd, now.level_from_frd)) * 4.0
     covariance[5, 5] = seen[5, 5] + level_std_rad**2 * tipped_square
-    body = np.eye(6)
-    body[3:, 3:] = matrix(now.level_from_frd).T
-    return np.asarray(body @ covariance @ body.T)
-
-
-_CAUTION: Final = 2.0
-"""The corners of one picture err alike in the next; so their number promises too much."""
+    return covariance

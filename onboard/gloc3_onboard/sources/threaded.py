@@ -13,6 +13,8 @@ T = TypeVar("T")
 
 OPEN_S: Final = 4.0
 """So long a device may take to open; a component's start has 5 s."""
+LEAVE_S: Final = 0.8
+"""So long an earlier opening is waited for."""
 AGAIN_S: Final = 0.5
 GIVE_UP_S: Final = 10.0
 """A device that was lost and cannot be had again for so long is gone."""
@@ -52,7 +54,7 @@ class ThreadedSource(ABC, Generic[T]):
             Gloc3Error: the device cannot be opened; with what to do.
         """
         if self._thread is not None and self._thread.is_alive():
-            self._thread.join(OPEN_S)
+            self._thread.join(LEAVE_S)
             if self._thread.is_alive():
                 raise Gloc3Error(f"{self.name}: the device does not answer, so it cannot be opened anew; unplug it")
         self._latest, self._gone, self._stop = None, "", threading.Event()

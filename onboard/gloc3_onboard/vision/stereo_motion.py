@@ -108,9 +108,9 @@ class StereoMotion:
             return self._lost(t_s, features.reason)
         left, right = self._rig.left_rays(features.pixels), self._rig.right_rays(features.right_pixels)
         seen = np.column_stack([left, left[:, 0] - right[:, 0]])
-        if self._key is None or t_s - self._good_s > _LASTING_S:
-            return self._begin(features, seen)
         key = self._key
+        if key is None or t_s - self._good_s > _LASTING_S or features.ids[0] > key.ids[-1]:
+            return self._begin(features, seen)
         _, of_key, of_now = np.intersect1d(key.ids, features.ids, assume_unique=True, return_indices=True)
         if len(of_key) < _LEAST_POINTS:
             return self._lost(t_s, f"{len(of_key)} points of the key frame are seen")
@@ -140,7 +140,7 @@ class StereoMotion:
 
     def _begin(self, features: FeatureSet, seen: Array) -> Motion:
         """The first key frame, or one after a gap."""
-        is_placed: NDArray[np.bool_] = np.isfinite(seen).all(axis=1)
+        is_placed = _all_finite(seen)
         if int(is_placed.sum()) < _LEAST_POINTS:
             return self._lost(features.t_s, f"{int(is_placed.sum())} points are seen by both cameras")
         self.forget()
@@ -177,7 +177,7 @@ class StereoMotion:
         assert key is not None
         is_outlier = np.zeros(len(features.ids), bool)
         is_outlier[of_now[~fit.is_inlier]] = True
-        is_placed: NDArray[np.bool_] = np.isfinite(seen).all(axis=1) & ~is_outlier
+        is_placed = _all_finite(seen) & ~is_outlier
         speed = fit.rotation.T @ self._speed_m_s
         ray3 = np.column_stack([key.rays[of_key], np.ones(len(of_key))])
         ahead = ((ray3 - fit.inverse_m[:, None] * fit.position_m) @ fit.rotation)[:, 2]
@@ -289,3 +289,8 @@ class StereoMotion:
             is_valid=False,
             reason=reason,
         )
+
+
+def _all_finite(rows: Array) -> NDArray[np.bool_]:
+    finite: NDArray[np.bool_] = np.isfinite(rows).all(axis=1)
+    return finite

@@ -1,5 +1,7 @@
 """Stereo odometry: the motion of the body from the pictures of two cameras, metric and in six degrees of freedom."""
 
+from typing import Final
+
 import numpy as np
 
 from gloc3.camera_geometry import Array
@@ -8,6 +10,8 @@ from gloc3_onboard.vision.features import FeatureMatcher, MatcherOptions
 from gloc3_onboard.vision.picture import Picture
 from gloc3_onboard.vision.stereo_motion import Motion, MotionOptions, StereoMotion
 from gloc3_onboard.vision.stereo_rig import StereoRig
+
+_GAP_S: Final = 2.0
 
 
 class StereoOdometer:
@@ -46,18 +50,31 @@ class StereoOdometer:
 
 
 class MotionChain:
-    """Motions put one behind the other: where the body is, in its axes at the begin."""
+    """Motions put one behind the other: where the body is, in its axes at the begin.
+
+    Over a gap, after which an odometer begins with a new key frame, the body is held to have gone on as it did before.
+    """
 
     def __init__(self) -> None:
         self._poses: dict[float, tuple[Array, Array]] = {}
         self._last: tuple[Array, Array] = (np.zeros(3), np.eye(3))
+        self._last_s: float | None = None
+        self._speed_m_s: Array = np.zeros(3)
 
     def add(self, motion: Motion) -> tuple[Array, Array]:
-        """Position and rotation (begin from body); a motion that is not valid, or has lost its begin, adds nothing."""
-        if motion.is_valid:
-            position, rotation = self._poses.get(motion.reference_t_s, self._last)
-            self._last = (position + rotation @ motion.position_m, rotation @ motion.rotation)
-            # No motion is ever told from before the last one's key frame.
-            self._poses = {t_s: pose for t_s, pose in self._poses.items() if t_s >= motion.reference_t_s}
-            self._poses[motion.t_s] = self._last
+        """Position and rotation (begin from body) at the time of a motion."""
+        before, rotation = self._last
+        after_s = 0.0 if self._last_s is None else motion.t_s - self._last_s
+        if not motion.is_valid:
+            return before + self._speed_m_s * after_s if 0.0 < after_s < _GAP_S else before, rotation
+        base = self._poses.get(motion.reference_t_s)
+        if base is None:
+            base = (before + self._speed_m_s * min(after_s, _GAP_S), rotation)
+        self._last = (base[0] + base[1] @ motion.position_m, base[1] @ motion.rotation)
+        if after_s > 0.0 and motion.t_s > motion.reference_t_s:
+            self._speed_m_s = (self._last[0] - before) / after_s
+        self._last_s = motion.t_s
+        # No motion is ever told from before the last one's key frame.
+        self._poses = {t_s: pose for t_s, pose in self._poses.items() if t_s >= motion.reference_t_s}
+        self._poses[motion.t_s] = self._last
         return self._last

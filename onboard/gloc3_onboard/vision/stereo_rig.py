@@ -16,6 +16,7 @@ from gloc3.errors import Refused
 _BASELINE_MIN_M: Final = 1e-3
 _ASKEW_MAX: Final = 0.8
 """Greatest cosine between the baseline and what the cameras look along."""
+_TABLE_PX: Final = 2
 _COEFFICIENTS: Final = {Lens.PINHOLE: (0,), Lens.RADTAN: (4, 5), Lens.EQUIDISTANT: (4,)}
 """How many a lens of each kind has."""
 
@@ -55,14 +56,15 @@ class StereoRig:
         self.focal_px: Final = float(np.mean((*left.focal_px, *right.focal_px)))
         """Pixels that a ray moves by for each unit, near the middle of a picture."""
         self._rectified = (self.frd_from_rectified.T @ frd_from_left, self.frd_from_rectified.T @ frd_from_right)
+        self._rays = (_RayTable(left, self._rectified[0]), _RayTable(right, self._rectified[1]))
 
     def left_rays(self, pixels: NDArray[Any]) -> Array:
-        """Rectified rays (n, 2) of pixels of the left picture."""
-        return _turned(unproject(self.left, pixels.astype(np.float64)), self._rectified[0])
+        """Rectified rays (n, 2) of pixels inside the left picture."""
+        return self._rays[0].of(pixels)
 
     def right_rays(self, pixels: NDArray[Any]) -> Array:
-        """Rectified rays (n, 2) of pixels of the right picture, not-a-number for those of none."""
-        return _turned(unproject(self.right, pixels.astype(np.float64)), self._rectified[1])
+        """Rectified rays (n, 2) of pixels inside the right picture, not-a-number for those of none."""
+        return self._rays[1].of(pixels)
 
     def left_pixels(self, rays: Array) -> Array:
         """Where rectified rays appear in the left picture."""
@@ -71,6 +73,28 @@ class StereoRig:
     def right_pixels(self, rays: Array) -> Array:
         """Where rectified rays appear in the right picture."""
         return _pixels(self.right, _turned(rays, self._rectified[1].T))
+
+
+class _RayTable:
+    """The rectified rays of every second pixel of every second row; those between are interpolated, to 0.001 pixels."""
+
+    def __init__(self, camera: CameraModel, rotation: Array) -> None:
+        columns, rows = camera.width // _TABLE_PX + 2, camera.height // _TABLE_PX + 2
+        grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2) * _TABLE_PX
+        self._rays: Array = _turned(unproject(camera, grid.astype(np.float64)), rotation)
+        self._columns = columns
+        self._most = np.array([columns - 2, rows - 2])
+
+    def of(self, pixels: NDArray[Any]) -> Array:
+        at = pixels.astype(np.float64) / _TABLE_PX
+        whole = np.clip(np.nan_to_num(at), 0, self._most).astype(np.intp)
+        right, down = (at - whole).T[:, :, None]
+        first = whole[:, 1] * self._columns + whole[:, 0]
+        rays, below = self._rays, first + self._columns
+        upper = rays[first] * (1.0 - right) + rays[first + 1] * right
+        lower = rays[below] * (1.0 - right) + rays[below + 1] * right
+        found: Array = upper * (1.0 - down) + lower * down
+        return found
 
 
 def _require_numbers(camera: CameraModel) -> None:

@@ -2,44 +2,23 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gloc3.camera_geometry import matrix
 from gloc3.camera_model import CameraModel
 from gloc3.frames import from_euler
-from gloc3.trajectory import Array, Trajectory
-from gloc3_sitl.world.renderer import Renderer
-from gloc3_sitl.world.world import World
+from gloc3.trajectory import Array, Trajectory, quaternions_from_matrices
+from gloc3_onboard.vision.picture import Picture
+from gloc3_sitl.truth import Truth
+from gloc3_sitl.world import World
+from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_LEFT_IMAGER, FRONT_RIGHT, FRONT_RIGHT_IMAGER
 
 RATE_HZ = 15.0
-BASELINE_M = 0.15
 NED_FROM_LOCAL = np.diag([1.0, -1.0, -1.0])
 """Of the hold, whose x points north: positions of the world are x, y to the left of it, height."""
-
-Picture = NDArray[np.uint8]
-
-
-def pair(width: int = 640, height: int = 480, focal_px: float = 400.0) -> tuple[CameraModel, CameraModel]:
-    """The vehicle's front cameras."""
-    left = CameraModel(
-        width=width,
-        height=height,
-        focal_px=(focal_px, focal_px),
-        center_px=((width - 1) / 2.0, (height - 1) / 2.0),
-        position_frd_m=(0.1, -BASELINE_M / 2.0, 0.0),
-    )
-    right = CameraModel(
-        width=width,
-        height=height,
-        focal_px=left.focal_px,
-        center_px=left.center_px,
-        position_frd_m=(0.1, BASELINE_M / 2.0, 0.0),
-    )
-    return left, right
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,36 +77,48 @@ def _smooth(values: Array, width: int) -> Array:
     return np.convolve(padded, kernel / kernel.sum(), mode="valid")
 
 
-@lru_cache(maxsize=4)
-def _renderer(world: str, camera: CameraModel) -> Renderer:
-    intrinsics = np.array(
-        [
-            [camera.focal_px[0], 0.0, camera.center_px[0]],
-            [0.0, camera.focal_px[1], camera.center_px[1]],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    return Renderer(World.load(world), intrinsics, camera.width, camera.height)
-
-
-def draw(camera: CameraModel, position_ned_m: Array, ned_from_frd: Array, world: str = "hold") -> Picture:
-    """What a camera of the body sees."""
-    local_from_rdf = NED_FROM_LOCAL.T @ ned_from_frd @ matrix(camera.frd_from_rdf)
-    x, y, height = (NED_FROM_LOCAL.T @ (position_ned_m + ned_from_frd @ np.array(camera.position_frd_m))).tolist()
-    return _renderer(world, camera).draw(local_from_rdf.T, (x, y, height))
+def truths(path: Trajectory, world: World) -> Iterator[Truth]:
+    """The moments of a flight, with the speeds and turns that blur pictures."""
+    velocity = np.gradient(path.position_m, path.t_s, axis=0)
+    wxyz = quaternions_from_matrices(path.world_from_body)
+    for n, (t_s, position) in enumerate(zip(path.t_s.tolist(), path.position_m, strict=True)):
+        other = max(n - 1, 0), min(n + 1, len(path) - 1)
+        turn = path.world_from_body[other[0]].T @ path.world_from_body[other[1]]
+        rate = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
+        p, q, r = (rate / (path.t_s[other[1]] - path.t_s[other[0]])).tolist()
+        x, y, height = (NED_FROM_LOCAL.T @ position).tolist()
+        place = world.frame.to_geo((x, y, height))
+        vn, ve, vd = velocity[n].tolist()
+        w, i, j, k = wxyz[n].tolist()
+        yield Truth(
+            t_s=t_s,
+            position_ned_m=(x, -y, -height),
+            velocity_ned_m_s=(vn, ve, vd),
+            attitude_wxyz=(w, i, j, k),
+            rate_frd_rad_s=(p, q, r),
+            specific_force_frd_m_s2=(0.0, 0.0, -9.81),
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
+            altitude_m=place.altitude_m,
+            height_above_ground_m=height,
+            standing_height_m=0.0,
+            is_on_ground=False,
+            power_w=0.0,
+            wind_ned_m_s=(0.0, 0.0, 0.0),
+        )
 
 
 def fly(
-    path: Trajectory, cameras: tuple[CameraModel, CameraModel], seed: int = 0, noise_grey: float = 1.5
+    path: Trajectory,
+    world: str = "hold",
+    seed: int = 0,
+    models: tuple[CameraModel, CameraModel] = (FRONT_LEFT, FRONT_RIGHT),
 ) -> Iterator[Pair]:
     """The pictures of a flight."""
-    random = np.random.default_rng([seed, 2])
-    shape = (cameras[0].height + 64, cameras[0].width + 64)
-    noise = np.round(random.normal(0.0, noise_grey, shape)).astype(np.int16)
-    for t_s, position, rotation in zip(path.t_s.tolist(), path.position_m, path.world_from_body, strict=True):
-        pictures = []
-        for camera in cameras:
-            down, across = random.integers(0, 64, 2)
-            cut = noise[down : down + camera.height, across : across + camera.width]
-            pictures.append(np.clip(draw(camera, position, rotation) + cut, 0, 255).astype(np.uint8))
-        yield Pair(t_s=t_s, left=pictures[0], right=pictures[1])
+    place = World.load(world)
+    left, right = (
+        Camera(place, model, imager, seed)
+        for model, imager in zip(models, (FRONT_LEFT_IMAGER, FRONT_RIGHT_IMAGER), strict=True)
+    )
+    for truth in truths(path, place):
+        yield Pair(t_s=truth.t_s, left=left.capture(truth).pixels, right=right.capture(truth).pixels)

@@ -35,8 +35,8 @@ def test_a_point_is_on_one_row_of_the_rectified_pair_whatever_the_lenses_and_tur
     rays = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 2))
     disparity = np.random.default_rng(2).uniform(0.01, 0.2, 50)
     other = rays - np.column_stack([disparity, np.zeros(50)])
-    np.testing.assert_allclose(pair.left_rays(pair.left_pixels(rays)), rays, atol=1e-9)
-    np.testing.assert_allclose(pair.right_rays(pair.right_pixels(other)), other, atol=1e-9)
+    np.testing.assert_allclose(pair.left_rays(pair.left_pixels(rays)), rays, atol=1e-5)
+    np.testing.assert_allclose(pair.right_rays(pair.right_pixels(other)), other, atol=1e-5)
     # The same place in space by both cameras: left ray at a depth is the right one's, moved by the baseline.
     depth = pair.baseline_m / disparity
     places = np.column_stack([rays, np.ones(50)]) * depth[:, None]

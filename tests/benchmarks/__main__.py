@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-from tests.benchmarks import footprint, ground, parts, terminal, turnaround
+from tests.benchmarks import footprint, ground, parts, terminal, turnaround, world
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
@@ -11,6 +11,7 @@ BENCHES: dict[str, Callable[[], list[str]]] = {
     "footprint": footprint.run,
     "terminal": terminal.run,
     "ground": ground.run,
+    "world": world.run,
 }
 
 

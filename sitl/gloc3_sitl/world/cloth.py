@@ -1,7 +1,7 @@
 """A texture at full, half, quarter… resolution, repeated as far as a picture can need it."""
 
 from functools import lru_cache
-from math import ceil, log2
+from math import log2
 from typing import Any, Final
 
 from gloc3_sitl.world.model import Marker, Texture
@@ -28,12 +28,8 @@ class Level:
         if not is_repeated:
             self.sheet = cv2.copyMakeBorder(bare, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_REPLICATE)
             return
-        across, down = (ceil(_SPAN_PX / side) * side for side in (columns, rows))
-        margins = (RIM_PX, down + RIM_PX, RIM_PX, across + RIM_PX)
-        tiled = bare
-        while tiled.shape[0] < margins[1] or tiled.shape[1] < margins[3]:
-            tiled = cv2.hconcat([tiled, tiled]) if tiled.shape[1] < margins[3] else cv2.vconcat([tiled, tiled])
-        self.sheet = cv2.copyMakeBorder(tiled, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_WRAP)
+        beyond = RIM_PX + _SPAN_PX
+        self.sheet = cv2.copyMakeBorder(bare, RIM_PX, beyond, RIM_PX, beyond, cv2.BORDER_WRAP)
 
 
 class Cloth:

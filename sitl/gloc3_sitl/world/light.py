@@ -1,6 +1,6 @@
 """How bright a picture is: lamps, haze and the gain of the camera, on a coarse grid over each patch."""
 
-from math import cos, radians
+from math import cos, log, radians
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from gloc3_sitl.world.texture import Image
 
 _CELL_PX: Final = 16
 _NEAR_M: Final = 0.3
+_HORIZON: Final = 1e-4
 _LEAST_GAIN: Final = 0.25
 _MOST_GAIN: Final = 12.0
 
@@ -23,9 +24,9 @@ _MOST_GAIN: Final = 12.0
 class Glow(NamedTuple):
     """The light over one patch, on a coarse grid."""
 
-    factor: NDArray[np.float32]
+    factor: Floats
     """What the grey values of the texture are multiplied with."""
-    veil: NDArray[np.float32] | None
+    veil: Floats | None
     """What haze adds, in grey values at a gain of 1."""
 
 
@@ -56,20 +57,27 @@ class Light:
             place = center + rotate(body.local_from_here, lamp.position_frd_m)
             self._beams.append((lamp, place, np.array(rotate(body.local_from_here, _unit(lamp)))))
 
-    def glow(self, sheets: Sheets, patch: Patch, eye: Floats) -> Glow:
-        """The light over a patch."""
-        points = _grid_m(sheets, patch)
-        normal = sheets.normals[patch.sheet]
-        if (eye - patch.corner_m) @ normal < 0.0:
-            normal = -normal
-        factor = np.full(points.shape[:2], self._lighting.ambient)
+    def glows(self, sheets: Sheets, patches: list[Patch], eye: Floats) -> list[Glow]:
+        """The light over each patch, worked out for all at once."""
+        if not patches:
+            return []
+        grids = [_grid(patch) for patch in patches]
+        owner = np.repeat(np.arange(len(patches)), [len(grid.pixels) for grid in grids])
+        index = np.array([patch.sheet for patch in patches])[owner]
+        points = _points_m(sheets, patches, grids, owner, index)
+        factor = np.full(len(points), self._lighting.ambient)
         for lamp, place, direction in self._beams:
-            factor += _lit(lamp, place, direction, points, normal)
-        if self._dust.haze_per_m == 0.0:
-            return Glow(factor.astype(np.float32), None)
-        through = (1.0 - self._dust.haze_per_m) ** np.linalg.norm(points - eye, axis=2)
-        veil = (1.0 - through) * self._dust.haze_grey
-        return Glow((factor * through).astype(np.float32), veil.astype(np.float32))
+            factor += _lit(lamp, place, direction, points, sheets.normals[index])
+        veil: Floats | None = None
+        if self._dust.haze_per_m > 0.0:
+            through = (1.0 - self._dust.haze_per_m) ** np.linalg.norm(points - eye, axis=1)
+            factor *= through
+            veil = (1.0 - through) * self._dust.haze_grey
+        ends = np.cumsum([len(grid.pixels) for grid in grids]).tolist()
+        return [
+            Glow(factor[begin:end].reshape(grid.shape), None if veil is None else veil[begin:end].reshape(grid.shape))
+            for grid, begin, end in zip(grids, [0, *ends], ends, strict=False)
+        ]
 
     def meter(self, patches: list[Patch], glows: list[Glow]) -> None:
         """Sets the gain, once for the picture, so that what is in view is on the average as bright as its texture."""
@@ -96,34 +104,51 @@ def _unit(lamp: Lamp) -> Vector3:
     return (float(x), float(y), float(z))
 
 
-def _lit(lamp: Lamp, place: Floats, direction: Floats, points: Floats, normal: Floats) -> Floats:
+def _lit(lamp: Lamp, place: Floats, direction: Floats, points: Floats, normals: Floats) -> Floats:
     """What a lamp adds: inverse square, angle of incidence, and a beam that has halved at half its full angle."""
     away = points - place
-    distance = np.maximum(np.linalg.norm(away, axis=2), _NEAR_M)
-    square_on = np.abs(away @ normal) / distance
+    square = np.maximum((away * away).sum(axis=1), _NEAR_M**2)
+    distance = np.sqrt(square)
     ahead = np.maximum(away @ direction / distance, 0.0)
-    power = np.log(0.5) / np.log(max(cos(radians(lamp.beam_deg / 2.0)), 1e-3))
-    found: Floats = lamp.strength * square_on * ahead**power / distance**2
+    power = log(0.5) / log(max(cos(radians(lamp.beam_deg / 2.0)), 1e-3))
+    found: Floats = lamp.strength * np.abs((away * normals).sum(axis=1)) / distance * ahead**power / square
     return found
 
 
-def _grid_m(sheets: Sheets, patch: Patch) -> Floats:
-    """Places in the world at the middles of the cells of a coarse grid over a patch, shape `(rows, columns, 3)`."""
+class _Grid(NamedTuple):
+    """A coarse grid over the region of a patch: the middles of its cells."""
+
+    pixels: Floats
+    """Column, row and 1, shape `(n, 3)`."""
+    shape: tuple[int, int]
+    """Rows and columns."""
+
+
+def _grid(patch: Patch) -> _Grid:
     left, top, right, bottom = patch.region
     columns, rows = max(2, (right - left) // _CELL_PX), max(2, (bottom - top) // _CELL_PX)
-    across = left - 0.5 + (np.arange(columns) + 0.5) * (right - left) / columns
-    down = top - 0.5 + (np.arange(rows) + 0.5) * (bottom - top) / rows
-    matrix = patch.m_from_image
-    depth = np.outer(down, np.full(columns, matrix[2, 1])) + matrix[2, 0] * across + matrix[2, 2]
-    sign = np.sign(float(matrix[2] @ [*_middle(patch), 1.0]))
-    depth = np.maximum(depth * sign, 1e-4) * sign  # beyond the horizon of the plane nothing is drawn
-    right_m = (matrix[0, 0] * across + matrix[0, 1] * down[:, None] + matrix[0, 2]) / depth
-    down_m = (matrix[1, 0] * across + matrix[1, 1] * down[:, None] + matrix[1, 2]) / depth
-    index = patch.sheet
-    found: Floats = patch.corner_m + right_m[..., None] * sheets.across[index] + down_m[..., None] * sheets.down[index]
+    across = left - 0.5 + (np.arange(columns) + 0.5) * ((right - left) / columns)
+    down = top - 0.5 + (np.arange(rows) + 0.5) * ((bottom - top) / rows)
+    pixels = np.ones((rows, columns, 3))
+    pixels[..., 0] = across
+    pixels[..., 1] = down[:, None]
+    return _Grid(pixels.reshape(-1, 3), (rows, columns))
+
+
+def _points_m(
+    sheets: Sheets, patches: list[Patch], grids: list[_Grid], owner: NDArray[np.int64], index: NDArray[np.int64]
+) -> Floats:
+    """The places in the world at which the cells look, shape `(n, 3)`; beyond the horizon of a plane, far away."""
+    matrices = np.array([patch.m_from_image * _side(patch) for patch in patches])[owner]
+    spots = np.einsum("nij,nj->ni", matrices, np.concatenate([grid.pixels for grid in grids]))
+    spots /= np.maximum(spots[:, 2:], _HORIZON)
+    corners = np.array([patch.corner_m for patch in patches])[owner]
+    found: Floats = corners + spots[:, :1] * sheets.across[index] + spots[:, 1:2] * sheets.down[index]
     return found
 
 
-def _middle(patch: Patch) -> tuple[float, float]:
-    count = len(patch.outline_px)
-    return sum(c for c, _ in patch.outline_px) / count, sum(r for _, r in patch.outline_px) / count
+def _side(patch: Patch) -> float:
+    """The sign that makes the depth of what is seen positive: a homography is the same with either."""
+    column, row = patch.outline_px[0]
+    g, h, i = patch.m_from_image[2].tolist()
+    return 1.0 if g * column + h * row + i > 0.0 else -1.0

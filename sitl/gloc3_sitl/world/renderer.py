@@ -39,8 +39,7 @@ class Renderer:
             for patch in patches:
                 self._paste(image, self._drawn(patch), patch)
             return image
-        eye = np.array(view.eye_m)
-        glows = [light.glow(self._sheets, patch, eye) for patch in patches]
+        glows = light.glows(self._sheets, patches, np.array(view.eye_m))
         light.meter(patches, glows)
         for patch, glow in zip(patches, glows, strict=True):
             self._paste(image, light.apply(self._cv2, self._drawn(patch), glow), patch)

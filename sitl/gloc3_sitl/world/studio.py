@@ -36,6 +36,7 @@ class Studio:
     def __init__(self, world: World, model: CameraModel, imager: Imager, exposure: Exposure, seed: int) -> None:
         import cv2
 
+        cv2.setNumThreads(1)  # a picture is small, and other cores have other work
         self._cv2: Any = cv2
         self._world, self._model = world, model
         self._imager, self._exposure = imager, exposure

@@ -292,5 +292,4 @@ class StereoMotion:
 
 
 def _all_finite(rows: Array) -> NDArray[np.bool_]:
-    finite: NDArray[np.bool_] = np.isfinite(rows).all(axis=1)
-    return finite
+    return np.asarray(np.isfinite(rows).all(axis=1))

@@ -5,6 +5,7 @@ or loaded again, links, recording and control go on.
 """
 
 import asyncio
+import os
 import secrets
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -163,7 +164,8 @@ class WebServer:
             try:
                 await web.TCPSite(runner, host, port).start()
             except OSError as error:
-                reason = (error.strerror or str(error)).lower()
+                is_system = error.errno is not None and error.errno > 0  # else the resolver's, with words of its own
+                reason = (os.strerror(error.errno or 0) if is_system else error.strerror or str(error)).lower()
                 raise Refused(
                     f"the page cannot be served on {host} port {port}: {reason}; another port: --web-port, 0 for any "
                     "free one; another address: --web-host"

@@ -245,7 +245,7 @@ async def test_beyond_this_computer_the_address_has_a_key_and_a_warning_names_wh
 async def test_an_address_that_cannot_be_had_is_told_with_what_to_do() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(Refused, match=f"port {port}: .*in use.*--web-port"):
+        with pytest.raises(Refused, match=f"port {port}: address already in use; another port: --web-port"):
             async with WebServer(lambda: None, WebOptions(port=port), print).serving():
                 pass
     with pytest.raises(Refused, match=r"on nowhere\.invalid port 0: .*--web-host"):

@@ -37,6 +37,20 @@ IN_THE_WAY: Final = "an obstacle is in the way"
 _AT_REST: Final = (0.0, 0.0, 0.0)
 
 
+def careful_speed_m_s(quality: float, full_quality: float, hold_quality: float, careful_m_s: float) -> float:
+    """How fast a vehicle may fly with a pose of a quality: unlimited from `full_quality` on, not at all at a hold's.
+
+    Args:
+        quality: of the pose, 0 to 1.
+        full_quality: from which on it flies as fast as it may.
+        hold_quality: up to which it stays where it is.
+        careful_m_s: its speed just below `full_quality`; from there it falls in proportion.
+    """
+    if quality >= full_quality:
+        return math.inf
+    return careful_m_s * max(quality - hold_quality, 0.0) / (full_quality - hold_quality)
+
+
 class Limited(NamedTuple):
     """A setpoint inside the limits."""
 
@@ -59,6 +73,8 @@ class SetpointLimiter:
         self.obstacles: ObstacleField | None = None
         """What stands around; may be replaced at any time. None where nobody looks."""
         self._detour = Detour()
+        self.careful_m_s = math.inf
+        """No faster than that for now, in any direction."""
         self.highest_m = math.inf
         """Greatest height above the origin of NED; infinite while nothing limits it."""
         self.limits = limits
@@ -333,17 +349,23 @@ class SetpointLimiter:
         return math.dist(told, seen) <= near_m_s and self._is_slow(told)
 
     def _is_slow(self, velocity: Vector3) -> bool:
-        limits = self._limits
+        most_m_s, most_climb_m_s = self._speeds
         across = math.hypot(velocity[0], velocity[1])
-        return across <= limits.speed_m_s * 1.001 + 1e-3 and abs(velocity[2]) <= limits.climb_m_s * 1.001 + 1e-3
+        return across <= most_m_s * 1.001 + 1e-3 and abs(velocity[2]) <= most_climb_m_s * 1.001 + 1e-3
+
+    @property
+    def _speeds(self) -> tuple[float, float]:
+        """How fast it may go now, across and up or down."""
+        return min(self._limits.speed_m_s, self.careful_m_s), min(self._limits.climb_m_s, self.careful_m_s)
 
     def _slowed(self, velocity: Vector3) -> Vector3:
         """The same direction, no faster than the platform may move across and up or down."""
         across, along = math.hypot(velocity[0], velocity[1]), abs(velocity[2])
+        most_m_s, most_climb_m_s = self._speeds
         share = min(
             1.0,
-            self._limits.speed_m_s / across if across > 0.0 else 1.0,
-            self._limits.climb_m_s / along if along > 0.0 else 1.0,
+            most_m_s / across if across > 0.0 else 1.0,
+            most_climb_m_s / along if along > 0.0 else 1.0,
         )
         return (velocity[0] * share, velocity[1] * share, velocity[2] * share)
 

@@ -1,6 +1,7 @@
 """The limiter in the chain: one owner passes, within the limits; without a pose or limits nobody does."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from msgspec.structs import replace
@@ -110,3 +111,39 @@ def test_after_a_stop_the_limits_are_waited_for_again() -> None:
     limiter.start()
     stage.step(pose=pose(), setpoint_wanted=setpoint())
     assert stage.all(Setpoint) == []
+
+
+def flown_m_s(quality: float) -> tuple[float, Limiter]:
+    """How fast the point moves towards a far target with a pose of a quality, once it has settled."""
+    stage, limiter = working()
+    at, speed = 0.0, 0.0
+    for _ in range(60):
+        stage.step(
+            pose=pose(at, velocity_ned_m_s=(speed, 0.0, 0.0), quality=quality),
+            setpoint_wanted=setpoint((20.0, 0.0, -2.0)),
+        )
+        before, at = at, stage.last(Setpoint).position_ned_m[0]
+        speed = (at - before) / 0.05
+    return speed, limiter
+
+
+def test_with_a_pose_of_little_quality_it_slows_down_and_at_last_it_holds() -> None:
+    assert flown_m_s(0.8)[0] == pytest.approx(3.0, abs=0.1)
+    slow, limiter = flown_m_s(0.5)
+    assert slow == pytest.approx(0.3, abs=0.02)
+    assert limiter.reason == "the pose rests on too little (quality 0.50): no more than 0.30 m/s"
+    held, limiter = flown_m_s(0.25)
+    assert held == pytest.approx(0.0, abs=1e-6)
+    assert limiter.reason == "the pose rests on too little (quality 0.25): it holds"
+
+
+def test_it_slows_down_no_harder_than_the_platform_brakes() -> None:
+    stage, _ = working()
+    at, speeds = 0.0, []
+    for step in range(120):
+        stage.step(pose=pose(at, quality=1.0 if step < 60 else 0.2), setpoint_wanted=setpoint((40.0, 0.0, -2.0)))
+        before, at = at, stage.last(Setpoint).position_ned_m[0]
+        speeds.append((at - before) / 0.05)
+    assert speeds[58] > 2.9
+    assert speeds[-1] == pytest.approx(0.0, abs=1e-6)
+    assert max(a - b for a, b in pairwise(speeds)) <= LIMITS.acceleration_m_s2 * 0.05 + 1e-6

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from gloc3.component import Controller
+from gloc3.errors import Refused
 from gloc3.messages import Envelope
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, ObstacleScan, Pose, Setpoint
-from gloc3_onboard.motion_limits import SetpointLimiter
+from gloc3_onboard.motion_limits import SetpointLimiter, careful_speed_m_s
 from gloc3_onboard.obstacle_field import Approach, ObstacleField
 from gloc3_onboard.setpoint_gate import SetpointGate
 
@@ -23,6 +24,12 @@ class LimiterSettings(Settings, frozen=True):
     """Distance from the vehicle's middle to any obstacle that is wanted, in metres."""
     obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
     """Obstacles that were seen longer ago do not count."""
+    full_quality: Annotated[float, Bounds(0.0, 1.0)] = 0.7
+    """With a pose of less quality the vehicle slows down."""
+    hold_quality: Annotated[float, Bounds(0.0, 0.99)] = 0.3
+    """With a pose of no more quality it stays where it is."""
+    careful_m_s: Annotated[float, Bounds(0.05, 10.0)] = 0.6
+    """Its speed just below `full_quality`, in m/s; from there it falls to none at `hold_quality`."""
 
 
 class Limiter(Controller[LimiterSettings]):
@@ -51,7 +58,9 @@ class Limiter(Controller[LimiterSettings]):
         self._seen_s = -math.inf
 
     def initialize(self, settings: LimiterSettings) -> None:
-        """Adopts the settings."""
+        """Adopts the settings; refuses a quality for a hold that is not below the one for full speed."""
+        if settings.hold_quality >= settings.full_quality:
+            raise Refused("hold_quality must be less than full_quality")
         self._settings = settings
 
     def start(self) -> None:
@@ -101,9 +110,16 @@ class Limiter(Controller[LimiterSettings]):
         self._limiter.see(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
         if now_s - self._seen_s > self._settings.obstacles_limit_s:
             self._limiter.obstacles = None
+        settings = self._settings
+        self._limiter.careful_m_s = careful_speed_m_s(
+            place.quality, settings.full_quality, settings.hold_quality, settings.careful_m_s
+        )
         limited = self._limiter.limit(wanted.payload, wanted.t_s)
         self.clamped += limited.is_clamped
         self.reason = limited.reason
+        if limited.is_clamped and self._limiter.careful_m_s < math.inf:
+            slow = f"no more than {self._limiter.careful_m_s:.2f} m/s" if self._limiter.careful_m_s else "it holds"
+            self.reason = f"the pose rests on too little (quality {place.quality:.2f}): {slow}"
         return [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
 
     def _limit_manoeuvre(self, manoeuvre: Manoeuvre, pose: Envelope[Pose] | None) -> Manoeuvre:

@@ -1,6 +1,7 @@
 """The pose of the platform, fused from an inertial unit and whatever odometers, fixes and heights there are."""
 
-from math import hypot, isfinite
+from collections.abc import Callable
+from math import hypot, isfinite, sqrt
 from typing import Final
 
 import numpy as np
@@ -37,6 +38,8 @@ _FAR_OFF: Final = 4.0
 """Where the innovations of all odometers are beyond that, and they agree with each other, the estimate is wrong."""
 _AGAIN_S: Final = 4.0
 """Where that comes again so soon, its biases were not the reason."""
+_ARGUED_S: Final = 3.0
+"""Where sources contradict each other for longer, the vehicle had better hold."""
 _WAITING: Final = 64
 _DOWN: Final = np.array(((0.0, 0.0, -1.0, 0.0, 0.0, 0.0),))
 _LEAST_FIX: Final = np.array((4e-6, 4e-6, 4e-6))
@@ -53,6 +56,8 @@ class PoseFusion:
         self.settings: Final = settings or FusionSettings()
         self.estimate: Final = Estimate(self.settings)
         self.is_aligned = False
+        self.on_innovation: Callable[[str, float, int], None] | None = None
+        """Told each innovation: source, normalised square, degrees of freedom; for those who measure consistency."""
         self._trust: dict[str, Trust] = {}
         self._odometers: Final = Odometers(self.estimate, self.settings.reference_share)
         self._vote: Final = Vote(self.settings.window_s, self.settings.odometer_scale_std)
@@ -69,6 +74,8 @@ class PoseFusion:
         """When a source last held the horizontal position."""
         self._conflict: Verdict | None = None
         self._conflict_s = float("-inf")
+        self._disputed_m: Vector3 = (0.0, 0.0, 0.0)
+        """How far off the pose may be by the conflict so far."""
         self._height_misses = 0
         self._doubted_s = float("-inf")
         """When the estimate's motion was last doubted."""
@@ -229,6 +236,8 @@ class PoseFusion:
         if past.noise is not None:
             noise = noise + (measured.by_pose * past.noise) @ measured.by_pose.T
         innovation = self.estimate.errors.test(measured.residual, rows, noise)
+        if self.on_innovation is not None:
+            self.on_innovation(trust.name, innovation, measured.degrees)
         if not isfinite(innovation) or not trust.judge(innovation, measured.degrees, t_s):
             return False
         self.estimate.take(measured.residual, rows, noise)
@@ -311,18 +320,27 @@ class PoseFusion:
         verdict = self._vote.look(voters, self.estimate.inertial.now.position_ned_m, heading_std_rad, now_s)
         if verdict.voted_out:
             self._vote_out(verdict)
-        if verdict.is_unanimous or verdict.voted_out:
-            self._conflict = None
-        elif self._conflict is None:
-            self._conflict, self._conflict_s = verdict, now_s
-        else:
-            self._conflict = verdict
+        self._follow_conflict(None if verdict.is_unanimous or verdict.voted_out else verdict, now_s)
         used = [name for name, may in voters.items() if may and self._trust[name].is_used]
         for name in voters:
             trust = self._trust[name]
             if trust.is_voted_out and self._vote.agrees(name, [other for other in used if other != name], now_s):
                 trust.is_voted_out = False  # its gate and the probation are left
         self._look_whether_stuck(used, now_s)
+
+    def _follow_conflict(self, conflict: Verdict | None, now_s: float) -> None:
+        """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so."""
+        if conflict is not None:
+            is_new = self._conflict is None
+            if is_new:
+                self._conflict_s, self._disputed_m = now_s, (0.0, 0.0, 0.0)
+            share = 1.0 if is_new else _VOTE_S / (0.5 * self.settings.window_s)
+            (x, y, z), (dx, dy, dz) = self._disputed_m, conflict.apart_m
+            more = (abs(dx) * share, abs(dy) * share, abs(dz) * share)
+            self._disputed_m = (x + more[0], y + more[1], z + more[2])
+            north, east, down = (sqrt(a * a - b * b) for a, b in zip(self._disputed_m, (x, y, z), strict=True))
+            self.estimate.doubt_place((north, east, down))
+        self._conflict = conflict
 
     def _vote_out(self, verdict: Verdict) -> None:
         """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
@@ -382,18 +400,14 @@ class PoseFusion:
         """1 where several sources agree, 0.8 with two, 0.5 with one, 0.2 with none; less as it becomes uncertain."""
         quality = (0.2, 0.5, 0.8, 1.0)[min(len(self.witnesses), 3)]
         if self._conflict is not None:
-            quality = min(quality, 0.5 if self.estimate.t_s - self._conflict_s < 3.0 else 0.25)
+            quality = min(quality, 0.5 if self.estimate.t_s - self._conflict_s < _ARGUED_S else 0.25)
         north, east, down = self.position_std_m
         return quality * max(0.0, 1.0 - (max(north, east, down) / self.settings.std_limit_m) ** 2)
 
     @property
     def position_std_m(self) -> Vector3:
-        """Standard deviation along each axis; where sources contradict each other, no less than they are apart."""
-        north, east, down = self.estimate.position_std_m
-        if self._conflict is None:
-            return (north, east, down)
-        n, e, d = self._conflict.apart_m
-        return (hypot(north, n), hypot(east, e), hypot(down, d))
+        """Standard deviation along each axis; where sources contradict each other, it has grown by how far apart they are."""
+        return self.estimate.position_std_m
 
     def why_not_valid(self) -> str:
         """Why the pose cannot be flown by; empty where it can."""
@@ -402,6 +416,9 @@ class PoseFusion:
         lost_s = self.estimate.t_s - self._held_s
         if lost_s > self.settings.coast_s:
             return f"nothing has held the position for {lost_s:.1f} s: {self._troubles()}"
+        disputed_s = self.estimate.t_s - self._conflict_s
+        if self._conflict is not None and disputed_s > self.settings.dispute_s:
+            return f"{' and '.join(self._conflict.against)} have contradicted each other for {disputed_s:.0f} s"
         std_m = max(self.position_std_m)
         if not std_m <= self.settings.std_limit_m:
             return f"uncertain by {std_m:.2f} m: {self._troubles()}"

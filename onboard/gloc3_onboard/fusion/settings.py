@@ -42,6 +42,8 @@ class FusionSettings(Settings, frozen=True):
     """The sources are compared over the way of so long."""
     coast_s: Annotated[float, Bounds(0.1, 10.0)] = 1.5
     """So long the inertial unit alone may carry the pose; then it is not valid."""
+    dispute_s: Annotated[float, Bounds(1.0, 120.0)] = 8.0
+    """So long sources may contradict each other, with nobody to tell who is right; then the pose is not valid."""
     std_limit_m: Annotated[float, Bounds(0.01, 10.0)] = 0.4
     """A pose with a greater standard deviation is not valid."""
     jump_m: Annotated[float, Bounds(0.01, 10.0)] = 0.1

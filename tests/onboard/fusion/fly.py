@@ -30,12 +30,18 @@ class Flown(NamedTuple):
     """(n,): of position and attitude together, six degrees of freedom."""
     poses: list[Pose]
     fusion: PoseFusion
+    innovations: dict[str, list[float]]
+    """By source: normalised squared innovations over their degrees of freedom."""
 
     def ate_m(self) -> float:
         return float(np.sqrt(np.mean(np.sum(self.error_m**2, axis=1))))
 
     def worst_m(self, begin_s: float = 0.0) -> float:
         return float(np.linalg.norm(self.error_m[self.t_s >= begin_s], axis=1).max())
+
+    def innovation(self, source: str) -> float:
+        """Mean of all innovations of a source, over their degrees of freedom."""
+        return float(np.mean(self.innovations[source]))
 
     def turn_deg(self) -> float:
         return float(np.degrees(np.sqrt(np.mean(np.sum(self.turn_rad**2, axis=1)))))
@@ -53,6 +59,8 @@ def fly(
     rng = np.random.default_rng((seed, 99))
     gyro_bias, force_bias = rng.normal(size=3) * GYRO_BIAS, rng.normal(size=3) * FORCE_BIAS
     fusion = PoseFusion(settings or FusionSettings(start_ned_m=(0.0, 0.0, 0.0), start_heading_deg=0.0))
+    innovations: dict[str, list[float]] = {}
+    fusion.on_innovation = lambda source, value, degrees: innovations.setdefault(source, []).append(value / degrees)
     arriving: list[tuple[float, int, float, Any]] = []
     kept: list[tuple[float, Array, Array, float, Pose]] = []
     count = 0
@@ -86,7 +94,13 @@ def fly(
                 kept.append((t_s, *_errors(fusion, pose, flight, truth_i), pose))
     columns = list(zip(*kept, strict=True))
     return Flown(
-        np.array(columns[0]), np.array(columns[1]), np.array(columns[2]), np.array(columns[3]), list(columns[4]), fusion
+        np.array(columns[0]),
+        np.array(columns[1]),
+        np.array(columns[2]),
+        np.array(columns[3]),
+        list(columns[4]),
+        fusion,
+        innovations,
     )
 
 

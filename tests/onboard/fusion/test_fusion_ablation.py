@@ -1,0 +1,81 @@
+"""Every source removed, frozen, biased, late or garbage in flight: the pose stays right, or says that it does not know."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from .ablation import FAULTS, HARMLESS, SOURCES, judge, suffer
+from .flown import inspection, sensors_of
+from .fly import fly
+
+pytestmark = pytest.mark.thorough
+
+MID_FLIGHT = {"fault_s": (9.0, 17.0), "until_s": 26.0}
+NOT_FOUND = {("height", "frozen"), ("height", "old"), ("height", "scale")}
+"""At a constant height of 1.5 m these say nothing that is wrong by more than a floor may rise."""
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("name", SOURCES["hummingbird"])
+def test_any_fault_of_one_source_is_survived_without_a_laser(name: str, fault: str) -> None:
+    found = suffer("hummingbird", (name,), fault, **MID_FLIGHT)  # type: ignore[arg-type]
+    assert found.worst_m < 0.15
+    assert found.valid_share == 1.0
+    assert found.wrong_s == 0.0
+    if fault not in HARMLESS and (name, fault) not in NOT_FOUND:
+        assert found.detected_s is not None
+        assert found.detected_s < (5.0 if fault == "scale" else 0.8)
+
+
+@pytest.mark.parametrize("names", list(combinations(SOURCES["hummingbird"], 2)))
+def test_with_any_two_of_its_sources_gone_the_pose_is_good_and_says_that_it_rests_on_less(
+    names: tuple[str, ...],
+) -> None:
+    found = suffer("hummingbird", names, "removed", **MID_FLIGHT)  # type: ignore[arg-type]
+    assert found.worst_m < 0.1
+    assert found.valid_share == 1.0
+    assert found.is_let_in
+    assert found.least_quality == pytest.approx(0.8 if "height" in names else 0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("fault", ["frozen", "scale", "old"])
+def test_with_a_laser_more_is_known(fault: str) -> None:
+    found = suffer("pelican", ("stereo",), fault, **MID_FLIGHT)  # type: ignore[arg-type]
+    assert found.worst_m < 0.03
+    assert found.detected_s is not None
+    assert found.detected_s < 2.0
+
+
+def test_two_that_contradict_each_other_with_nobody_to_tell_end_in_a_pose_that_is_not_valid_and_says_who() -> None:
+    sensors = [sensor for sensor in sensors_of("hummingbird", 0) if sensor.name != "tracker"]
+    sensors[0].fault, sensors[0].fault_s = "scale", (9.0, 60.0)
+    flown = fly(inspection(), sensors, until_s=30.0)
+    found = judge(flown, ("stereo",), (9.0, 60.0))
+    assert found.wrong_s == 0.0
+    assert "ground" in found.reason
+    assert "stereo" in found.reason
+    slow = [pose.quality for pose in flown.poses]
+    assert min(slow) == 0.0
+    assert any(0.2 < quality <= 0.5 for quality in slow)
+
+
+@pytest.mark.parametrize("kind", ["frozen", "garbage", "bias"])
+def test_an_inertial_unit_that_lies_is_found_out(kind: str) -> None:
+    held = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
+    rng = np.random.default_rng(1)
+
+    def lying(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+        if not 9.0 <= t_s < 14.0:
+            return rate, force
+        match kind:
+            case "frozen":
+                return held
+            case "garbage":
+                return tuple((rng.normal(size=3) * 100.0).tolist()), force
+        return (rate[0], rate[1], rate[2] + 0.05), force
+
+    flown = fly(inspection(), sensors_of("hummingbird", 0), imu=lying, until_s=20.0)  # type: ignore[arg-type]
+    assert all(pose.is_valid for pose in flown.poses)
+    assert flown.worst_m() < 0.15
+    assert flown.worst_m(18.0) < 0.02

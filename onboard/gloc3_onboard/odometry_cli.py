@@ -8,6 +8,7 @@ from gloc3.trajectory import read_trajectory
 from gloc3_onboard.odometry_ground import ground
 from gloc3_onboard.odometry_laser import laser
 from gloc3_onboard.odometry_report import ReportOptions, report
+from gloc3_onboard.odometry_stereo import stereo
 
 app = App(
     name="gloc3 odometry",
@@ -33,3 +34,4 @@ def compare(estimate: Path, /, *, options: ReportOptions | None = None) -> int:
 
 app.command(ground)
 app.command(laser)
+app.command(stereo)

@@ -14,8 +14,6 @@ Ids = NDArray[np.int32]
 NO_PIXELS: Final[Pixels] = np.zeros((0, 2), np.float32)
 
 _FEW: Final = 8
-_LOST_SHARE: Final = 0.5
-"""With less of the points found again a picture is held to be a bad one, at first."""
 _PATIENCE: Final = 3
 """Bad pictures in a row after which points are looked for anew."""
 _BACK_MAX_PX: Final = 1.0
@@ -35,9 +33,11 @@ class PointTracker:
         corners: finds points.
         patches: finds them again.
         levels: halvings of the resolution at which points are looked for that are not where they were headed for.
+        least_share: with less of the points found again a picture is held to be a bad one, at first.
     """
 
-    def __init__(self, corners: GridCorners, patches: PatchTracker, levels: int) -> None:
+    def __init__(self, corners: GridCorners, patches: PatchTracker, levels: int, least_share: float = 0.5) -> None:
+        self._least_share = least_share
         self._corners = corners
         self._patches = patches
         self._levels = levels
@@ -77,7 +77,7 @@ class PointTracker:
         if is_good.sum() < _NEAR_SHARE * len(found):
             found, is_good = self._look_far(picture)
         count = int(is_good.sum())
-        if count < max(_FEW, _LOST_SHARE * len(found)):
+        if count < max(_FEW, self._least_share * len(found)):
             return self._complain(f"only {count} of {len(found)} points are seen again")
         self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s)
         self._speed_px_s = ((found - self.pixels) / np.float32(after_s)).astype(np.float32)

@@ -84,7 +84,8 @@ class OnboardProcess:
         self._options, self._platform, self._loop = options, platform, loop
         self._clock = Clock(loop)
         self._topics = TopicTable.installed()
-        self._exchange = LocalExchange()
+        self.exchange: Final = LocalExchange()
+        """What its components say to each other."""
         self._narrator = Narrator()
         self._random = SystemRandom()
         self._out = options.out or Path(f"gloc3-{platform.platform}")
@@ -106,8 +107,8 @@ class OnboardProcess:
         self._links: dict[str, str] = {}
         """What was told last of each link, by its URL."""
         self._timer: asyncio.TimerHandle | None = None
-        self._path = RequestedPath(self._exchange, platform.platform)
-        self._exchange.subscribe(f"{platform.platform}/components/*/event", self._narrate)
+        self._path = RequestedPath(self.exchange, platform.platform)
+        self.exchange.subscribe(f"{platform.platform}/components/*/event", self._narrate)
 
     async def open(self) -> None:
         """Opens the links and the log, and brings the components up."""
@@ -118,7 +119,7 @@ class OnboardProcess:
                 platform.platform,
                 options.system_id,
                 self._loop,
-                self._exchange,
+                self.exchange,
                 self._topics,
                 self._random.getrandbits(32),
                 budget_of(url),
@@ -126,13 +127,13 @@ class OnboardProcess:
             self._stations.append(link)
             await self._open_link(url, link)
         HeartbeatSource(
-            self._exchange,
+            self.exchange,
             platform.platform,
             lambda: [self._autopilot.send_message, *(station.send for station in self._stations)],
         )
         await self._loop.run_in_executor(None, self._computer.measure)
         log = self._open_log()
-        context = HostContext(platform.platform, self._exchange, self._clock, self._loop, self._topics, self._random)
+        context = HostContext(platform.platform, self.exchange, self._clock, self._loop, self._topics, self._random)
         self._onboard = Onboard(platform, context, self._devices(log))
         self._onboard.begin()
         self.say(Severity.INFO, f"{platform.platform}: {len(platform.components)} components; log in {log}")
@@ -180,7 +181,7 @@ class OnboardProcess:
             raise Refused(f"the folder {self._out} cannot be written: {error.strerror}") from error
         file = find_platform(self._options.platform).read_bytes()
         self._recorder.attach_file(PLATFORM_FILE, "application/yaml", file)
-        self._recorder.attach(self._exchange, self._loop)
+        self._recorder.attach(self.exchange, self._loop)
         return path
 
     def _log_problem(self) -> str:
@@ -211,6 +212,6 @@ class OnboardProcess:
             "site": Site(
                 self._platform, RecordFile(self._out / "requests.journal"), RecordFile(self._out / "progress.state")
             ),
-            "taps": ExchangeTaps(self._exchange, self._loop, self._platform.platform),
+            "taps": ExchangeTaps(self.exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),
         }

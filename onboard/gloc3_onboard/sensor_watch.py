@@ -1,12 +1,14 @@
 """Looks at the sensors of an onboard process: whether they bring something, and whether their calibrations fit."""
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from gloc3.errors import Gloc3Error
 from gloc3.readiness import SensorCondition
+from gloc3.vehicle import Image
 from gloc3_onboard.calibration.fit import misfit
 from gloc3_onboard.devices import Rig
 from gloc3_onboard.sources.factory import camera_name, pair_names
@@ -50,7 +52,7 @@ class SensorWatch:
         if parse_source(name, self._urls[name]).scheme != NOWHERE:
             uncalibrated = [camera for camera in cameras_of(name) if self._rig.model(camera) is None]
             try:
-                problem = self._misfit(source)
+                problem = self._misfit(_images(source))
             except Gloc3Error as error:
                 problem = str(error)
         return SensorCondition(
@@ -62,17 +64,30 @@ class SensorWatch:
             is_open=True,
         )
 
-    def _misfit(self, source: Any) -> str:
-        """Why the pictures of a camera do not fit its calibration."""
-        if hasattr(source, "pair") and (pair := source.pair()) is not None:
-            images = [pair.left, pair.right]
-        elif hasattr(source, "frame") and (frame := source.frame()) is not None:
-            images = [frame.image]
-        else:
-            images = []
+    def _misfit(self, images: Sequence[Image]) -> str:
+        """Why pictures do not fit their calibration."""
         models = [(self._rig.model(image.camera), image) for image in images if image.data]
         found = [misfit(model, image.width, image.height) for model, image in models if model is not None]
         return next(filter(None, found), "")
+
+
+def _images(source: Any) -> Sequence[Image]:
+    """What a camera shows now; nothing for other sensors.
+
+    Raises:
+        Gloc3Error: the sensor is gone.
+    """
+    pair = source.pair() if hasattr(source, "pair") else None
+    if pair is not None:
+        return pair.left, pair.right
+    frame = source.frame() if hasattr(source, "frame") else None
+    if frame is not None:
+        return (frame.image,)
+    if hasattr(source, "scan"):
+        source.scan()
+    if hasattr(source, "samples"):
+        source.samples(math.inf)
+    return ()
 
 
 def cameras_of(device: str) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 import sys
 
-from tests.evidence import demo, events, flight, ground, inputs, link, station, suites, tracker
+from tests.evidence import demo, events, flight, ground, inputs, link, sensors, station, suites, tracker
 from tests.evidence.page import Bar, Progress, commit, write
 
 BARS: tuple[Bar, ...] = (
@@ -12,6 +12,7 @@ BARS: tuple[Bar, ...] = (
     *ground.BARS,
     *inputs.BARS,
     *link.BARS,
+    *sensors.BARS,
     *station.BARS,
     *suites.BARS,
     *tracker.BARS,

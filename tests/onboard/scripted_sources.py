@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
+import cv2
 import numpy as np
 
 from gloc3.camera_model import CameraModel
@@ -83,3 +85,22 @@ def felt(t_s: float, rate_rad_s: float = 0.01) -> StampedImu:
     """A sample at rest, but for a rate about x."""
     sample = ImuSample(rate_frd_rad_s=(rate_rad_s, 0.0, 0.0), specific_force_frd_m_s2=(0.0, 0.0, -9.81))
     return StampedImu(t_s, sample)
+
+
+def euroc(tmp_path: Path, frames: int = 10) -> Path:
+    """A data set of EuRoC's form: two cameras at 20 Hz, an inertial unit at 200 Hz."""
+    top = tmp_path / "mav0"
+    begin_ns = 1_403_715_273_262_142_976
+    for camera in ("cam0", "cam1"):
+        (top / camera / "data").mkdir(parents=True)
+        rows = ["#timestamp [ns],filename"]
+        for number in range(frames):
+            stamp = begin_ns + number * 50_000_000
+            pixels = np.frombuffer(picture(number + 100 * (camera == "cam1")).data, np.uint8).reshape(HEIGHT, WIDTH)
+            cv2.imwrite(str(top / camera / "data" / f"{stamp}.png"), pixels)
+            rows.append(f"{stamp},{stamp}.png")
+        (top / camera / "data.csv").write_text("\n".join(rows))
+    (top / "imu0").mkdir()
+    samples = [f"{begin_ns + k * 5_000_000},{0.001 * k},0.2,0.3,9.81,0.0,0.5" for k in range(frames * 10)]
+    (top / "imu0" / "data.csv").write_text("\n".join(["#timestamp", *samples]))
+    return tmp_path

@@ -21,6 +21,8 @@ from gloc3_onboard.devices import (
 
 T = TypeVar("T")
 KEPT: Final = 256
+LATE_S: Final = 0.05
+"""What could not be given within so long after its time is left out, as a camera leaves out what nobody takes."""
 
 
 class Recorded(NamedTuple, Generic[T]):
@@ -61,6 +63,9 @@ class Replay(Generic[T]):
         time: of the log.
         index: reads what there is; called when the device is opened.
     """
+
+    is_slow = True
+    """Whether to load one takes long."""
 
     def __init__(
         self, loop: asyncio.AbstractEventLoop, time: LogTime, index: Callable[[], Sequence[Recorded[T]]]
@@ -129,9 +134,9 @@ class Replay(Generic[T]):
             self._timer = None
 
     def _wait(self) -> None:
-        """Waits for the next that is not past: what could not be loaded in time is left out, as a camera does."""
+        """Waits for the next that is not long past."""
         now_s, records = self._loop.time(), self._records
-        while self._next < len(records) and self._time.t_s(records[self._next].log_s) < now_s - 1e-6:
+        while self._next < len(records) and self._time.t_s(records[self._next].log_s) < now_s - LATE_S:
             self._next += 1
         if self._next < len(records):
             self._timer = self._loop.call_at(self._time.t_s(records[self._next].log_s), self._due)
@@ -139,6 +144,11 @@ class Replay(Generic[T]):
     def _due(self) -> None:
         record, life = self._records[self._next], self._life
         self._next += 1
+        if not self.is_slow:
+            self.take(self._time.t_s(record.log_s), record.load())
+            self._bell.ring()
+            self._wait()
+            return
         loading = self._loop.run_in_executor(None, record.load)
 
         def loaded(done: asyncio.Future[T]) -> None:
@@ -214,6 +224,8 @@ class ReplayLaser(Replay[LaserScan]):
 
 class ReplayImu(Replay[ImuSample]):
     """An inertial unit of a log."""
+
+    is_slow = False
 
     def __init__(
         self, loop: asyncio.AbstractEventLoop, time: LogTime, index: Callable[[], Sequence[Recorded[ImuSample]]]

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gloc3.frames import Quaternion, from_euler, from_rotation_vector, multiply, rotate
+from gloc3.frames import Quaternion, from_euler, from_rotation_vector, multiply
 from gloc3.trajectory import Array, Trajectory, matrices_from_quaternions
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.probe import WorldProbe
 from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
@@ -81,7 +82,7 @@ def truths(world: World, path: Motion) -> Iterator[Truth]:
 def fly(seed: int, world: World, path: Motion | None = None) -> Iterator[Step]:
     """Takes the pictures of a flight one by one."""
     path = path or motion(seed)
-    camera = Camera(world, GROUND, GROUND_IMAGER, seed)
+    camera, probe = Camera(world, GROUND, GROUND_IMAGER, seed), WorldProbe(world)
     random = np.random.default_rng([seed, 7])
     tilt_bias = TILT_BIAS_RAD * random.standard_normal(2)
     range_bias_m = HEIGHT_BIAS_M * random.standard_normal()
@@ -91,8 +92,7 @@ def fly(seed: int, world: World, path: Motion | None = None) -> Iterator[Step]:
         error = TILT_NOISE_RAD * random.standard_normal(2) + tilt_bias
         level = from_euler(0.0, 0.0, yaw + YAW_DRIFT_RAD_S * truth.t_s)
         tipped = multiply(from_rotation_vector((error[0], error[1], 0.0)), from_euler(roll, pitch, 0.0))
-        cosine = rotate(truth.attitude_wxyz, (0.0, 0.0, 1.0))[2]
-        range_m = (height - world.height_at(x, y)) / cosine + range_bias_m + HEIGHT_NOISE_M * random.standard_normal()
+        range_m = probe(truth, 0.0) + range_bias_m + HEIGHT_NOISE_M * random.standard_normal()
         yield Step(
             t_s=truth.t_s,
             picture=camera.capture(truth).pixels,

@@ -14,10 +14,10 @@ from gloc3_onboard.vision import ground_plane
 from gloc3_onboard.vision.ground_height import GroundHeight
 from gloc3_onboard.vision.ground_plane import Noise, PlaneMotion, Prior
 from gloc3_onboard.vision.ground_report import Held, invalid, ratio_std, report
-from gloc3_onboard.vision.ground_tracks import GroundTracks, nothing_in
+from gloc3_onboard.vision.ground_tracks import GroundTracks
+from gloc3_onboard.vision.picture import Picture, problem
 
 Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
 
 _LEAST_POINTS: Final = 12
 _LEAST_SHARE: Final = 0.35
@@ -104,7 +104,7 @@ class GroundOdometer:
         self._cv2: Any = cv2
         self.camera: Final = camera
         self.settings: Final = settings
-        self._tracks = GroundTracks()
+        self._tracks = GroundTracks(camera.width, camera.height)
         self._height = GroundHeight(settings.height_noise_m, settings.height_scale_std)
         focal_px = min(camera.focal_px)
         self._noise = Noise(settings.pixel_std / focal_px, _LARGEST_NOISE_PX / focal_px)
@@ -151,10 +151,9 @@ class GroundOdometer:
 
     def _trouble(self, picture: Picture, t_s: float, ned_from_frd: Quaternion) -> str:
         """Why a picture cannot be used at all; empty where it can."""
-        shape = (self.camera.height, self.camera.width)
-        if picture.shape != shape or picture.dtype != np.uint8:
-            size = "x".join(map(str, picture.shape[::-1]))
-            return f"the picture is {size} {picture.dtype}, the calibration is for {shape[1]}x{shape[0]} uint8"
+        reason = problem(picture, self.camera)
+        if reason:
+            return reason
         if not math.isfinite(t_s):
             return "the picture has no time"
         if not all(map(math.isfinite, ned_from_frd)) or abs(math.hypot(*ned_from_frd) - 1.0) > 0.01:
@@ -168,7 +167,7 @@ class GroundOdometer:
         if self._last_picture is not None and np.array_equal(picture, self._last_picture):
             self._last_s = t_s
             return "the picture is the last one again"
-        return nothing_in(picture)
+        return ""
 
     def _begin(self, picture: Picture, held: Held, height_m: float, reason: str) -> Odometry:
         """Begins anew at a picture, if it shows enough and the height is known."""

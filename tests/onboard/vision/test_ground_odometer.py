@@ -105,8 +105,8 @@ def test_the_height_and_the_turn_scale_and_turn_the_motion() -> None:
     [
         ("black", np.zeros((240, 320), np.uint8), "is black"),
         ("white", np.full((240, 320), 255, np.uint8), "is white"),
-        ("of another size", np.zeros((480, 640), np.uint8), "640x480"),
-        ("of another kind", np.zeros((240, 320), np.float32), "float32"),
+        ("of another size", np.zeros((480, 640), np.uint8), "640 x 480"),
+        ("of another kind", np.zeros((240, 320), np.float32), "not grey, 8 bits"),
         ("noise", np.random.default_rng(1).integers(0, 255, (240, 320), np.uint8), "points"),
     ],
 )

@@ -1,108 +1,24 @@
 """What the kinds of faults do to a flight: one table, each row with its form in text and how it begins and ends."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from math import inf, nan
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
 
 import msgspec
 
 from gloc3.errors import Refused, nearest
 from gloc3.link.memory import MemoryLink
-from gloc3.messages import Envelope, Message
 from gloc3_sitl.autopilot.modes import Behaviour, Style
+from gloc3_sitl.device_faults import ALL, CAMERA, LASER, DeviceFault
+from gloc3_sitl.fault_form import Ended, Form, Parsed
 from gloc3_sitl.flight import Flight
-from gloc3_sitl.sabotage import Tap
 from gloc3_sitl.sensors.sensor import FaultMode
+from gloc3_sitl.sim_devices import NoCamera, SimLaser
+from gloc3_sitl.topic_faults import TOPIC_WORDS, check_topic, spoil_topic
 from gloc3_sitl.wind import gusty
-
-Ended = Callable[[], None]
-"""Ends a fault's effect."""
 
 SENSORS: Final = ("imu", "barometer", "magnetometer", "height", "fix", "battery")
 AWAY_S: Final = 2.0
 """How long a restarted onboard process is away."""
-STRANGER: Final = "stranger#1"
-"""Who foreign setpoints say that they come from."""
-
-
-class Parsed(NamedTuple):
-    """What stands in a fault's text, apart from its times."""
-
-    target: str
-    word: str
-    """The value, where it is a word."""
-    number: float
-    """The value, where it is a number."""
-    size: float | None
-
-
-class Form(msgspec.Struct, frozen=True, kw_only=True):
-    """How a kind of fault is written."""
-
-    text: str
-    """For people."""
-    does: str
-    """In a line."""
-    has_target: bool = False
-    words: tuple[str, ...] = ()
-    """What the value may be; empty where it is a number."""
-    bounds: tuple[float, float] | None = None
-    """Of the number; None where there is none."""
-    default: float | None = None
-    """Of the number; None where it must be given."""
-    size_of: tuple[str, ...] = ()
-    """The words that take a size; the number takes one where this holds an empty text."""
-    is_event: bool = False
-    """It happens once, unless a span is given and it `may_last`."""
-    may_last: bool = False
-    lasts_s: float = inf
-    """How long it lasts if no end is given."""
-
-    def read(self, target: str | None, value: str | None, size: str | None) -> Parsed:
-        """Reads the parts of a text.
-
-        Raises:
-            Refused: what is wrong.
-        """
-        if self.has_target != (target is not None):
-            raise Refused("it lacks a name after the colon" if self.has_target else f"{target!r} is not expected")
-        word, number = "", 0.0
-        if self.words:
-            word = value or ""
-            if word not in self.words:
-                raise Refused(f"{word!r} is unknown; known: {', '.join(self.words)}")
-        elif self.bounds is not None:
-            number = self._number(value)
-        elif value is not None:
-            raise Refused(f"={value} is not expected")
-        if size is not None and word not in self.size_of:
-            raise Refused(f"/{size} is not expected")
-        sized = None if size is None else _finite(size)
-        if sized is not None and sized < 0.0 and word in ("late", "stale", "noisy"):
-            raise Refused(f"/{size} is negative")
-        return Parsed(target or "", word, number, sized)
-
-    def _number(self, value: str | None) -> float:
-        assert self.bounds is not None
-        if value is None:
-            if self.default is None:
-                raise Refused("it lacks a number")
-            return self.default
-        number, (low, high) = _finite(value), self.bounds
-        if not low <= number <= high:
-            raise Refused(f"{number:g} is not from {low:g} to {high:g}")
-        return number
-
-
-def _finite(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = nan
-    if not math.isfinite(number):
-        raise Refused(f"{text!r} is no number")
-    return number
 
 
 def _fits(flight: Flight, given: Parsed) -> None:
@@ -240,79 +156,39 @@ def _pilot(flight: Flight, given: Parsed, _: bool) -> Ended:
     return _nothing
 
 
-# --- messages on their way ---
+# --- cameras and scanners ---
 
-_STALE_S: Final = 0.4
-_LATE_S: Final = 0.5
-_JUMP_M: Final = 2.0
-
-
-def _message_type(flight: Flight, topic: str) -> type[Message]:
-    row = flight.topics.row(f"{flight.name}/{topic}")
-    if row is None:
-        raise Refused(f"there is no topic {topic!r}; {nearest(topic, [name for name, _ in flight.topics])}")
-    return row.message
+_LIGHTS: Final = ("dark", "twin")
+"""Of the vehicle's light: it is off; another shines beside it."""
+_DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *LASER, *_LIGHTS)))
 
 
-def _check_topic(flight: Flight, given: Parsed) -> None:
-    message = _message_type(flight, given.target)
-    needed = {"foreign": "action_id", "jump": "position_ned_m"}.get(given.word)
-    if needed is not None and needed not in message.__struct_fields__:
-        raise Refused(f"{given.word!r} needs {needed}, which a {message.__name__} does not have")
+def _check_device(flight: Flight, given: Parsed) -> None:
+    device = flight.rig.devices.get(given.target)
+    if device is None or isinstance(device, NoCamera):
+        names = [name for name, each in flight.rig.devices.items() if not isinstance(each, NoCamera)]
+        raise Refused(f"the world has no device {given.target!r}; {nearest(given.target, names)}")
+    own = LASER if isinstance(device, SimLaser) else tuple(CAMERA)
+    if given.target == "tracker_camera":
+        own += _LIGHTS
+    if given.word not in (*ALL, *own):
+        raise Refused(f"{given.word!r} is none of {given.target}'s: {', '.join((*ALL, *own))}")
 
 
-def _spoil_topic(flight: Flight, given: Parsed, _: bool) -> Ended:
-    return flight.exchange.tap(f"{flight.name}/{given.target}", _tap(flight, given))
+def _spoil_device(flight: Flight, given: Parsed, _: bool) -> Ended:
+    tracker, device = flight.rig.tracker, flight.rig.devices[given.target]
+    if given.word in _LIGHTS and tracker is not None:
+        tracker.is_lit, tracker.has_twin = given.word != "dark", given.word == "twin"
+    elif not isinstance(device, NoCamera):
+        device.fault = DeviceFault(given.word, given.size)
 
+    def end() -> None:
+        if given.word in _LIGHTS and tracker is not None:
+            tracker.is_lit, tracker.has_twin = True, False
+        elif not isinstance(device, NoCamera):
+            device.fault = None
 
-def _tap(flight: Flight, given: Parsed) -> Tap:
-    """What becomes of each message."""
-
-    def lost(_: Envelope[Any]) -> Sequence[Envelope[Any]]:
-        return ()
-
-    def late(envelope: Envelope[Any]) -> Sequence[Envelope[Any]]:
-        flight.loop.call_later(_LATE_S if given.size is None else given.size, flight.exchange.deliver, envelope)
-        return ()
-
-    def stale(envelope: Envelope[Any]) -> Sequence[Envelope[Any]]:
-        age_s = _STALE_S if given.size is None else given.size
-        return (msgspec.structs.replace(envelope, t_s=envelope.t_s - age_s),)
-
-    def not_finite(envelope: Envelope[Any]) -> Sequence[Envelope[Any]]:
-        return (msgspec.structs.replace(envelope, payload=_without_numbers(envelope.payload)),)
-
-    def jump(envelope: Envelope[Any]) -> Sequence[Envelope[Any]]:
-        moved = _moved(envelope.payload, _JUMP_M if given.size is None else given.size)
-        return (msgspec.structs.replace(envelope, payload=moved),)
-
-    def foreign(envelope: Envelope[Any]) -> Sequence[Envelope[Any]]:
-        other = msgspec.structs.replace(_moved(envelope.payload, _JUMP_M), action_id=STRANGER)
-        return (envelope, msgspec.structs.replace(envelope, payload=other))
-
-    taps = {"lost": lost, "late": late, "stale": stale, "nan": not_finite, "jump": jump, "foreign": foreign}
-    return taps[given.word]
-
-
-def _moved(payload: Any, metres: float) -> Any:
-    """The same, with its position farther north."""
-    position = getattr(payload, "position_ned_m", None)
-    if position is None:
-        return payload
-    north, east, down = position
-    return msgspec.structs.replace(payload, position_ned_m=(north + metres, east, down))
-
-
-def _without_numbers(payload: Message) -> Message:
-    """The same, with NaN for every number that it holds."""
-    spoilt: dict[str, Any] = {}
-    for name in payload.__struct_fields__:
-        value = getattr(payload, name)
-        if isinstance(value, float):
-            spoilt[name] = nan
-        elif isinstance(value, tuple) and value and all(isinstance(number, float) for number in value):
-            spoilt[name] = (nan,) * len(value)
-    return msgspec.structs.replace(payload, **spoilt)
+    return end
 
 
 _SHARE: Final = (0.0, 1.0)
@@ -347,6 +223,17 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         ),
         _spoil_sensor,
         _check_sensor,
+    ),
+    "device": Effect(
+        Form(
+            text="device:NAME=WORD[/SIZE]",
+            does=f"a camera or scanner; WORD: {', '.join(_DEVICE_WORDS)}; sizes: late in s, scaled as a share",
+            has_target=True,
+            words=_DEVICE_WORDS,
+            size_of=("late", "scaled"),
+        ),
+        _spoil_device,
+        _check_device,
     ),
     "hang": Effect(Form(text="hang:COMPONENT", does="its cycles do not end", has_target=True), _hang, _check_component),
     "slow": Effect(
@@ -393,11 +280,11 @@ EFFECTS: Final[Mapping[str, Effect]] = {
             text="topic:TOPIC=lost|late|stale|nan|jump|foreign[/SIZE]",
             does="what becomes of its messages; sizes in s (late, stale) and m (jump); foreign adds a stranger's",
             has_target=True,
-            words=("lost", "late", "stale", "nan", "jump", "foreign"),
+            words=TOPIC_WORDS,
             size_of=("late", "stale", "jump"),
         ),
-        _spoil_topic,
-        _check_topic,
+        spoil_topic,
+        check_topic,
     ),
 }
 """Every kind of fault."""

@@ -13,7 +13,8 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused, nearest
-from gloc3_sitl.fault_effects import EFFECTS, Ended, Form, Parsed
+from gloc3_sitl.fault_effects import EFFECTS
+from gloc3_sitl.fault_form import Ended, Form, Parsed
 from gloc3_sitl.flight import Flight
 from gloc3_sitl.flight_messages import SimFault
 

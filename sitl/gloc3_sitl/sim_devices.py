@@ -1,11 +1,21 @@
 """The world's cameras and laser scanner as devices of the onboard process, in one process with the simulator."""
 
 from asyncio import AbstractEventLoop, TimerHandle
+from collections import deque
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final, Generic, TypeVar
 
-from gloc3.perception import LaserScan
 from gloc3.vehicle import Image
+from gloc3_sitl.device_faults import (
+    DeviceFault,
+    Exposure,
+    PairExposure,
+    Turn,
+    is_silent,
+    is_stuck,
+    late_by_s,
+    spoilt,
+)
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import Camera
@@ -13,28 +23,10 @@ from gloc3_sitl.world.laser import LaserModel, LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
+T = TypeVar("T", Exposure, PairExposure, Turn)
 
-
-class Exposure(NamedTuple):
-    """A frame with its time, as a camera sampler reads it."""
-
-    t_s: float
-    image: Image
-
-
-class PairExposure(NamedTuple):
-    """The frames of a stereo pair, as its sampler reads them."""
-
-    t_s: float
-    left: Image
-    right: Image
-
-
-class Turn(NamedTuple):
-    """A scan with its time, as a laser sampler reads it."""
-
-    t_s: float
-    scan: LaserScan
+_KEPT: Final = 64
+"""How many instants a trigger remembers, for devices that are late."""
 
 
 class Trigger:
@@ -47,8 +39,7 @@ class Trigger:
     """
 
     def __init__(self, loop: AbstractEventLoop, truth: Callable[[], Truth], rate_hz: float) -> None:
-        self.latest: Truth | None = None
-        """The truth when it last went off; None while it has not."""
+        self._truths: deque[tuple[float, Truth]] = deque(maxlen=_KEPT)
         self._loop, self._truth, self._rate_hz = loop, truth, rate_hz
         self._listeners: tuple[Ready, ...] = ()
         self._timer: TimerHandle | None = None
@@ -63,6 +54,11 @@ class Trigger:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+    def truth(self, late_s: float = 0.0) -> Truth | None:
+        """The truth when it last went off, so long ago at least; None while there is none."""
+        until_s = self._loop.time() - late_s + 1e-6
+        return next((truth for t_s, truth in reversed(self._truths) if t_s <= until_s), None)
 
     def listen(self, ready: Ready) -> Ready:
         """Has `ready` called each time; gives what ends that."""
@@ -79,16 +75,19 @@ class Trigger:
 
     def _go_off(self) -> None:
         self._set()
-        self.latest = self._truth()
+        self._truths.append((self._loop.time(), self._truth()))
         for ready in self._listeners:
             ready()
 
 
-class _Device:
+class _Device(Generic[T]):
     """What all of them have: they look at the world only while they are open, and when they are asked."""
 
     def __init__(self, trigger: Trigger) -> None:
+        self.fault: DeviceFault | None = None
+        """What is wrong with it."""
         self._trigger = trigger
+        self._last: T | None = None
 
     def open(self) -> None:
         """Begins to take data."""
@@ -102,56 +101,68 @@ class _Device:
         """Has `ready` called when there is something new; gives what ends that."""
         return self._trigger.listen(ready)
 
+    def _take(self, truth: Truth) -> T:
+        raise NotImplementedError
 
-class SimCamera(_Device):
+    def _newest(self) -> T | None:
+        """What it gives now: something new once a trigger, with what the fault makes of it."""
+        fault = self.fault
+        truth = self._trigger.truth(late_by_s(fault))
+        if truth is None or is_silent(fault) or (self._last is not None and truth.t_s <= self._last.t_s):
+            return self._last
+        if self._last is not None and is_stuck(fault):
+            self._last = self._last._replace(t_s=truth.t_s)
+        else:
+            self._last = spoilt(self._take(truth), fault)
+        return self._last
+
+
+class SimCamera(_Device[Exposure]):
     """A camera; a picture is rendered when it is asked for."""
 
     def __init__(self, camera: Camera | TrackerCamera, trigger: Trigger) -> None:
         super().__init__(trigger)
         self.camera: Final = camera
         """What it takes pictures with."""
-        self._last: Exposure | None = None
 
     def frame(self) -> Exposure | None:
         """The latest frame; None before the first."""
-        truth = self._trigger.latest
-        if truth is not None and (self._last is None or truth.t_s > self._last.t_s):
-            self._last = Exposure(truth.t_s, _image(self.camera, truth))
-        return self._last
+        return self._newest()
+
+    def _take(self, truth: Truth) -> Exposure:
+        return Exposure(truth.t_s, _image(self.camera, truth))
 
 
-class SimStereoCamera(_Device):
+class SimStereoCamera(_Device[PairExposure]):
     """Two cameras that expose together."""
 
     def __init__(self, left: Camera, right: Camera, trigger: Trigger) -> None:
         super().__init__(trigger)
         self.left: Final = left
         self.right: Final = right
-        self._last: PairExposure | None = None
 
     def pair(self) -> PairExposure | None:
         """The latest two frames; None before the first."""
-        truth = self._trigger.latest
-        if truth is not None and (self._last is None or truth.t_s > self._last.t_s):
-            self._last = PairExposure(truth.t_s, _image(self.left, truth), _image(self.right, truth))
-        return self._last
+        return self._newest()
+
+    def _take(self, truth: Truth) -> PairExposure:
+        return PairExposure(truth.t_s, _image(self.left, truth), _image(self.right, truth))
 
 
-class SimLaser(_Device):
+class SimLaser(_Device[Turn]):
     """A laser scanner."""
 
     def __init__(self, world: World, model: LaserModel, trigger: Trigger, seed: int) -> None:
         super().__init__(trigger)
         self.scanner: Final = LaserScanner(world, model, seed)
         """What it scans with."""
-        self._last: Turn | None = None
 
     def scan(self) -> Turn | None:
         """The latest turn; None before the first."""
-        truth = self._trigger.latest
-        if truth is not None and (self._last is None or truth.t_s > self._last.t_s):
-            self._last = Turn(truth.t_s, self.scanner.scan(truth))
-        return self._last
+        return self._newest()
+
+    def _take(self, truth: Truth) -> Turn:
+        return Turn(truth.t_s, self.scanner.scan(truth))
 
 
 class NoCamera:

@@ -19,6 +19,8 @@ from gloc3_sitl.world.world import World
 LED_FRD_M: Final[Vector3] = (0.0, 0.0, -0.12)
 """Where the light sits on the body: on a short mast."""
 LED_RADIUS_M: Final = 0.015
+TWIN_M: Final[Vector3] = (0.6, -0.8, 0.3)
+"""Where a twin of the light is, from it."""
 _GLARE_GREY: Final = 600.0
 """The middle of a light is far beyond white: what spills over makes it wider."""
 _LEAST_SIGMA_PX: Final = 1.2
@@ -43,6 +45,8 @@ class TrackerCamera:
         self.imager: Final = imager
         self.is_lit = True
         """Whether the light of the vehicle is on."""
+        self.has_twin = False
+        """Whether another light shines beside it."""
         self._world, self._seed = world, seed
         self._placing = Placing(world)
         dx, dy, dz = (b - a for a, b in zip(tracker.position_m, tracker.look_at_m, strict=True))
@@ -89,6 +93,9 @@ class TrackerCamera:
         ]
         if self.is_lit:
             lights.append((self.light_m(truth), LED_RADIUS_M))
+        if self.has_twin:
+            x, y, height = self.light_m(truth)
+            lights.append(((x + TWIN_M[0], y + TWIN_M[1], height + TWIN_M[2]), LED_RADIUS_M))
         for point_m, radius_m in lights:
             seen = self.sees(point_m, truth.t_s)
             if seen is not None:

@@ -18,7 +18,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.context import HostContext
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import Publisher
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
@@ -204,8 +204,10 @@ class Flight:
 
     def _world(self) -> World:
         """The world that the mission's frame belongs to; for missions on Earth open ground at their first place."""
-        if self.mission.frame != "geo" or self.plan.world:
-            return World.load(self.plan.world or "hold")
+        if self.plan.world:
+            return _fitting(World.load(self.plan.world), self.mission)
+        if self.mission.frame != "geo":
+            return World.load("hold")
         from gloc3_sitl.earth import home_of
 
         return World.load("open", home=home_of(self.mission))
@@ -364,3 +366,14 @@ class Flight:
             raise TimeoutError(f"nothing fitting came on {topic} within {within_s:g} s") from None
         finally:
             unsubscribe()
+
+
+def _fitting(world: World, mission: Mission) -> World:
+    """The world, if a mission can fly there.
+
+    Raises:
+        Refused: it is another place.
+    """
+    if mission.frame != world.frame_name:
+        raise Refused(f"the mission is in frame {mission.frame!r}, and the world {world.name} has {world.frame_name!r}")
+    return world

@@ -33,6 +33,8 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     seed: int = 0
     wind: Wind = CALM
     faults: tuple[str, ...] = ()
+    world: str = ""
+    """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
     out: Path | None = None
     """A folder that is there; None keeps nothing."""
 
@@ -65,6 +67,7 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         autopilot=options.autopilot,
         seed=options.seed,
         wind=options.wind,
+        world=options.world,
         out=options.out,
     )
     async with Flight(plan) as flight:

@@ -31,6 +31,7 @@ app = App(
 
     - `link_loss`, `cable_loss`: of the station's radio, of the autopilot's cable; `=SHARE` for a part of the messages
     - `wind=SPEED/FROM`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late`
+    - `device:NAME=lost|stuck|late|black|white|torn|garbage`…: cameras, laser scanner and external tracker (`dark`, `twin`)
     - `crash:COMPONENT`, `hang:COMPONENT`, `slow:COMPONENT=SECONDS`, `restart` of the onboard process
     - `pilot:MODE|arm|disarm|kill|on|off`: the human pilot's switches
     - `topic:TOPIC=lost|late|stale|nan|jump|foreign`: what becomes of its messages; in short `no_setpoints`,
@@ -53,6 +54,7 @@ def fly(
     seed: int = 0,
     wind: float = 0.0,
     fault: Annotated[list[str], Parameter(negative=())] | None = None,
+    world: str = "",
     out: Path | None = None,
     json: Annotated[bool, Parameter(negative=())] = False,
     quiet: Annotated[bool, Parameter(negative=())] = False,
@@ -67,6 +69,8 @@ def fly(
         seed: Of all chance: sensor noise, turbulence, links, boot numbers.
         wind: Mean wind in m/s from the west, gusty; 0 is calm air.
         fault: Something that goes wrong, such as link_loss@30..60; may be given several times.
+        world: World to fly in: the name of one of ours, such as hold_hard or hold_busy, or a world file; else the one that
+            the mission's frame belongs to.
         out: Folder for log.mcap, report.json, path.svg and images, in place of an earlier flight's; without it
             nothing is kept.
         json: The report on stdout as JSON.
@@ -84,6 +88,7 @@ def fly(
     from gloc3_sitl.fly import FlyOptions, fly_mission
     from gloc3_sitl.mission_file import find_file, platform_for
     from gloc3_sitl.outputs import make_anew
+    from gloc3_sitl.world import World
 
     path = find_file(mission)
     platform = platform or platform_for(path)
@@ -91,6 +96,8 @@ def fly(
     known = load_platform(platform, is_loading_classes=True, devices=DEVICES, warn=warn)
     for text in fault or ():
         read_fault(text)
+    if world:
+        World.load(world)
     if out is not None:
         make_anew(out)
     options = FlyOptions(
@@ -100,6 +107,7 @@ def fly(
         seed=seed,
         wind=gusty(wind, from_deg=270.0) if wind > 0.0 else CALM,
         faults=tuple(fault or ()),
+        world=world,
         out=out,
     )
     try:

@@ -21,6 +21,10 @@ LOSS_BAD: Final = 0.5
 """Share of the status that is lost from which the link is worth an alert."""
 SETTLE_S: Final = 5.0
 """A platform that has just been heard for the first time is given this long before its link is judged."""
+LINK: Final = "link"
+"""What a vehicle that is not heard is known by."""
+SAID: Final = "event "
+"""What an alert of a warning that was said begins with."""
 KEPT: Final = 200
 """Alerts at most; the oldest that are over make room."""
 
@@ -45,7 +49,7 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     since_s: float
     """When it began, on the station's clock."""
     last_s: float
-    """When it was so, or was said, last."""
+    """When it was said last, or when its cause went; while that stands, when it began."""
     is_over: bool = False
     """The cause is gone."""
     is_acknowledged: bool = False
@@ -56,6 +60,11 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     def key(self) -> tuple[str, str]:
         """What it is known by."""
         return self.platform, self.what
+
+    @property
+    def has_gone(self) -> bool:
+        """Whether it was a cause, and is no more; a warning that was said is over at once, and stays what it was."""
+        return self.is_over and not self.what.startswith(SAID)
 
 
 TWO_OF_ONE_NAME: Final = (
@@ -73,7 +82,7 @@ class Alerts(msgspec.Struct, frozen=True):
 
     @property
     def pending(self) -> list[Alert]:
-        """Those that nobody has acknowledged, worst and then newest first."""
+        """Those that nobody has acknowledged: worst first, of these what still stands, then newest."""
         return _sorted(alert for alert in self.all.values() if not alert.is_acknowledged)
 
     @property
@@ -115,7 +124,7 @@ def update(alerts: Alerts, fleet: Fleet, now_s: float) -> Alerts:
         if alert.is_acknowledged:
             del found[key]
         elif not alert.is_over:
-            found[key] = replace(alert, is_over=True)
+            found[key] = replace(alert, is_over=True, last_s=now_s)
     if found == alerts.all and fleet.event_count == alerts.events_seen:
         return alerts
     return Alerts(_bounded(found), fleet.event_count)
@@ -133,6 +142,12 @@ def acknowledge(alerts: Alerts, key: tuple[str, str] | None = None) -> Alerts:
     return Alerts(found, alerts.events_seen)
 
 
+def began(alerts: Alerts, before: Alerts, what: str) -> list[Alert]:
+    """The alerts of a kind whose cause did not stand before."""
+    found = [alert for alert in alerts.all.values() if alert.what == what and not alert.is_over]
+    return [alert for alert in found if alert.key not in before.all or before.all[alert.key].is_over]
+
+
 def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
     """What is wrong now, platform by platform."""
     for platform in fleet:
@@ -143,7 +158,7 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
         if platform.is_quiet_link(now_s):
             is_flying = platform.vehicle is not None and platform.vehicle.value.is_armed
             text = _silence(is_flying=is_flying, has_companion=platform.has_companion)
-            yield Cause(platform.name, "link", Severity.CRITICAL if is_flying else Severity.ERROR, text)
+            yield Cause(platform.name, LINK, Severity.CRITICAL if is_flying else Severity.ERROR, text)
             continue
         if now_s - platform.first_heard_s >= SETTLE_S and platform.link.loss >= LOSS_BAD:
             yield Cause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
@@ -226,7 +241,7 @@ def _said(alert: Alert | None, event: FleetEvent) -> Alert:
 
 
 def _what(event: FleetEvent) -> str:
-    return f"event {event.source}: {event.text}"
+    return f"{SAID}{event.source}: {event.text}"
 
 
 def _is_answer(event: FleetEvent) -> bool:
@@ -235,7 +250,7 @@ def _is_answer(event: FleetEvent) -> bool:
 
 
 def _sorted(alerts: Iterable[Alert]) -> list[Alert]:
-    return sorted(alerts, key=lambda alert: (alert.severity, -alert.last_s))
+    return sorted(alerts, key=lambda alert: (alert.severity, alert.has_gone, -alert.last_s))
 
 
 def _bounded(found: dict[tuple[str, str], Alert]) -> dict[tuple[str, str], Alert]:

@@ -78,7 +78,9 @@ class Desk:
 
     def alerts(self) -> Alerts:
         """What the operator has to take note of, as it is now."""
-        self._alerts = alerts.update(self._alerts, self.station.fleet, self.station.now_s())
+        before, self._alerts = self._alerts, alerts.update(self._alerts, self.station.fleet, self.station.now_s())
+        for alert in alerts.began(self._alerts, before, alerts.LINK):  # of all else the vehicle itself tells an event
+            self.station.note(alert.platform, Severity.NOTICE, alert.text)
         return self._alerts
 
     def acknowledge(self, key: tuple[str, str] | None = None) -> None:

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 from gloc3.ci import ComponentLine, ComponentTrouble, Health
 from gloc3.messages import Severity
 from gloc3_groundstation import fleet as reducers
-from gloc3_groundstation.alerts import KEPT, Alerts, acknowledge, update
+from gloc3_groundstation.alerts import KEPT, Alerts, acknowledge, began, update
 from gloc3_groundstation.snapshots import Fleet, LinkStatistics, PlatformSnapshot, Timed
 
 from .scripted_platform import VEHICLE
@@ -61,6 +61,17 @@ def test_silence_is_worse_for_an_armed_vehicle_and_hides_what_is_not_known_any_m
     ((severity, text),) = told(update(Alerts(), fleet_of(is_armed=True), 110.0))
     assert (severity, text.partition(":")[0]) == (Severity.CRITICAL, "nothing is heard of it, and it was armed")
     assert "on_link_loss" in text
+
+
+def test_a_cause_that_has_gone_says_since_when_and_stands_behind_those_that_stand() -> None:
+    alerts = update(Alerts(), fleet_of(battery_percent=9, is_autopilot_connected=False), 100.0)
+    assert len(began(alerts, Alerts(), "battery")) == 1
+    assert began(alerts, alerts, "battery") == []
+    later = update(alerts, fleet_of(battery_percent=9), 101.0)
+    assert [(alert.what, alert.has_gone, alert.last_s) for alert in later.pending] == [
+        ("battery", False, 100.0),
+        ("autopilot", True, 101.0),
+    ]
 
 
 def test_what_endangers_the_vehicle_is_an_alert() -> None:

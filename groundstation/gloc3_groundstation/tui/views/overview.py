@@ -120,6 +120,7 @@ def alert_lines(view: View, width: int) -> list[Line]:
         sign = "✓" if alert.is_acknowledged else "▲"
         who = f"{alert.platform}: " if alert.platform and len(view.fleet.platforms) > 1 else ""
         times = f" ({alert.count} times)" if alert.count > 1 else ""
+        times += f" (over since {wording.clock(alert.last_s - view.started_s)})" if alert.has_gone else ""
         head = f" {sign} {wording.clock(alert.since_s - view.started_s)}  "
         name = alert.severity.name.lower()
         rest = Tone.DIM if alert.is_acknowledged else Tone.TEXT

@@ -1,18 +1,23 @@
 """What a program sees in a terminal that is drawn: texts that do not fit their place, and how well colours stand apart."""
 
 from collections.abc import Iterator
+from itertools import combinations
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.cells import cell_len
 from rich.color_triplet import ColorTriplet
 from rich.segment import Segment
 from textual.app import App
+from textual.color import Color
 from textual.geometry import Region
 from textual.widget import Widget
 from textual.widgets import Static
 
 from gloc3_groundstation.tui.lines import text_of
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.themes import THEMES
 
 
 def clipped(app: App[Any]) -> list[str]:
@@ -57,6 +62,21 @@ def _of_panel(panel: Panel) -> Iterator[str]:
             yield f"{text_of(line).rstrip()!r} in {width} columns"
 
 
+XYZ: Final = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+SIGHTS: Final = {
+    "full sight": np.eye(3),
+    "protanopia": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+    "deuteranopia": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    ),
+}
+"""What becomes of linear red, green and blue in the eyes of those who see red and green alike.
+
+G. M. Machado, M. M. Oliveira, L. A. F. Fernandes: A physiologically-based model for simulation of color vision
+deficiency, IEEE Transactions on Visualization and Computer Graphics 15 (6), 2009, severity 1.0.
+"""
 READABLE: Final = 4.5
 """The contrast that WCAG 2 asks for."""
 
@@ -90,6 +110,33 @@ def colours(app: App[Any]) -> set[str]:
 def cut_texts(app: App[Any]) -> int:
     """How many texts end in an ellipsis, as there is no room for all of them."""
     return sum("…" in segment.text for strip in _strips(app) for segment in strip)
+
+
+def apart(theme: str) -> dict[str, float]:
+    """The least distance between the colours of good, busy, warning and error, for each kind of sight (CIE 1976, in L*a*b*).
+
+    2.3 can just be told apart. Words and signs say the same as the colours.
+    """
+    chosen = next(each for each in THEMES if each.name == theme)
+    tones = [Color.parse(str(each)).rgb for each in (chosen.success, chosen.primary, chosen.warning, chosen.error)]
+    found = {}
+    for sight, matrix in SIGHTS.items():
+        seen = [_lab(matrix @ _linear(tone)) for tone in tones]
+        found[sight] = min(float(np.linalg.norm(a - b)) for a, b in combinations(seen, 2))
+    return found
+
+
+def _linear(colour: tuple[int, int, int]) -> NDArray[np.float64]:
+    """Linear red, green and blue, 0 to 1, of sRGB."""
+    parts = np.array(colour) / 255.0
+    return np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+
+
+def _lab(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """L*a*b* of linear sRGB in the light of D65 (IEC 61966-2-1, CIE 15)."""
+    xyz = XYZ @ np.clip(linear, 0.0, 1.0) / np.array([0.95047, 1.0, 1.08883])
+    f = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
 
 
 def _own_region(app: App[Any]) -> Region:

@@ -215,15 +215,15 @@ def _placed(text: re.Match[str]) -> str:
     return "".join(found)
 
 
-def shoot(app: StationApp, path: Path) -> None:
-    """Writes what the terminal shows as SVG, and as PNG beside it where the library cairo is installed."""
+def shoot(app: StationApp, path: Path, scale: float = 1.2) -> None:
+    """Writes what the terminal shows as PNG; as SVG where the library cairo is not installed."""
     svg = app.export_screenshot()
-    path.with_suffix(".svg").write_text(svg)
     try:
         import cairosvg  # type: ignore[import-untyped]
     except OSError:
+        path.with_suffix(".svg").write_text(svg)
         return
     svg = re.sub(r"@font-face \{.*?\}\s*(?=@|\.)", "", svg, flags=re.DOTALL)
     svg = svg.replace("Fira Code, monospace", "DejaVu Sans Mono").replace("Fira Code", "DejaVu Sans Mono")
     svg = re.sub(r"<text ([^>]*textLength[^>]*)>([^<]*)</text>", _placed, svg)
-    cairosvg.svg2png(bytestring=svg.encode(), write_to=str(path.with_suffix(".png")), scale=1.2)
+    cairosvg.svg2png(bytestring=svg.encode(), write_to=str(path.with_suffix(".png")), scale=scale)

@@ -1,5 +1,7 @@
 """All screens and dialogues at the smallest size: nothing that they say is clipped, and their colours can be read."""
 
+from unittest.mock import patch
+
 import pytest
 from textual.command import CommandPalette
 from textual.widgets import OptionList
@@ -10,10 +12,10 @@ from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.questions import Question
 from gloc3_groundstation.tui.screen import SMALLEST
 
-from .drawn import clipped
+from .drawn import apart, clipped
 from .poses import GROUPS, poses, problems
 from .scripted_platform import ScriptedPlatform
-from .station_scene import scene
+from .station_scene import Scene, scene
 
 pytestmark = pytest.mark.sockets
 
@@ -69,3 +71,28 @@ async def test_without_colours_the_chosen_command_of_the_palette_is_marked() -> 
         await here.wait(lambda: commands.highlighted is not None and commands.size.height > 0)
         first = [segment.style for segment in commands.render_line(0) if segment.text.strip()]
         assert any(style is not None and style.underline for style in first)
+
+
+@pytest.mark.parametrize("theme", ["dark", "daylight"])
+def test_states_are_told_apart_also_by_those_who_see_red_and_green_alike(theme: str) -> None:
+    assert min(apart(theme).values()) > 10.0
+
+
+async def test_a_screen_that_was_seen_before_is_shown_without_new_styles_unless_the_theme_is_another() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        for digit in "212":
+            await here.go(digit)
+        with patch.object(here.app, "update_styles") as update:
+            await here.go("1")
+            assert [call for call in update.call_args_list if call.args[0] is here.app.base] == []
+        here.app.theme = "daylight"
+        await here.go("2")
+        await here.wait(lambda: "#e6e9ec" in backgrounds(here))
+
+
+def backgrounds(here: Scene) -> set[str]:
+    """Behind the title."""
+    strip = here.app.screen.query_one("#title", Panel).render_line(0)
+    styles = [segment.style for segment in strip if segment.style is not None and segment.style.bgcolor is not None]
+    return {style.bgcolor.name for style in styles if style.bgcolor is not None}

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.evidence.events import fill
+from tests.evidence.day import fill
 from textual.widgets import Input
 
 from gloc3.messages import Severity

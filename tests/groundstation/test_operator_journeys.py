@@ -81,9 +81,9 @@ async def test_a_link_is_lost_and_regained_and_every_screen_says_so() -> None:
         await here.until("facts", "all 13 well")
         here.platform.is_deaf = True
         later_s = 9.0
-        await here.until("title", "SILENT 9 s")
+        await here.until("title", "SILENT")
         await here.until("alert", "critical: heron: nothing is heard of it, and it was armed")
-        assert "silent for 9 s" in here.shown("facts")
+        assert "silent for" in here.shown("facts")
         await here.go("2")
         await here.until("components", "was working")
         assert "as last heard" in here.shown("chain")
@@ -96,5 +96,6 @@ async def test_a_link_is_lost_and_regained_and_every_screen_says_so() -> None:
         await here.wait(lambda: here.shown("alert") == "")
         await here.go("9")
         await here.until("events", "is heard again")
-        said = [event.text for event in here.station.fleet.events]
-        assert said[-2:] == ["nothing is heard of it, and it was armed", "is heard again after 9 s of silence"]
+        lost, again = [event.text for event in here.station.fleet.events][-2:]
+        assert lost == "nothing is heard of it, and it was armed"
+        assert again.startswith("is heard again after ")

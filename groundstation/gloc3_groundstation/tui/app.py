@@ -20,6 +20,7 @@ from gloc3_groundstation.tui.browser_driver import BrowserDriver
 from gloc3_groundstation.tui.help import help_for
 from gloc3_groundstation.tui.in_view import InView
 from gloc3_groundstation.tui.keys import GENERAL_KEYS
+from gloc3_groundstation.tui.lines import Tone
 from gloc3_groundstation.tui.palette import StationCommands
 from gloc3_groundstation.tui.questions import (
     ABORT_QUESTION,
@@ -45,6 +46,7 @@ class StationApp(App[End | None]):
 
     TITLE = "GLOC3 ground station"
     CSS_PATH = "station.tcss"
+    COMPONENT_CLASSES = {f"tone--{tone}" for tone in Tone}
     COMMANDS = {StationCommands}
     BINDINGS: ClassVar[list[BindingType]] = [
         *GENERAL_KEYS,

@@ -12,9 +12,7 @@ from gloc3_groundstation.tui.lines import Line, Tone
 
 
 class Panel(ScrollView, can_focus=True):
-    """Lines of spans. The tones' colours come from the component classes `panel--TONE`."""
-
-    COMPONENT_CLASSES = {f"panel--{tone}" for tone in Tone}
+    """Lines of spans. The tones' colours are the app's component classes `tone--TONE`: found once, not for each panel."""
 
     def __init__(
         self,
@@ -117,5 +115,5 @@ class Panel(ScrollView, can_focus=True):
     def _style(self, tone: Tone) -> Style:
         style = self._styles.get(tone)
         if style is None:
-            style = self._styles[tone] = self.get_component_rich_style(f"panel--{tone}", partial=True)
+            style = self._styles[tone] = self.app.get_component_styles(f"tone--{tone}").partial_rich_style
         return style

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final, NamedTuple
 from textual import on
 from textual.app import ComposeResult
 from textual.containers import Container
-from textual.events import Click, Resize
+from textual.events import Click, Resize, ScreenResume
 from textual.message import Message
 from textual.screen import Screen
 
@@ -77,6 +77,7 @@ class StationScreen(Screen[None]):
         self._moment = moment
         self.view: View | None = None
         """What is shown; None before the first look."""
+        self._styled: object = None
 
     # --- what a screen brings ---
 
@@ -135,8 +136,11 @@ class StationScreen(Screen[None]):
         """Keeps the line of keys up to date."""
         self.bindings_updated_signal.subscribe(self, lambda _: self._show_keys())
 
-    def on_screen_resume(self) -> None:
-        """Shows what has happened while another screen was shown."""
+    def on_screen_resume(self, event: ScreenResume) -> None:
+        """Shows what has happened while another screen was shown; styles are applied anew only for another theme."""
+        styled = self.app.theme, frozenset(self.app.classes)
+        event.refresh_styles = styled != self._styled
+        self._styled = styled
         self.call_after_refresh(self.look_again)
 
     def on_resize(self, event: Resize) -> None:

@@ -5,6 +5,7 @@ from typing import ClassVar, Final
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
+from textual.events import ScreenResume
 from textual.widgets import ContentSwitcher, Input
 
 from gloc3_groundstation.service_jobs import Service
@@ -129,7 +130,7 @@ class ServicesScreen(StationScreen):
             pane.leave()
         self.look_again()
 
-    def on_screen_resume(self) -> None:
+    def on_screen_resume(self, event: ScreenResume) -> None:
         """Shows what happened meanwhile, with the keys of the pane that is shown."""
-        super().on_screen_resume()
+        super().on_screen_resume(event)
         self.pane.list.focus()

@@ -2,12 +2,12 @@
 
 import sys
 
-from tests.evidence import demo, events, flight, ground, inputs, link, sensors, station, suites, tracker
+from tests.evidence import day, demo, flight, ground, inputs, link, sensors, station, suites, tracker, tui
 from tests.evidence.page import Bar, Progress, commit, write
 
 BARS: tuple[Bar, ...] = (
+    *day.BARS,
     *demo.BARS,
-    *events.BARS,
     *flight.BARS,
     *ground.BARS,
     *inputs.BARS,
@@ -16,6 +16,7 @@ BARS: tuple[Bar, ...] = (
     *station.BARS,
     *suites.BARS,
     *tracker.BARS,
+    *tui.BARS,
 )
 
 

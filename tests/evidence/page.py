@@ -31,6 +31,8 @@ class Bar(NamedTuple):
     claim: str
     run: Callable[["Progress"], Sequence[Figure]]
     seeds: str = "none"
+    pictures: tuple[str, ...] = ()
+    """Files that `run` writes, beside the page."""
 
 
 class Progress:
@@ -92,6 +94,7 @@ def write(bar: Bar, figures: Sequence[Figure], of: str) -> bool:
         "| --- | --- | --- | --- |",
         *rows,
         "",
+        *(line for name in bar.pictures for line in (f"![{Path(name).stem.replace('_', ', ')}]({name})", "")),
     ]
     PAGES.mkdir(parents=True, exist_ok=True)
     (PAGES / f"{bar.name}.md").write_text("\n".join(lines))

@@ -136,8 +136,8 @@ def alert_line(view: View, width: int) -> Line:
         return EMPTY
     alert, others = pending[0], f"  +{len(pending) - 1} more" if len(pending) > 1 else ""
     who = f"{alert.platform}: " if alert.platform else ""
-    said = f" {alert.severity.name.lower()}: {who}{' '.join(alert.text.split())}"
-    said += f" (over since {wording.clock(alert.last_s - view.started_s)})" if alert.has_gone else ""
+    over = f", over since {wording.clock(alert.last_s - view.started_s)}" if alert.has_gone else ""
+    said = f" {alert.severity.name.lower()}{over}: {who}{' '.join(alert.text.split())}"
     tails = (f"{others}   x acknowledges ", f"{others} ")  # the key stands in the last line too
     tail = next((tail for tail in tails if len(said) + len(tail) + 2 <= width), tails[-1])
     return spread((Span(cut(said, width - len(tail) - 2), tone_of(alert.severity)),), (Span(tail, Tone.DIM),), width)

@@ -118,7 +118,7 @@ def sitl(
     wind: float = 0.0,
     wind_from: float = 0.0,
     plain_gps: bool = False,
-    no_gps: bool = False,
+    no_gps: Annotated[bool, Parameter(negative=())] = False,
     battery: float = 1.0,
     param: Annotated[list[str] | None, Parameter(negative=())] = None,
     link: Annotated[list[str] | None, Parameter(negative=())] = None,

@@ -87,7 +87,7 @@ def test_every_command_teaches(command: str, capsys: pytest.CaptureFixture[str])
     captured = capsys.readouterr()
     assert captured.out.startswith(f"Usage: gloc3 {command}")
     assert "╭" not in captured.out
-    assert "--no-" not in captured.out.replace("--no-record ", "")
+    assert "--no-" not in captured.out.replace("--no-record ", "").replace("--no-gps ", "")
     assert captured.err == ""
     assert run(["--help"]) == 0
     assert f"\n  {command} " in capsys.readouterr().out
@@ -160,8 +160,8 @@ BAD_DEPLOYMENTS = {
         r"mine.yaml:LINE:\d+: 'pose' is an output of pose already",
     ),
     "device: pictures": ("device: pitcures", r"mine.yaml:LINE:\d+: the host has no device 'pitcures' .*'pictures'"),
-    "ports: {home: motion/home,": (
-        "ports: {home: motion/grant,",
+    "home: motion/home, setpoint_wanted": (
+        "home: motion/grant, setpoint_wanted",
         r"mine.yaml:LINE:\d+: 'motion/grant' carries MotionGrant, and the port Home",
     ),
 }

@@ -208,7 +208,7 @@ class OnboardProcess:
             "rig": self._rig,
             "autopilot": self._autopilot,
             "computer": self._computer,
-            "pictures": PictureFolder(self._out / log.stem.replace("log", "images", 1)),
+            "pictures": PictureFolder(self._out / log.stem.replace("log", "images", 1), self._rig),
             "site": Site(
                 self._platform, RecordFile(self._out / "requests.journal"), RecordFile(self._out / "progress.state")
             ),

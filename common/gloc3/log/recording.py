@@ -106,12 +106,15 @@ def _of_log(log: Path) -> Recording:
             if isinstance(entry.envelope.payload, ImageRecorded)
         ]
         attached = reader.attachments.get(PLATFORM_FILE)
-        frames = read_platform(attached, PLATFORM_FILE).frames if attached is not None else {}
+        platform = read_platform(attached, PLATFORM_FILE) if attached is not None else None
+        frames = platform.frames if platform is not None else {}
+        described = platform.cameras if platform is not None else {}
+        models = {name: model for name, model in described.items() if isinstance(model, CameraModel)}
         return Recording(
             name=log.parent.name if log.stem == "log" else log.stem,
             folder=folder,
             pictures=sorted(pictures, key=lambda picture: picture.t_s),
-            cameras=_known_cameras(folder),
+            cameras={**models, **_known_cameras(folder)},
             path=read_flight_path(reader),
             platform=reader.platform,
             bearings_deg={name: row.x_axis_bearing_deg for name, row in frames.items()},

@@ -17,7 +17,7 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.mission.messages import ActionStatus
-from gloc3.perception import FusionState, ImuSample, LaserScan, Odometry, PositionFix
+from gloc3.perception import Features, FusionState, ImuSample, LaserScan, Odometry, PositionFix
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.topics import TopicRow
@@ -54,6 +54,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "imu": TopicRow(ImuSample, 100.0, is_logged=False),
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     # processors
+    "features/*": TopicRow(Features, 15.0, is_logged=False),
     "odometry/*": TopicRow(Odometry, 10.0),
     "position_fix/*": TopicRow(PositionFix, 10.0),
     "fusion/*": TopicRow(FusionState, 2.0),

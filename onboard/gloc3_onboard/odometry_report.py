@@ -38,7 +38,7 @@ class Cost(msgspec.Struct, frozen=True, kw_only=True):
     valid: int
     """Those whose output was valid."""
     mean_ms: float = 0.0
-    """Processor time for one, mean."""
+    """Time that one took, mean, on a clock on the wall."""
     worst_ms: float = 0.0
     reasons: dict[str, int] = {}
     """Why outputs were not valid, and how often."""
@@ -90,7 +90,7 @@ def _lines(estimate: Trajectory, found: Evaluation | None, cost: Cost | None) ->
         lines.append(f"inputs             {cost.inputs}, {cost.valid} with a valid output")
         lines += [f"  not valid        {count} times: {reason}" for reason, count in cost.reasons.items()]
         if cost.worst_ms > 0.0:
-            lines.append(f"processor time     mean {cost.mean_ms:.2f} ms, worst {cost.worst_ms:.2f} ms")
+            lines.append(f"time for one       mean {cost.mean_ms:.2f} ms, worst {cost.worst_ms:.2f} ms")
     return lines + (_error_lines(found) if found is not None else [])
 
 

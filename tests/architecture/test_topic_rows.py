@@ -19,6 +19,7 @@ FROM_ELSEWHERE: Final = {
     "sim/*": "the flight harness",
     "imu": "the inertial unit of a platform that moves by its own sensors",
     "laser": "the range scanner of a platform that has one",
+    "features/*": "the feature processor of a platform that has a stereo pair",
     "odometry/*": "the odometers of a platform that moves by its own sensors",
     "fusion/*": "the pose fusion of a platform that moves by its own sensors",
     "position_fix/*": "the optical follower of a platform that is looked at",

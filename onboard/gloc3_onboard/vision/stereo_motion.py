@@ -104,8 +104,8 @@ class StereoMotion:
     def update(self, features: FeatureSet) -> Motion:
         """The motion since the key frame."""
         t_s = features.t_s
-        if features.reason:
-            return self._lost(t_s, features.reason)
+        if features.reason or not t_s > self._last_s:
+            return self._lost(t_s, features.reason or "the time does not grow")
         left, right = self._rig.left_rays(features.pixels), self._rig.right_rays(features.right_pixels)
         seen = np.column_stack([left, left[:, 0] - right[:, 0]])
         key = self._key

@@ -1,0 +1,130 @@
+"""DP: features of the stereo pair, found once for everybody who needs them (FDM)."""
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+from gloc3.component import DataProcessor
+from gloc3.errors import Refused
+from gloc3.messages import Envelope
+from gloc3.perception import Features
+from gloc3.ports import Inbox, Input, Keep, Output, Result
+from gloc3.settings import Bounds, Settings
+from gloc3.vehicle import Image
+from gloc3_onboard.devices import Rig
+
+SILENT_S: Final = 1.0
+"""Without a pair for so long it says that none comes."""
+LONELY_S: Final = 0.2
+"""A picture whose other eye's is so much late has none."""
+
+
+class FeatureSettings(Settings, frozen=True):
+    """Settings of the feature processor."""
+
+    left: str = "front_left"
+    """Name of the left camera, as it was calibrated."""
+    right: str = "front_right"
+    """Name of the right one."""
+    cell_px: Annotated[int, Bounds(16, 200)] = 40
+    """One feature in each square of this side, in pixels."""
+    nearest_m: Annotated[float, Bounds(0.05, 100.0)] = 0.4
+    """Nearest that anything is expected to be, in metres."""
+    may_repeat: bool = False
+    """Whether two pictures may be the same to the last bit; else the second is refused."""
+
+
+class FeatureProcessor(DataProcessor[FeatureSettings]):
+    """Reports the features of each pair of pictures that have the same time; invalid with a reason where there are none."""
+
+    settings_type = FeatureSettings
+    loggable = ("pairs", "skipped", "refused", "points", "reason")
+
+    left = Input(Image, Keep.ALL)
+    right = Input(Image, Keep.ALL)
+    features = Output(Features)
+
+    def __init__(self, rig: Rig) -> None:
+        self.pairs = self.skipped = self.refused = self.points = 0
+        self.reason = ""
+        self._rig = rig
+        self._settings = FeatureSettings()
+        self._lefts: dict[float, Envelope[Image]] = {}
+        self._rights: dict[float, Envelope[Image]] = {}
+        self._heard_s: float | None = None
+
+    def initialize(self, settings: FeatureSettings) -> None:
+        """Makes the matcher; refuses cameras that are not calibrated, or do not make a pair."""
+        self._settings = settings
+        self._begin()
+
+    def start(self) -> None:
+        """Begins without a past."""
+        self._begin()
+
+    def _begin(self) -> None:
+        import cv2
+        import numpy as np
+
+        from gloc3_onboard.vision.feature_message import message_of
+        from gloc3_onboard.vision.features import FeatureMatcher, MatcherOptions
+        from gloc3_onboard.vision.stereo_rig import StereoRig
+
+        given = self._settings
+        left, right = self._rig.model(given.left), self._rig.model(given.right)
+        for name, model in ((given.left, left), (given.right, right)):
+            if model is None:
+                raise Refused(f"there is no calibration of a camera {name!r}")
+        assert left is not None
+        assert right is not None
+        cv2.setNumThreads(1)  # the same pictures give the same features, and other cores have other work
+        options = MatcherOptions(cell_px=given.cell_px, nearest_m=given.nearest_m, may_repeat=given.may_repeat)
+        self._np, self._message_of = np, message_of
+        self._matcher = FeatureMatcher(StereoRig(left, right), options)
+        self._lefts, self._rights = {}, {}
+        self._heard_s = None
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Features of the newest pair; what came too fast is skipped, not queued."""
+        self._lefts |= {envelope.t_s: envelope for envelope in inbox.new(self.left)}
+        self._rights |= {envelope.t_s: envelope for envelope in inbox.new(self.right)}
+        both = sorted(self._lefts.keys() & self._rights.keys())
+        if self._heard_s is None:
+            self._heard_s = now_s
+        if both:
+            self._heard_s, t_s = now_s, both[-1]
+            self.pairs += 1
+            self.skipped += len(both) - 1
+            found = self._look(self._lefts[t_s].payload, self._rights[t_s].payload, t_s)
+            self._forget_until(t_s)
+            return [self._told(found, t_s)]
+        waiting = sorted(self._lefts.keys() | self._rights.keys())
+        if waiting and waiting[-1] - waiting[0] > LONELY_S:
+            name = self._settings.right if waiting[0] in self._lefts else self._settings.left
+            self._forget_until(waiting[0])
+            return [self._told(self._nothing(f"there is no picture of {name} at the same time"), waiting[0])]
+        if now_s - self._heard_s < SILENT_S:
+            return []
+        self._heard_s = now_s
+        return [self._told(self._nothing("no pair of pictures comes"), now_s)]
+
+    def _forget_until(self, t_s: float) -> None:
+        self._lefts = {at_s: envelope for at_s, envelope in self._lefts.items() if at_s > t_s}
+        self._rights = {at_s: envelope for at_s, envelope in self._rights.items() if at_s > t_s}
+
+    def _look(self, left: Image, right: Image, t_s: float) -> Features:
+        for image in (left, right):
+            if not image.is_valid:
+                return self._nothing(f"{image.camera}: {image.reason}")
+            if len(image.data) != image.width * image.height:
+                return self._nothing(f"{image.camera}: the picture is torn")
+        np = self._np
+        pictures = [np.frombuffer(image.data, np.uint8).reshape(image.height, image.width) for image in (left, right)]
+        return self._message_of(self._matcher.update(pictures[0], pictures[1], t_s), self._settings.left)
+
+    def _nothing(self, reason: str) -> Features:
+        return Features(camera=self._settings.left, ids=b"", pixels=b"", is_valid=False, reason=reason)
+
+    def _told(self, found: Features, t_s: float) -> Result:
+        self.reason, self.points = found.reason, len(found.ids) // 4
+        self.refused += not found.is_valid
+        return self.features.report(found, t_s=t_s)

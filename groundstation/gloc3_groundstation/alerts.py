@@ -184,7 +184,8 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float) -> Iterator[Cause]
         severity = Severity.CRITICAL if is_critical else Severity.WARNING
         yield Cause(name, "battery", severity, f"battery at or below {limit} %")
     if not vehicle.is_autopilot_connected:
-        yield Cause(name, "autopilot", Severity.CRITICAL, "no autopilot: the companion does not hear it")
+        text = "no autopilot: the companion does not hear it; see to its cable, and to gloc3 onboard --autopilot"
+        yield Cause(name, "autopilot", Severity.CRITICAL, text)
     if vehicle.has_pilot_control:
         yield Cause(name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back")
     if vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:

@@ -123,6 +123,13 @@ def holder(platform: PlatformSnapshot, station: str) -> str:
     return "this station in control" if held_by == station else f"station {held_by} in control"
 
 
+def bare(platform: PlatformSnapshot) -> str:
+    """Why nothing is seen of the inside of a vehicle without our companion, and what is."""
+    return (
+        f"{platform.name} has no companion of ours, so nothing is known of its inside; Services (6) shows its autopilot"
+    )
+
+
 def farewell(fleet: Fleet) -> str:
     """What becomes of the vehicles when the station goes."""
     armed = [platform.name for platform in fleet if platform.vehicle and platform.vehicle.value.is_armed]

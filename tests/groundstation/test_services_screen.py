@@ -212,3 +212,18 @@ async def test_without_a_link_to_the_autopilot_the_screen_says_so_and_the_palett
         assert here.app.base is not None
         titles = [command.title for command in here.app.base.commands()]
         assert {"Parameters: Fetch", "Parameters: Load", "Parameters: Describe"} <= set(titles)
+
+
+async def test_screens_that_a_vehicle_without_a_companion_cannot_fill_say_so_and_ask_nothing() -> None:
+    async with services_scene() as here:
+        for digit, panel, said in (
+            ("2", "components", "(6) shows its autopilot"),
+            ("7", "topics", "its"),
+            ("8", "checks", "doctor"),
+        ):
+            await here.go(digit)
+            await here.until(panel, said)
+        await here.go("1")
+        await here.until("mission", "Its autopilot's plan: Services (6).")
+        assert here.station.watcher.watches.lists_due() == []
+        assert here.platform.requests == []

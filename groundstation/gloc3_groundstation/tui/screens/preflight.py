@@ -84,6 +84,9 @@ class PreflightScreen(StationScreen):
             view = self.view
             checks = self._list(view) if view is not None and Move.START in view.moves else None
             return True if checks is not None and red(checks.checks) else None
+        if action == "refresh":
+            platform = self.view.platform if self.view is not None else None
+            return True if platform is not None and platform.has_companion else None
         return super().check_action(action, parameters)
 
     def action_refresh(self) -> None:

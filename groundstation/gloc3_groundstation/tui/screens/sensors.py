@@ -10,7 +10,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
 from gloc3.watch import Preview, Want
-from gloc3_groundstation import pictures
+from gloc3_groundstation import pictures, wording
 from gloc3_groundstation.preview_size import RATE_HZ
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.panel import Panel
@@ -94,6 +94,10 @@ class SensorsScreen(StationScreen):
         platform = view.platform
         if platform is None:
             topics.show_rows([Row(line) for line in text_lines("no vehicle is heard", topics.width)])
+            return
+        if not platform.has_companion:
+            self.desk.station.watcher.look_away(VIEWER)
+            topics.show_rows([Row(line) for line in text_lines(wording.bare(platform), topics.width)])
             return
         watches = self.desk.station.watcher.watches
         entries, name = watches.entries(platform.name), platform.name

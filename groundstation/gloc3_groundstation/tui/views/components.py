@@ -63,6 +63,8 @@ def component_rows(platform: PlatformSnapshot | None, now_s: float, width: int) 
     """A name and a line for each component; without any, a line that says so."""
     components = platform.components(now_s) if platform is not None else ()
     if not components:
+        if platform is not None and not platform.has_companion:
+            return [("", (Span(f" {text}", Tone.DIM),)) for text in wrapped(wording.bare(platform), width - 2)]
         return [("", (Span(" asking for the components…" if platform else " no vehicle is heard", Tone.DIM),))]
     table = Table(COLUMNS, width)
     rows = []

@@ -4,7 +4,7 @@ from gloc3.mission.states import ActionState
 from gloc3_groundstation import wording
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.lines import Line, Span, Tone, bar, faded, wrapped
+from gloc3_groundstation.tui.lines import Line, Span, Tone, bar, cut, faded, wrapped
 
 SIGNS = {
     ActionState.WAITING: ("·", Tone.DIM),
@@ -34,6 +34,8 @@ def mission_title(platform: PlatformSnapshot | None, now_s: float) -> str:
 def mission_lines(platform: PlatformSnapshot | None, plan: Plan | None, now_s: float, width: int) -> list[Line]:
     """A line for each task and action; without a mission what can be done."""
     timed = platform.mission if platform is not None else None
+    if platform is not None and not platform.has_companion:
+        return [(Span(cut(" Its autopilot's plan: Services (6).", width), Tone.DIM),)]
     if timed is None or not timed.value.state:
         at_hand = f" {plan.title!r} is at hand." if plan is not None else " No mission is loaded."
         hint = " u streams it, s starts it." if plan is not None else " 3, then o opens one."

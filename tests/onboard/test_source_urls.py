@@ -58,6 +58,7 @@ def test_the_example_of_every_scheme_is_understood_and_made_for_every_sensor_tha
         ("ground_camera", "v4l2:///dev/video0?gain=nan", "gain=nan must be from"),
         ("ground_camera", "v4l2:///dev/video0#left", "takes nothing behind #"),
         ("speaker", "none://", "no sensor"),
+        ("imu", "autopilot://px4", "takes no place"),
     ],
 )
 def test_what_is_no_source_is_refused(device: str, text: str, told: str) -> None:

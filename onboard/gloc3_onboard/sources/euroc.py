@@ -12,7 +12,7 @@ from gloc3.perception import ImuSample
 from gloc3.vehicle import Image
 from gloc3_onboard.calibration.mounting import frd_from_axes
 from gloc3_onboard.sources.pictures import load_picture
-from gloc3_onboard.sources.replay import Recorded
+from gloc3_onboard.sources.replay import Recorded, matching
 
 AXES: Final = "urf"
 """Of EuRoC's body and inertial unit: x up, y right, z forward."""
@@ -52,16 +52,7 @@ def stereo_records(folder: Path, names: tuple[str, str]) -> Sequence[Recorded[tu
         InputError: they are not there, or a list is damaged.
     """
     left, right = (camera_records(folder, sensor, name) for sensor, name in zip(("cam0", "cam1"), names, strict=True))
-    rights = {record.log_s: record for record in right}
-    return [
-        Recorded(record.log_s, partial(_load_both, record, rights[record.log_s]))
-        for record in left
-        if record.log_s in rights
-    ]
-
-
-def _load_both(left: Recorded[Image], right: Recorded[Image]) -> tuple[Image, Image]:
-    return left.load(), right.load()
+    return matching(left, right)
 
 
 def imu_records(folder: Path, sensor: str) -> Sequence[Recorded[ImuSample]]:

@@ -8,7 +8,7 @@ from typing import Final
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.vehicle import Image
 from gloc3_onboard.sources.pictures import load_picture, pictures_in
-from gloc3_onboard.sources.replay import Recorded
+from gloc3_onboard.sources.replay import Recorded, together
 
 RATE_HZ: Final = 10.0
 """Of sequences without times."""
@@ -36,11 +36,7 @@ def stereo_records(
     left = part or "image_0"
     right = {"image_0": "image_1", "image_2": "image_3"}.get(left, left)
     sides = [camera_records(folder, side, name, rate_hz) for side, name in zip((left, right), names, strict=True)]
-    return [Recorded(first.log_s, partial(_load_both, first, second)) for first, second in zip(*sides, strict=False)]
-
-
-def _load_both(left: Recorded[Image], right: Recorded[Image]) -> tuple[Image, Image]:
-    return left.load(), right.load()
+    return [together(first, second) for first, second in zip(*sides, strict=False)]
 
 
 def _pictures(folder: Path, part: str) -> list[Path]:

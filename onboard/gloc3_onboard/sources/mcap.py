@@ -9,7 +9,7 @@ from gloc3.errors import Finding, InputError, nearest
 from gloc3.log.reader import LogReader
 from gloc3.messages import Message
 from gloc3.vehicle import Image
-from gloc3_onboard.sources.replay import Recorded
+from gloc3_onboard.sources.replay import Recorded, matching
 
 M = TypeVar("M", bound=Message)
 
@@ -43,17 +43,8 @@ def stereo_records(path: Path, topics: tuple[str, str]) -> Sequence[Recorded[tup
         InputError: the file is no log, or has no such topics.
     """
     left, right = (topic_records(path, topic, Image) for topic in topics)
-    rights = {record.log_s: record for record in right}
-    return [
-        Recorded(record.log_s, partial(_both, record, rights[record.log_s]))
-        for record in left
-        if record.log_s in rights
-    ]
+    return matching(left, right)
 
 
 def _same(message: M) -> M:
     return message
-
-
-def _both(left: Recorded[Image], right: Recorded[Image]) -> tuple[Image, Image]:
-    return left.load(), right.load()

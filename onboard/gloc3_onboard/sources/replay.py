@@ -34,6 +34,17 @@ class Recorded(NamedTuple, Generic[T]):
     """Gives it; may read a file."""
 
 
+def together(left: Recorded[T], right: Recorded[T]) -> "Recorded[tuple[T, T]]":
+    """Two things of a log as one, with the first one's time."""
+    return Recorded(left.log_s, lambda: (left.load(), right.load()))
+
+
+def matching(left: Sequence[Recorded[T]], right: Sequence[Recorded[T]]) -> "list[Recorded[tuple[T, T]]]":
+    """Those of two lists that have the same time."""
+    rights = {record.log_s: record for record in right}
+    return [together(record, rights[record.log_s]) for record in left if record.log_s in rights]
+
+
 class LogTime:
     """Where a log's time lies in ours; shared by all devices that play the same log, so that they stay together.
 

@@ -81,6 +81,7 @@ SCHEMES: Final[Mapping[str, Scheme]] = {
     "mcap": Scheme(tuple(Sensor), "mcap://log.mcap#laser", REPLAY, parts=True),
 }
 """Every scheme that there is."""
+PLACELESS: Final = ("none", "autopilot")
 
 
 class SourceUrl(NamedTuple):
@@ -139,8 +140,11 @@ def parse_source(device: str, text: str) -> SourceUrl:
 
 
 def _with_place(device: str, url: SourceUrl) -> SourceUrl:
-    if not url.place and url.scheme not in ("none", "autopilot"):
-        raise Refused(f"{device}: {url.text!r} names nothing behind ://; {SCHEMES[url.scheme].example}")
+    example = SCHEMES[url.scheme].example
+    if url.scheme in PLACELESS and url.place:
+        raise Refused(f"{device}: {url.text!r} takes no place: {example}")
+    if url.scheme not in PLACELESS and not url.place:
+        raise Refused(f"{device}: {url.text!r} names nothing behind ://; {example}")
     return url
 
 

@@ -65,7 +65,7 @@ def corridor(seed: int) -> dict[str, float]:
         if motion.is_valid:
             values = np.linalg.eigvalsh(motion.covariance[:2, :2])
             ratios.append(float(values[1] / values[0]))
-            across_m = max(across_m, abs(motion.pose.y_m - pose.y_m))
+            across_m = max(across_m, float(abs(motion.pose.y_m - pose.y_m)))
     return {"ratio": min(ratios), "across_m": across_m, "along_m2": float(values[1])}
 
 

@@ -111,9 +111,20 @@ def test_a_clock_that_begins_anew_is_believed_after_some_pictures_in_order() -> 
     with Bench() as bench:
         source = hosted(bench, CameraSampler)
         bench.run(100.0)
+        begin_s = bench.loop.time()
         show(bench, source, picture(0))
-        found = [show(bench, source, picture(number), 10.0 + 0.05 * number).is_valid for number in range(1, 9)]
+        found = [show(bench, source, picture(n), begin_s - 0.6 + 0.05 * n).is_valid for n in range(1, 9)]
         assert found == [False] * 4 + [True] * 4
+
+
+def test_a_picture_of_long_ago_is_marked_as_old_and_keeps_its_time() -> None:
+    with Bench() as bench:
+        source = hosted(bench, CameraSampler)
+        bench.run(10.0)
+        found = show(bench, source, picture(1), 2.0)
+        assert found.reason == "the picture is 8.0 s old"
+        assert bench.envelopes[-1].t_s == 2.0
+        assert show(bench, source, picture(2)).is_valid
 
 
 def test_missing_pictures_are_told_once_a_second_until_they_come_again() -> None:

@@ -38,8 +38,8 @@ class CameraSampler(SensorSampler[FrameSettings]):
         """Opens the camera."""
         self._check = None
         self._timeline = Timeline("picture", self._settings.silent_s)
-        self._unwatch = self._device.on_news(self.request_cycle)
         self._device.open()
+        self._unwatch = self._device.on_news(self.request_cycle)
 
     def stop(self) -> None:
         """Closes the camera."""

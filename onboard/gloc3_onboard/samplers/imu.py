@@ -51,8 +51,8 @@ class ImuSampler(SensorSampler[ImuSettings]):
     def start(self) -> None:
         """Opens the unit."""
         self._restart()
-        self._unwatch = self._device.on_news(self.request_cycle)
         self._device.open()
+        self._unwatch = self._device.on_news(self.request_cycle)
 
     def stop(self) -> None:
         """Closes the unit."""

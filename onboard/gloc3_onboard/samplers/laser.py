@@ -47,8 +47,8 @@ class LaserSampler(SensorSampler[LaserSettings]):
     def start(self) -> None:
         """Opens the scanner."""
         self._timeline = Timeline("scan", self._settings.silent_s)
-        self._unwatch = self._device.on_news(self.request_cycle)
         self._device.open()
+        self._unwatch = self._device.on_news(self.request_cycle)
 
     def stop(self) -> None:
         """Closes the scanner."""

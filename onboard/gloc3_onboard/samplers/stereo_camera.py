@@ -39,8 +39,8 @@ class StereoCameraSampler(SensorSampler[FrameSettings]):
         """Opens the cameras."""
         self._checks.clear()
         self._timeline = Timeline("pair of pictures", self._settings.silent_s)
-        self._unwatch = self._device.on_news(self.request_cycle)
         self._device.open()
+        self._unwatch = self._device.on_news(self.request_cycle)
 
     def stop(self) -> None:
         """Closes the cameras."""

@@ -22,7 +22,7 @@ class Timeline:
 
     Args:
         what: one thing that the device brings, in words: *picture*.
-        silent_s: without anything new for so long the device counts as silent.
+        silent_s: without anything new for so long the device counts as silent, and what is older as stale.
     """
 
     def __init__(self, what: str, silent_s: float) -> None:
@@ -41,6 +41,8 @@ class Timeline:
         self._came_s = now_s
         if not t_s <= now_s + AHEAD_S:
             return Arrival(now_s, f"the {self._what} is stamped {t_s - now_s:.2f} s ahead of the present")
+        if t_s < now_s - self._silent_s:
+            return Arrival(t_s, f"the {self._what} is {now_s - t_s:.1f} s old")
         if t_s <= self._good_s:
             self._in_order = self._in_order + 1 if previous_s is not None and t_s > previous_s else 1
             if self._in_order < ADOPTED_AFTER:

@@ -65,6 +65,8 @@ class VideoCamera(ThreadedSource[StampedImage]):
         """Opens the capture."""
         import cv2
 
+        logging = cv2.utils.logging
+        logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # what goes wrong is told in our own words
         capture = self._capture(cv2)
         try:
             if not capture.isOpened():

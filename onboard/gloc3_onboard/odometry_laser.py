@@ -54,6 +54,9 @@ def laser(
 
 def run_laser(log: LaserLog, *, wheels: bool) -> tuple[Trajectory, Cost]:
     """The odometer's trajectory of a log, and what it took."""
+    import cv2
+
+    cv2.setNumThreads(1)
     odometer = LaserOdometer()
     poses: list[Planar] = []
     costs_ms: list[float] = []

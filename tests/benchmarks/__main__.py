@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-from tests.benchmarks import footprint, ground, parts, terminal, turnaround, world
+from tests.benchmarks import footprint, ground, laser, parts, terminal, turnaround, world
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
@@ -11,6 +11,7 @@ BENCHES: dict[str, Callable[[], list[str]]] = {
     "footprint": footprint.run,
     "terminal": terminal.run,
     "ground": ground.run,
+    "laser": laser.run,
     "world": world.run,
 }
 

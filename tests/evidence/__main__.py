@@ -2,7 +2,21 @@
 
 import sys
 
-from tests.evidence import day, demo, flight, ground, inputs, link, sensors, station, suites, tracker, tui
+from tests.evidence import (
+    day,
+    demo,
+    flight,
+    ground,
+    inputs,
+    laser,
+    laser_flight,
+    link,
+    sensors,
+    station,
+    suites,
+    tracker,
+    tui,
+)
 from tests.evidence.page import Bar, Progress, commit, write
 
 BARS: tuple[Bar, ...] = (
@@ -11,6 +25,8 @@ BARS: tuple[Bar, ...] = (
     *flight.BARS,
     *ground.BARS,
     *inputs.BARS,
+    *laser.BARS,
+    *laser_flight.BARS,
     *link.BARS,
     *sensors.BARS,
     *station.BARS,

@@ -32,6 +32,8 @@ FIRST_RAD_S: Final = 0.5
 SURE_M: Final = 0.25
 SURE_RAD: Final = 0.15
 """A scan that lies no farther from where it is expected is fitted at once, without a search."""
+BETTER: Final = 0.1
+"""A place that was not expected must fit so much better."""
 _NO_DOUBT: Final = np.zeros((3, 3))
 _FLOOR: Final = np.diag((0.001**2, 0.001**2, 0.0002**2))
 """No fit is better than this: walls are not quite straight, nor is the clock of the scanner."""
@@ -124,8 +126,7 @@ class LaserOdometer:
         if fault:
             return self._nothing(t_s, fault)
         expected = self._expected(t_s - self._t_s, heading_rad) if self._has_begun else Expected(Planar(), None)
-        share = min(1.0, scan.duration_s / (t_s - self._t_s)) if self._has_begun else 0.0
-        points = points_of(scan, tilt, self._mount, expected.motion.part(share))
+        points = points_of(scan, tilt, self._mount, self._skew(scan.duration_s, t_s, expected.motion, heading_rad))
         if len(points.points_m) < FEWEST_BEAMS:
             return self._nothing(t_s, "hardly anything of the scan is above the floor")
         self._ranges = scan.ranges_m
@@ -150,23 +151,35 @@ class LaserOdometer:
 
     def _expected(self, duration_s: float, heading_rad: float | None) -> "Expected":
         """The motion since the last good scan, and how wrong that may be."""
-        settings = self._settings
-        told, velocity = self._told, self._velocity
-        motion = told or (velocity.part(min(duration_s, LONGEST_S)) if velocity is not None else Planar())
+        settings, told, velocity = self._settings, self._told, self._velocity
         half_square = 0.5 * duration_s * duration_s
         distance_m = settings.acceleration_m_s2 * half_square
         turn_rad = settings.turn_acceleration_rad_s2 * half_square
-        if told is not None:
-            distance_m = TOLD_M + TOLD_SHARE * motion.distance_m
-            turn_rad = TOLD_RAD + TOLD_TURN_SHARE * abs(motion.yaw_rad)
-        elif velocity is None:
+        motion = Planar()
+        if velocity is not None:
+            motion = velocity.part(min(duration_s, LONGEST_S))
+        else:
             distance_m += FIRST_M_S * duration_s
             turn_rad += FIRST_RAD_S * duration_s
+        if told is not None and distance_m > TOLD_M:  # over a short time nobody knows better than the last motion
+            motion = told
+            distance_m = TOLD_M + TOLD_SHARE * motion.distance_m
+            turn_rad = TOLD_RAD + TOLD_TURN_SHARE * abs(motion.yaw_rad)
         # After a scan that did not fit, a heading that has leapt is not believed any longer.
         if heading_rad is not None and self._heading_rad is not None and self._bad < 1:
             motion = Planar(motion.x_m, motion.y_m, wrap_pi(heading_rad - self._heading_rad))
             turn_rad = TOLD_RAD
         return Expected(motion, Window(min(distance_m, settings.search_m), min(turn_rad, settings.search_rad)))
+
+    def _skew(self, scan_s: float, t_s: float, expected: Planar, heading_rad: float | None) -> Planar:
+        """The motion during a scan: as the last one was, which is smoother than what wheels tell."""
+        if not self._has_begun or scan_s <= 0.0:
+            return Planar()
+        share = min(1.0, scan_s / (t_s - self._t_s))
+        if self._velocity is None:
+            return expected.part(share)
+        before = self._velocity.part(min(scan_s, LONGEST_S))
+        return before if heading_rad is None else Planar(before.x_m, before.y_m, share * expected.yaw_rad)
 
     # --- what is found ---
 
@@ -180,7 +193,7 @@ class LaserOdometer:
             return near
         wide = Window(max(window.distance_m, SURE_M), max(window.heading_rad, SURE_RAD))
         found = search(points, self._map, guess, wide)
-        return near if near is not None and near.share >= found.share else found
+        return near if near is not None and near.share >= found.share - BETTER else found
 
     def _adopt(self, points: ScanPoints, found: Alignment, t_s: float, heading_rad: float | None) -> LaserMotion:
         covariance = found.information.covariance(UNKNOWN_VARIANCE) + _FLOOR

@@ -19,8 +19,7 @@ class GroundHeight:
     def __init__(self, noise_m: float, scale_std: float) -> None:
         self._noise_m, self._scale_std = noise_m, scale_std
         self._mean_m, self._variance = math.nan, math.inf
-        self.away_s = 0.0
-        """For how long no echo has come from the floor."""
+        self._fitting_s = self._denied_s = self._silent_s = 0.0
 
     @property
     def is_known(self) -> bool:
@@ -40,7 +39,15 @@ class GroundHeight:
     def begin(self, height_m: float) -> None:
         """Believes one echo, whatever was before."""
         self._mean_m, self._variance = height_m, self._noise_m**2
-        self.away_s = 0.0
+        self._fitting_s = self._denied_s = self._silent_s = 0.0
+
+    def miss(self, period_s: float) -> None:
+        """There is no echo."""
+        self._silent_s += period_s
+
+    def is_lost(self, coast_s: float) -> bool:
+        """Whether the echoes have failed to confirm the height for so long, or for longer than they ever did."""
+        return self._denied_s + self._silent_s > coast_s or self._denied_s > self._fitting_s
 
     def forget(self) -> None:
         """Knows nothing."""
@@ -69,10 +76,11 @@ class GroundHeight:
         away_m = taken_m - self._mean_m
         gate_m = _GATE * math.sqrt(self._variance + noise) + _GATE_SHARE * self._mean_m
         if abs(away_m) > gate_m:
-            self.away_s += period_s
+            self._denied_s += period_s
             return False
         gain = self._variance / (self._variance + noise)
         self._mean_m += gain * away_m
         self._variance *= 1.0 - gain
-        self.away_s = 0.0
+        self._fitting_s += period_s
+        self._denied_s = self._silent_s = 0.0
         return True

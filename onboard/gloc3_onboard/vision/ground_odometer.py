@@ -32,6 +32,8 @@ _SCALED: Final = 0.15
 """... after this share of change in height."""
 _SURE_SHARE: Final = 0.06
 """A relief that is known to this share of the height is kept."""
+_HIGHEST_M: Final = 200.0
+"""No range finder of ours tells more."""
 _CLIMB_M_S: Final = 0.3
 """How fast the height may have changed while nothing was seen."""
 _ECHO_FLAT: Final = 0.2
@@ -180,7 +182,7 @@ class GroundOdometer:
             return self._invalid(held.t_s, f"only {len(corners)} points stand out in the picture")
         flat = self._flat(corners, held)
         silent_s = held.t_s - self._moved_s
-        if self._key is None or silent_s > self.settings.gap_s or self._height.away_s > self.settings.coast_s:
+        if self._key is None or silent_s > self.settings.gap_s or self._height.is_lost(self.settings.coast_s):
             self._height.begin(vertical_m)
             relief_m = np.zeros(len(corners))
         else:
@@ -217,7 +219,7 @@ class GroundOdometer:
         if reason:
             return self._lose(picture, held, height_m, reason)
         is_floor_hit = self._take_height(motion, before, now, height_m, held, period_s)
-        if not is_floor_hit and self._height.away_s > self.settings.coast_s:
+        if not is_floor_hit and self._height.is_lost(self.settings.coast_s):
             return self._begin(picture, held, height_m, "the height does not fit what is seen")
         place = motion.translation * self._height.mean_m
         self._velocity = (place - self._place) / ahead_s
@@ -266,7 +268,7 @@ class GroundOdometer:
         """Whether the height is that of the floor, or of something on it that is known."""
         vertical_m = self._vertical_m(height_m, held)
         if not math.isfinite(vertical_m):
-            self._height.away_s += period_s
+            self._height.miss(period_s)
             return False
         reliefs = [0.0]
         distance = np.linalg.norm(now, axis=1)
@@ -328,7 +330,7 @@ class GroundOdometer:
 
     def _vertical_m(self, height_m: float, held: Held) -> float:
         """Vertical distance of the camera to what a range finder hits; not-a-number where nothing is known."""
-        if not math.isfinite(height_m) or height_m <= 0.0:
+        if not 0.0 < height_m < _HIGHEST_M:
             return math.nan
         level_from_frd = matrix(held.level_from_frd)
         beam = level_from_frd[:, 2] if self.settings.is_slant else np.array([0.0, 0.0, 1.0])

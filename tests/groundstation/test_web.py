@@ -115,6 +115,7 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
         page.terminal.resize(70, 20)
         await page.say("resize", {"width": 70, "height": 20})
         await page.until("This terminal has 70 × 20 characters.")
+        await page.until("The station needs 80 × 24: load the page again")
         await page.press(" ")
         async with asyncio.timeout(5.0):
             while not any(isinstance(body, Emergency) for body in here.platform.requests):

@@ -149,7 +149,7 @@ class StationScreen(Screen[None]):
         is_small = width < SMALLEST[0] or height < SMALLEST[1]
         self.set_class(is_small, "-too-small")
         if is_small and self._is_there:
-            self.panel("too_small").show(too_small_lines(width, height, SMALLEST))
+            self.panel("too_small").show(too_small_lines(width, height, SMALLEST, is_web=self.app.is_web))
         self.call_after_refresh(self.look_again)
         self.call_after_refresh(self._show_keys)
 

@@ -162,11 +162,12 @@ def key_at(keys: Sequence[Key], width: int, column: int) -> Key | None:
     return None
 
 
-def too_small_lines(width: int, height: int, needed: tuple[int, int]) -> list[Line]:
+def too_small_lines(width: int, height: int, needed: tuple[int, int], *, is_web: bool = False) -> list[Line]:
     """What is the matter with a small terminal, and what still works."""
+    advice = "load the page again: its letters then fit." if is_web else "enlarge it."
     return [
         (Span(f"This terminal has {width} × {height} characters.", Tone.WARN),),
-        (Span(f"The station needs {needed[0]} × {needed[1]}: enlarge it."),),
+        (Span(f"The station needs {needed[0]} × {needed[1]}: {advice}"),),
         (Span("space makes the vehicle hold, q quits.", Tone.DIM),),
     ]
 

@@ -17,6 +17,7 @@ from tests.evidence import (
     suites,
     tracker,
     tui,
+    world,
 )
 from tests.evidence.page import Bar, Progress, commit, write
 
@@ -34,6 +35,7 @@ BARS: tuple[Bar, ...] = (
     *station.BARS,
     *suites.BARS,
     *tracker.BARS,
+    *world.BARS,
     *tui.BARS,
 )
 

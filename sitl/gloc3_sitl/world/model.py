@@ -228,10 +228,12 @@ class VariantFile(_Row, frozen=True, kw_only=True):
     """Boxes, likewise."""
     lights: dict[Name, Light] = {}
     """Bright spots, likewise."""
+    tracker: Tracker | None = None
 
     def applied_to(self, base: WorldFile) -> WorldFile:
         """The world that results."""
-        plain = {"spawn": self.spawn, "lighting": self.lighting, "dust": self.dust, "exposure": self.exposure}
+        names = ("spawn", "lighting", "dust", "exposure", "tracker")
+        plain = {name: getattr(self, name) for name in names}
         return msgspec.structs.replace(
             base,
             world=self.world,

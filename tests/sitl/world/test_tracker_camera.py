@@ -32,7 +32,7 @@ def spots(picture: Image) -> list[tuple[float, float]]:
     found = []
     for left, top, width, height, _ in stats[1:count]:
         cut = picture[top - 6 : top + height + 6, left - 6 : left + width + 6].astype(float)
-        cut = np.maximum(cut - np.median(cut) - 12.0, 0.0)
+        cut = np.maximum(cut - np.median(cut) - 60.0, 0.0)  # welds and labels behind it are darker
         rows, columns = np.mgrid[top - 6 : top + height + 6, left - 6 : left + width + 6]
         found.append((float((cut * columns).sum() / cut.sum()), float((cut * rows).sum() / cut.sum())))
     return found

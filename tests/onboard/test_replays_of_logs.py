@@ -18,7 +18,7 @@ from gloc3.perception import ImuSample, LaserScan
 from gloc3.record import Recorder
 from gloc3.testing import Bench
 from gloc3.topics import TopicRow, TopicTable
-from gloc3.vehicle import HeightAboveGround, Image
+from gloc3.vehicle import HeightAboveGround, Image, ImageRecorded
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.samplers.camera import CameraSampler
 from gloc3_onboard.samplers.height import HeightSampler
@@ -172,6 +172,42 @@ def test_every_sampler_takes_its_data_from_a_log_of_ours(tmp_path: Path) -> None
         assert np.frombuffer(told(bench, "laser")[4][1].ranges_m, "<f4").tolist() == [1.0, 2.0, 7.0, math.inf]
         assert told(bench, "height")[4][1].height_m == pytest.approx(1.4)
         assert told(bench, "right")[4][1].data == picture(4).data
+
+
+def test_pictures_that_a_flight_has_put_beside_its_log_are_played(tmp_path: Path) -> None:
+    (tmp_path / "images-2").mkdir()
+    with Bench() as bench:
+        rows = {"image_recorded": TopicRow(ImageRecorded)}
+        recorder = Recorder(tmp_path / "log-2.mcap", Clock(bench.loop), TopicTable(rows), {"platform": "bench"})
+        recorder.attach(bench.exchange, bench.loop)
+        publisher = Publisher(bench.exchange, "bench", "recorder", 7)
+        for number in range(3):
+            bench.run(0.5)
+            file = f"camera-{number:05d}.png"
+            pixels = np.frombuffer(picture(number).data, np.uint8).reshape(HEIGHT, WIDTH)
+            cv2.imwrite(str(tmp_path / "images-2" / file), pixels)
+            told_of = ImageRecorded(
+                action_id="a",
+                camera="camera",
+                file=file,
+                index=number,
+                position_ned_m=(0.0, 0.0, 0.0),
+                ned_from_frd=(1.0, 0.0, 0.0, 0.0),
+            )
+            publisher.publish("bench/image_recorded", told_of, t_s=bench.loop.time() - 0.1)
+        recorder.close()
+    with Bench() as bench:
+        play(bench, tmp_path, camera="mcap://log-2.mcap#image_recorded")
+        bench.run(1.3)
+        found = [(t_s, image.data) for t_s, image in told(bench, "image") if image.is_valid]
+    assert [t_s for t_s, _ in found] == pytest.approx([0.0, 0.5, 1.0], abs=1e-6)
+    assert [data for _, data in found] == [picture(number).data for number in range(3)]
+    with Bench() as bench:
+        other = "ground_camera"
+        host = SourceHost(bench.loop, tmp_path, lambda boot_s: boot_s, AutopilotSensors(), NoSource())
+        sources = make_sources({other: "mcap://log-2.mcap#image_recorded"}, host)
+        with pytest.raises(Gloc3Error, match="no pictures of 'ground' were recorded"):
+            sources[other].open()
 
 
 def test_the_same_log_gives_the_same_messages_every_time(tmp_path: Path) -> None:

@@ -160,6 +160,8 @@ def _index(name: str, url: SourceUrl, sensor: Sensor | None, path: Path) -> Call
         case _, Sensor.STEREO:
             left, _, right = url.part.partition(",")
             return partial(mcap.stereo_records, path, (left or f"camera/{pair[0]}", right or f"camera/{pair[1]}"))
+        case _, Sensor.CAMERA if url.part == mcap.RECORDED:
+            return partial(mcap.recorded_pictures, path, camera_name(name))
         case _, Sensor.LASER:
             return partial(mcap.topic_records, path, url.part or "laser", LaserScan)
         case _, Sensor.IMU:

@@ -8,7 +8,7 @@ import asyncio
 import os
 import secrets
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from importlib.resources import files
 from ipaddress import ip_address
 from pathlib import Path
@@ -30,6 +30,8 @@ HEARTBEAT_S: Final = 5.0
 MOST_WAITING: Final = 1_000_000
 """Bytes that wait for a slow browser; beyond them the terminal is drawn anew once it has taken what is under way."""
 NOT_YET_S: Final = 0.05
+CLOSE_S: Final = 1.0
+"""So long a browser may take to learn that the station was closed."""
 LARGEST: Final = 1000
 """Columns or lines that a browser may ask for."""
 HEADERS: Final = {
@@ -157,7 +159,7 @@ class WebServer:
         app.router.add_get(f"{way}/", self._index)
         app.router.add_get(f"{way}/ws", self._look_in)
         app.router.add_static(f"{way}/static", Path(str(textual_serve.__file__)).parent / "static")
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=CLOSE_S)
         await runner.setup()
         host, port = self._options.host, self._options.port
         try:
@@ -174,8 +176,10 @@ class WebServer:
             yield f"http://{_named(host)}:{port}{way}/"
         finally:
             self._shown = None
-            for socket in tuple(self._sockets):
-                await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the station was closed")
+            with suppress(TimeoutError):  # of a browser that takes nothing any more
+                async with asyncio.timeout(CLOSE_S):
+                    for socket in tuple(self._sockets):
+                        await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the station was closed")
             await runner.cleanup()
 
     # --- requests ---

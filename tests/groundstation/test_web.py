@@ -7,7 +7,7 @@ import socket
 import sys
 import urllib.request
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.error import HTTPError
@@ -190,6 +190,22 @@ async def test_a_browser_that_takes_nothing_costs_no_memory_and_is_drawn_anew() 
             window.write("x" * (MOST_WAITING // 10))
         await page.until("heron   HOLD   disarmed")
         assert page.terminal.received < 2 * MOST_WAITING
+
+
+async def test_a_browser_that_takes_nothing_does_not_keep_the_station_from_closing() -> None:
+    loop = asyncio.get_running_loop()
+    async with AsyncExitStack() as stack:
+        async with served() as here:
+            page = await stack.enter_async_context(here.page())
+            await page.until("heron")
+            window = here.app.window
+            assert window is not None
+            for _ in range(100):
+                window.write("x" * (MOST_WAITING // 10))
+                await asyncio.sleep(0.002)
+            begin_s = loop.time()
+        assert loop.time() - begin_s < 5.0
+        page.websocket.transport.abort()
 
 
 @pytest.mark.parametrize("name", ["localhost:1", "127.0.0.1", "[::1]:9"])

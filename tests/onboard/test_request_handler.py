@@ -216,6 +216,13 @@ def asked_of_viewer(desk: Desk) -> FunctionRequest:
     return message
 
 
+def test_two_stations_with_one_id_are_told_of() -> None:
+    desk = Desk()
+    for boot in (7, 8, 7, 8, 7, 8):
+        desk.told(Control(verb=ControlVerb.REQUEST), boot=boot)
+    assert [text for text in desk.said if "two stations have the id 255" in text]
+
+
 def test_looking_needs_no_control_and_goes_to_the_viewer(desk: Desk) -> None:
     assert desk.ask(Watch(wants=[Want("pose", 2.0)]), sender="254") is None
     message = asked_of_viewer(desk)

@@ -45,6 +45,7 @@ from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.journal import Journal
+from gloc3_onboard.command_server.senders import Senders
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.start_gate import Begin, RedChecks, StartGate
 from gloc3_onboard.command_server.summaries import geofence_of
@@ -98,6 +99,7 @@ class RequestHandler:
         self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
         self.gate: Final = StartGate(site, facts, book)
         """What every start has to pass."""
+        self._senders = Senders()
         self._journal = Journal(site.journal)
         self._open: dict[str, _Open] = {}
         self._fence_wait: _FenceWait | None = None
@@ -116,6 +118,8 @@ class RequestHandler:
     def handle(self, request: CiRequest, now_s: float) -> CiReply | None:
         """Carries out a request that has not been carried out yet; None if the answer comes later."""
         self._authority.hear(request.sender, now_s)
+        if doubled := self._senders.hear(request.sender, request.boot, now_s):
+            self._say(Severity.WARNING, doubled)
         if isinstance(request.body, Query):
             return self._query(request, request.body)
         if isinstance(request.body, Watch | ListTopics):

@@ -6,10 +6,11 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from gloc3.document import Document, load_bytes, parse
+from gloc3.document import load_bytes, parse
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.schema import check
+from gloc3_sitl.world.doubts import doubts
 from gloc3_sitl.world.model import Box, Marker, Surface, VariantFile, WorldFile
 
 if TYPE_CHECKING:
@@ -155,26 +156,8 @@ def _parsed(name: str, data: bytes, findings: list[Finding]) -> WorldFile | None
         base = _parsed(*_read(variant.based_on), findings)
         file = None if base is None else variant.applied_to(base)
     if file is not None:
-        findings.extend(_doubts(document, file))
+        findings.extend(doubts(document, file))
     return file
-
-
-def _doubts(document: Document, file: WorldFile) -> list[Finding]:
-    """What the schema cannot see."""
-    found = []
-    if file.spawn.frame not in file.frames:
-        hint = nearest(file.spawn.frame, list(file.frames))
-        found.append(document.finding(("spawn", "frame"), f"no frame named {file.spawn.frame!r}", hint))
-    bearers: list[tuple[str, str, str]] = [("surfaces", name, row.texture) for name, row in file.surfaces.items()]
-    bearers += [("boxes", name, row.texture) for name, row in file.boxes.items()]
-    for section, name, texture in bearers:
-        if texture not in file.textures:
-            hint = nearest(texture, list(file.textures))
-            found.append(document.finding((section, name, "texture"), f"no texture named {texture!r}", hint))
-    for name, box in file.boxes.items():
-        if not all(low < high for low, high in zip(box.min_m, box.max_m, strict=True)):
-            found.append(document.finding(("boxes", name), "min_m must be less than max_m on each axis"))
-    return found
 
 
 def box_sides(box: Box) -> list[Surface]:

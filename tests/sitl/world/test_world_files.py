@@ -21,7 +21,7 @@ textures: {grey: {size_m: [8, 8], resolution_px_m: 16}}
 surfaces: {floor: {corner_m: [4, 4, 0], across_m: [0, -8, 0], down_m: [-8, 0, 0], texture: grey}}
 boxes:
   table: {min_m: [1, 0, 0], max_m: [3, 2, 0.5], texture: grey}
-  shelf: {min_m: [2.5, 0, 0], max_m: [3, 2, 1.5], texture: grey}
+  shelf: {min_m: [2.5, 0, 0.5], max_m: [3, 2, 1.5], texture: grey}
 """
 
 
@@ -38,7 +38,7 @@ def test_the_package_brings_a_hold_and_open_ground() -> None:
     assert hold.spawn_m == (0.0, 0.0, 0.0)
     assert hold.home == pytest.approx(hold.frame.origin, abs=1e-6)
     assert hold.marker is not None
-    assert len(hold.surfaces) == 8 + 3 * 5 + 6
+    assert len(hold.surfaces) == 9 + 3 * 5 + 6
 
 
 def test_the_hold_s_walls_stand_round_everything_that_missions_use() -> None:
@@ -69,7 +69,7 @@ def test_a_spawn_point_on_a_box_is_the_home_and_heights_are_those_of_the_boxes(t
     assert world.home.longitude_deg > 8.0, "x lies to the east here"
     assert world.home.latitude_deg > 47.0, "and y to the north"
     assert [world.height_at(x, 1.0) for x in (0.0, 1.5, 2.7, 4.0)] == [0.0, 0.5, 1.5, 0.0]
-    assert len(world.surfaces) == 1 + 2 * 5
+    assert len(world.surfaces) == 1 + 5 + 6
 
 
 def test_a_vehicle_can_stand_at_the_home_of_a_world(tmp_path: Path) -> None:
@@ -86,6 +86,12 @@ def test_a_vehicle_can_stand_at_the_home_of_a_world(tmp_path: Path) -> None:
         ("frame: yard", "frame: yart", r"yard.yaml:4:\d+: no frame named 'yart' \(did you mean 'yard'\?\)"),
         ("0], texture: grey}}", "0], texture: gray}}", r"yard.yaml:6:\d+: no texture named 'gray'"),
         ("max_m: [3, 2, 0.5]", "max_m: [3, -2, 0.5]", r"yard.yaml:8:\d+: min_m must be less than max_m"),
+        (
+            "table: {min_m: [1, 0, 0]",
+            "table: {min_m: [1, 0, -0.5]",
+            r"yard.yaml:6:\d+: it passes through the box table",
+        ),
+        ("[2.5, 0, 0.5]", "[2.5, 0, 0.2]", r"yard.yaml:9:\d+: it is partly inside the box table"),
         ("heading_deg: 45", "headingdeg: 45", r"yard.yaml:4:\d+: .*heading"),
         ("geo: [47.0,", "geo: [147.0,", r"yard.yaml:3:"),
         ("resolution_px_m: 16", "resolution_px_m: -1", r"yard.yaml:5:"),

@@ -218,7 +218,7 @@ def asked_of_viewer(desk: Desk) -> FunctionRequest:
 
 def test_two_stations_with_one_id_are_told_of() -> None:
     desk = Desk()
-    for boot in (7, 8, 7, 8, 7, 8):
+    for boot in (7, 8) * 4:
         desk.told(Control(verb=ControlVerb.REQUEST), boot=boot)
     assert [text for text in desk.said if "two stations have the id 255" in text]
 

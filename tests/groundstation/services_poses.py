@@ -54,7 +54,7 @@ async def _parameters(here: ServicesScene, folder: Path) -> AsyncGenerator[str, 
     await here.until("job", "are described")
     await here.press("slash")
     await here.wait(lambda: isinstance(here.app.focused, Input))
-    await here.type("max")
+    await here.types("max")
     await here.wait(lambda: "CAL_ACC" not in here.shown("parameters_list"))
     await here.press("enter")
     yield "search"

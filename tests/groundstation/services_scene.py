@@ -6,6 +6,8 @@ from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from textual.widgets import ContentSwitcher
+
 from gloc3.exchange import LocalExchange
 from gloc3.link.memory import PERFECT, Conditions, MemoryLink
 from gloc3.link.message import Address
@@ -65,20 +67,17 @@ class ServicesScene(Scene):
                 raise AssertionError("it never came to that")
             await self.pilot.pause(0.01)
 
-    async def type(self, text: str) -> None:
-        """Types into the line that has the focus."""
-        for character in text:
-            self.app.simulate_key("slash" if character == "/" else character)
-        await self.pilot.pause(0.01)
-
     async def tab(self, title: str) -> None:
         """Goes on to the service of a title."""
         for _ in range(6):
             base = self.app.base
             assert base is not None
-            if base.query_one("#service_panes").current == title.lower():  # type: ignore[attr-defined]
+            panes = base.query_one("#service_panes", ContentSwitcher)
+            before = panes.current
+            if before == title.lower():
                 return
             await self.press("tab")
+            await self.wait(lambda before=before, panes=panes: panes.current != before)  # type: ignore[misc]
         raise AssertionError(f"there is no {title}")
 
 

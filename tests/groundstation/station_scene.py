@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from textual.pilot import Pilot
 from textual.screen import Screen
+from textual.widgets import Input
 
 from gloc3.ci import MissionSummary
 from gloc3.errors import Refused
@@ -128,6 +129,29 @@ class Scene(NamedTuple):
         for key in keys:
             self.app.simulate_key(key)
             await self.pilot.pause(0.005)
+
+    async def field(self) -> Input:
+        """Waits until a line takes what is typed."""
+        await self.wait(lambda: isinstance(self.app.focused, Input))
+        assert isinstance(self.app.focused, Input)
+        return self.app.focused
+
+    async def types(self, text: str) -> None:
+        """Types a text once a line takes it, and waits until it stands there."""
+        field = await self.field()
+        for letter in text:
+            self.app.simulate_key("slash" if letter == "/" else letter)
+        await self.wait(lambda: field.value.endswith(text))
+
+    async def still(self, panel: str) -> None:
+        """Waits until a panel shows the same twice running."""
+        seen: list[str] = []
+
+        def is_still() -> bool:
+            seen.append(self.shown(panel))
+            return len(seen) > 1 and seen[-1] == seen[-2]
+
+        await self.wait(is_still)
 
     async def go(self, digit: str) -> None:
         """Shows the screen of a digit."""

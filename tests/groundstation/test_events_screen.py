@@ -48,8 +48,7 @@ async def test_an_operator_searches_while_typing_follows_the_end_and_writes_a_fi
             here.platform.event(f"number {number}", Severity.WARNING if number % 10 else Severity.ERROR, "limiter")
         await here.until("event", "number 299")
         await here.press("slash")
-        await here.wait(lambda: isinstance(here.app.focused, Input))
-        await here.press("n", "u", "m")
+        await here.types("num")
         await here.wait(lambda: here.app.desk.events.search.wanted.text == "num")
         here.app.screen.query_one("#search", Input).value = "NUMBER 17"
         await here.until("filter", "11 of 3")
@@ -59,7 +58,7 @@ async def test_an_operator_searches_while_typing_follows_the_end_and_writes_a_fi
         await here.until("event", "number 170")
         await here.press("e")
         await here.shows(AskFor)
-        here.app.screen.query_one(Input).value = str(tmp_path / "some.jsonl")
+        (await here.field()).value = str(tmp_path / "some.jsonl")
         await here.press("enter")
         await here.wait((tmp_path / "some.jsonl").exists)
         assert len((tmp_path / "some.jsonl").read_text().splitlines()) == 1

@@ -1,7 +1,6 @@
 """The fleet screen, driven by keys: marks, orders, control with a second station, links."""
 
 import pytest
-from textual.widgets import Input
 
 from gloc3.ci import ControlState, ControlVerb, Emergency, Steer, Verb
 from gloc3_groundstation.desk import Desk
@@ -107,7 +106,7 @@ async def test_a_link_is_opened_and_closed_by_keys() -> None:
         await here.until("links", "serial:///dev/ttyUSB0")
         await here.press("n")
         await here.shows(AskFor)
-        here.app.screen.query_one(Input).value = "tcpout://boat:5760"
+        (await here.field()).value = "tcpout://boat:5760"
         await here.press("enter")
         await here.until("links", "tcpout://boat:5760")
         await here.press("tab")

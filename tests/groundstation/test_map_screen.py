@@ -36,8 +36,7 @@ async def test_the_map_is_moved_by_keys_and_fitted_again() -> None:
         await here.wait(lambda: "cargo hold inspection" in str(shown_map(here).query_one("#map").border_title))
         assert here.asked(ReadMission)
         await here.until("map", "5")
-        await here.pilot.pause(0.1)
-        here.app.look()
+        await here.still("map")
         fitted = seen(here)
         await here.press("plus", "plus")
         await here.wait(lambda: seen(here).m_per_dot == pytest.approx(fitted.m_per_dot / 2.0))
@@ -124,7 +123,7 @@ async def test_of_a_line_that_changes_only_the_columns_that_differ_are_drawn(mon
         await here.go("4")
         await here.until("map", "heron")
         panel = shown_map(here).query_one("#map", CanvasPanel)
-        await here.pilot.pause(0.05)
+        await here.still("map")
         drawn: list[int] = []
         monkeypatch.setattr(panel, "refresh", lambda *regions, **_: drawn.extend(region.area for region in regions))
         here.app.look()

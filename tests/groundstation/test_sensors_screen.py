@@ -1,7 +1,6 @@
 """The sensors screen: it asks for what is under the cursor, shows it, and for nothing more when it is left."""
 
 import pytest
-from textual.widgets import Input
 
 from gloc3.ci import Watch
 from gloc3.vehicle import ObstacleScan
@@ -68,7 +67,7 @@ async def test_topics_are_found_while_one_types_and_the_rate_is_changed_by_a_key
         here.platform.speak()
         await here.go("7")
         await here.until("topics", "autopilot")
-        await here.press("slash", "i", "n", "t", "e", "r", "n", "enter")
+        await type_name(here, "intern")
         await here.wait(lambda: "autopilot" not in here.shown("topics"))
         assert "components/pose" in here.shown("topics")
         await here.press("escape")
@@ -82,8 +81,8 @@ async def test_topics_are_found_while_one_types_and_the_rate_is_changed_by_a_key
 async def type_name(here: Scene, name: str) -> None:
     """Types a topic's name once the field takes keys."""
     await here.press("slash")
-    await here.wait(lambda: isinstance(here.app.focused, Input))
-    await here.press(*name, "enter")
+    await here.types(name)
+    await here.press("enter")
 
 
 async def test_a_topic_that_is_not_listed_is_asked_for_by_its_name_and_a_wrong_one_is_refused_in_words() -> None:

@@ -89,9 +89,7 @@ async def test_a_parameter_of_a_vehicle_without_a_companion_is_changed_by_keys(s
         await here.press("f")
         await here.until("job", " parameters")
         await here.press("slash")
-        await here.wait(lambda: isinstance(here.app.focused, Input))
-        for key in parameter.lower():
-            here.app.simulate_key(key)
+        await here.types(parameter.lower())
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
         await here.press("enter", "e")
         await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))

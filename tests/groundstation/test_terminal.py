@@ -103,12 +103,9 @@ async def test_it_flies_by_itself_and_closes_when_the_mission_has_ended() -> Non
         here.platform.speak()
         await here.until("events", "the mission is started")
         here.platform.advance("running")
-        await here.pilot.pause(0.05)
+        await here.until("vehicles", "running")
         here.platform.advance("done")
-        for _ in range(50):
-            await here.pilot.pause(0.01)
-            if here.app._exit:
-                break
+        await here.wait(lambda: here.app._exit)
         assert here.app.return_value == End(state="done")
 
 

@@ -84,6 +84,9 @@ async def overview(here: Scene) -> Pose:
     yield "stale_health"
     await here.go("3")
     yield "stale_mission"
+    await here.pilot.resize_terminal(60, 20)
+    await here.wait(lambda: "60 × 20" in here.shown("too_small"))
+    yield "too_small"
 
 
 async def health(here: Scene) -> Pose:

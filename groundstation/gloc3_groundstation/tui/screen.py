@@ -154,16 +154,18 @@ class StationScreen(Screen[None]):
         self.call_after_refresh(self._show_keys)
 
     def show(self, view: View) -> None:
-        """Shows a view."""
+        """Shows a view; in a terminal that is too small only the alert."""
         self.view = view
-        if self.has_class("-too-small") or not self._is_there or not self.size.width:
-            return
         width = self.size.width
-        self.panel("title").show([title_line(view, width)])
-        self.panel("tabs").show([tabs_line(self._tabs, width)])
+        if not self._is_there or not width:
+            return
         alert = alert_line(view, width)
         self.panel("alert").display = bool(alert)
         self.panel("alert").show([alert])
+        if self.has_class("-too-small"):
+            return
+        self.panel("title").show([title_line(view, width)])
+        self.panel("tabs").show([tabs_line(self._tabs, width)])
         self.look(view)
 
     def keys(self) -> list[Key]:

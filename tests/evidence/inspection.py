@@ -1,6 +1,7 @@
 """The inspection report: the coverage that it tells, against what the cameras of the same flight have truly seen."""
 
 import subprocess
+import sys
 import tempfile
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ from gloc3_sitl.world.placing import Place, Placing
 from gloc3_sitl.world.rig import CAMERAS
 from gloc3_sitl.world.world import World
 
-GLOC3 = str(ROOT / ".venv/bin/gloc3")
+GLOC3 = str(Path(sys.executable).with_name("gloc3"))
 SEEDS = range(3)
 SURFACE = "floor"
 """The camera that records looks down."""

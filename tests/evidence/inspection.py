@@ -39,6 +39,7 @@ def flight(seed: int) -> dict[str, Any]:
         fly = [GLOC3, "fly", "inspection", "--seed", str(seed), "--out", str(out), "--quiet"]
         subprocess.run(fly, check=True, capture_output=True)
         limits = ["--cell", str(CELL_M), "--farthest", str(FARTHEST_M), "--oblique", str(OBLIQUE_DEG)]
+        limits += ["--lift", str(PELICAN.foot_depth_m)]
         report = [GLOC3, "log", "report", str(out), "--wall", f"{hold}#{SURFACE}", *limits]
         subprocess.run(report, check=True, capture_output=True)
         told = msgspec.json.decode((out / "report/report.json").read_bytes())

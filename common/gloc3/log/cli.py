@@ -135,6 +135,7 @@ def report_(
     cell: float = 0.1,
     farthest: float = 20.0,
     oblique: float = 70.0,
+    lift: float = 0.0,
     out: Path | None = None,
 ) -> int:
     """Report an inspection: what was seen from where, coverage of a wall, contact sheet.
@@ -148,6 +149,8 @@ def report_(
         cell: side of a cell of the wall, in metres.
         farthest: a wall that is farther away does not count as seen, in metres.
         oblique: nor does one that is seen at a larger angle off its normal, in degrees.
+        lift: how far the body's origin, that cameras are placed from, is above the poses, in metres: the height at which it
+            stands, where poses count from there.
         out: folder for the report; by default `report` beside the pictures.
     """
     from gloc3.log.inspection_report import PAGE, summary, write_report
@@ -157,7 +160,9 @@ def report_(
 
     if not (0.001 <= cell <= 10.0 and 0.0 < farthest < float("inf") and 0.0 < oblique < 90.0):
         raise Refused("--cell must be 0.001 to 10 m, --farthest above 0 m, --oblique between 0 and 90 degrees")
-    recording = read_recording(run)
+    if not -10.0 <= lift <= 10.0:
+        raise Refused("--lift must be within 10 m")
+    recording = read_recording(run).lifted(lift)
     if not recording.pictures:
         raise Refused(f"{run.name}: no picture was recorded")
     known = {**recording.cameras, **(read_cameras(cameras) if cameras is not None else {})}

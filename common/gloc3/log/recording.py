@@ -48,6 +48,15 @@ class Recording(msgspec.Struct, frozen=True):
     bearings_deg: dict[str, float] = {}
     """Direction of the x axis of each of the platform's local frames, clockwise from north."""
 
+    def lifted(self, height_m: float) -> "Recording":
+        """The same, where poses are of a point so far below the body's origin, that cameras are placed from."""
+        pictures = [
+            msgspec.structs.replace(picture, position_ned_m=(north, east, down - height_m))
+            for picture in self.pictures
+            for north, east, down in (picture.position_ned_m,)
+        ]
+        return msgspec.structs.replace(self, pictures=pictures)
+
 
 class _Line(msgspec.Struct, frozen=True):
     """A line of the list beside the pictures."""

@@ -101,6 +101,8 @@ def test_pictures_without_a_log_and_a_wall_of_a_world_file_will_do(
     (tmp_path / "images" / "front-00002.png").unlink()
     assert run(tmp_path, "--farthest", 4) == 0
     assert "3 pictures\n" in capsys.readouterr().out
+    lifted = read_recording(tmp_path).lifted(0.5)
+    assert [picture.position_ned_m[2] for picture in lifted.pictures] == [-3.5, -3.5, -3.5]
 
 
 def test_what_cannot_be_reported_is_refused_with_the_reason(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import signal
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
@@ -29,7 +29,10 @@ from gloc3_groundstation.recording import Recording
 from gloc3_groundstation.services_desk import ServicesDesk
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.vehicles import Vehicles
-from gloc3_groundstation.web import WebOptions, WebServer, Window, exposure
+from gloc3_groundstation.web import Told, WebOptions, WebServer, Window, exposure
+
+if TYPE_CHECKING:
+    from gloc3_groundstation.desk import Desk
 
 INTERRUPTED: Final = 128 + signal.SIGINT
 
@@ -162,7 +165,7 @@ class Session:
             if web is None:
                 end = await app.run_async()
             else:
-                async with _served(station, web, lambda: app.window):
+                async with _served(app.desk, web, lambda: app.window):
                     end = await app.run_async()
             if not keep(app.configuration()) and not self._problem:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
@@ -254,18 +257,26 @@ class Session:
 
 
 @asynccontextmanager
-async def _served(station: Station, options: WebOptions, window: Callable[[], Window | None]) -> AsyncIterator[None]:
+async def _served(desk: "Desk", options: WebOptions, window: Callable[[], Window | None]) -> AsyncIterator[None]:
     """The page for a browser, and what is said of it in the terminal that the station was started in."""
-
-    def told(text: str) -> None:
-        station.note("", Severity.NOTICE, text)
-        narrate(text)
-
-    async with WebServer(window, options, told).serving() as url:
+    async with WebServer(window, options, teller(desk)).serving() as url:
         if options.is_exposed:
             narrate(exposure(url, operator()))
         narrate(f"the station is at {url} (Ctrl-C here ends it)")
         yield
+
+
+def teller(desk: "Desk") -> Told:
+    """Tells in the terminal, and among the events, who looks; that nobody does is a warning while a vehicle needs it."""
+
+    def told(text: str, is_watched: bool) -> None:
+        armed = [] if is_watched else desk.armed_in_our_control()
+        if armed:
+            text = f"{text}; {', '.join(armed)}: armed and in this station's control, on_link_loss does not begin"
+        desk.station.note("", Severity.WARNING if armed else Severity.NOTICE, text)
+        narrate(text)
+
+    return told
 
 
 def operator() -> str:

@@ -46,6 +46,8 @@ TAKEN: Final = (
 )
 
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
+Told = Callable[[str, bool], None]
+"""Is told who looks, or has gone; and whether anybody looks now."""
 
 
 class Window(Protocol):
@@ -120,13 +122,13 @@ class _Glass:
 class WebServer:
     """Serves the page, and leads the one browser that looks to the terminal."""
 
-    def __init__(self, window: Callable[[], Window | None], options: WebOptions, told: Callable[[str], None]) -> None:
+    def __init__(self, window: Callable[[], Window | None], options: WebOptions, told: Told) -> None:
         """A server that does not listen yet.
 
         Args:
             window: gives the terminal; None before it is there.
             options: where to serve.
-            told: is told who looks.
+            told: is told who looks, and when nobody does.
         """
         self._window = window
         self._options = options
@@ -255,7 +257,7 @@ class WebServer:
         other, self._shown = self._shown, glass
         if other is not None:
             other.show(TAKEN.encode())
-        self._told(f"the station is shown to {who}")
+        self._told(f"the station is shown to {who}", True)
         self._draw(glass)
 
     def _draw(self, glass: _Glass) -> None:
@@ -274,7 +276,7 @@ class WebServer:
             window = self._window()
             if window is not None:
                 window.detach()
-            self._told(f"{who} has gone; the station runs on, and nobody looks at it")
+            self._told(f"{who} has gone; the station runs on, and nobody looks at it", False)
 
 
 def exposure(url: str, user: str) -> str:

@@ -17,9 +17,11 @@ from tests.commands.programs import program
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
-from gloc3.ci import Emergency, Steer
+from gloc3.ci import ControlState, Emergency, Steer
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import LocalExchange
+from gloc3.messages import Severity
+from gloc3_groundstation import session
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.tui.app import StationApp
@@ -81,7 +83,7 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
     station = Station(exchange, platform.loop, "255", 11)
     app = StationApp(Desk(station, PLAN), is_in_browser=True)
     told: list[str] = []
-    async with WebServer(lambda: app.window, options, told.append).serving() as url:
+    async with WebServer(lambda: app.window, options, lambda text, _: told.append(text)).serving() as url:
         ended = asyncio.create_task(app.run_async())
         platform.speak()
         try:
@@ -91,6 +93,10 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
             await ended
             platform.is_deaf = True
             station.close()
+
+
+def nobody(text: str, is_watched: bool) -> None:
+    raise AssertionError(text)
 
 
 async def status_of(url: str, **headers: str) -> int:
@@ -132,7 +138,7 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
 async def test_escape_alone_is_a_key_and_ctrl_c_asks_as_quitting_does() -> None:
     async with served() as here, here.page() as page:
         await page.until("heron")
-        here.platform.control = type(here.platform.control)(holder="255")
+        here.platform.control = ControlState(holder="255")
         here.platform.fly(is_armed=True)
         here.platform.speak()
         await page.until("in control")
@@ -159,6 +165,25 @@ async def test_the_station_runs_on_when_its_window_is_closed_and_is_whole_for_th
             await page.until("heron   OFFBOARD")
             await page.until("the data flows from end to end")
             assert here.told[-1] == "the station is shown to 127.0.0.1"
+
+
+async def test_that_nobody_looks_at_an_armed_vehicle_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "narrate", lambda text: None)
+    exchange = LocalExchange()
+    platform = ScriptedPlatform(exchange)
+    station = Station(exchange, platform.loop, "255", 11)
+    platform.control = ControlState(holder="255")
+    tell = session.teller(Desk(station))
+    for is_armed in (False, True):
+        platform.fly(is_armed=is_armed)
+        platform.speak()
+        tell("it is shown", True)
+        tell("it has gone", False)
+    told = [event for event in station.fleet.events if event.text.startswith("it ")]
+    assert [event.severity for event in told] == [Severity.NOTICE] * 3 + [Severity.WARNING]
+    assert "heron: armed and in this station's control" in told[-1].text
+    platform.is_deaf = True
+    station.close()
 
 
 async def test_a_second_window_says_so_and_takes_the_station_over_with_enter() -> None:
@@ -263,17 +288,17 @@ async def test_an_address_that_cannot_be_had_is_told_with_what_to_do() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(Refused, match=f"port {port}: address already in use; another port: --web-port"):
-            async with WebServer(lambda: None, WebOptions(port=port), print).serving():
+            async with WebServer(lambda: None, WebOptions(port=port), nobody).serving():
                 pass
     with pytest.raises(Refused, match=r"on nowhere\.invalid port 0: .*--web-host"):
-        async with WebServer(lambda: None, WebOptions(host="nowhere.invalid", port=0), print).serving():
+        async with WebServer(lambda: None, WebOptions(host="nowhere.invalid", port=0), nobody).serving():
             pass
 
 
 async def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "textual_serve", None)
     with pytest.raises(Gloc3Error, match=r"--web needs textual-serve: pip install 'gloc3\[groundstation\]'"):
-        async with WebServer(lambda: None, WebOptions(), print).serving():
+        async with WebServer(lambda: None, WebOptions(), nobody).serving():
             pass
 
 

@@ -13,6 +13,10 @@ from gloc3_sitl.sequences.smooth_flight import SmoothFlight
 from gloc3_sitl.world import World
 
 LEAST_CLEARANCE_M: Final = 0.3
+MOST_LAP_M: Final = 100.0
+"""Sides of the default lap."""
+MOST_S: Final = 3600.0
+"""Nobody wants to wait for more, unless it is asked for."""
 _LOOK_EVERY_S: Final = 0.1
 
 
@@ -65,8 +69,10 @@ def record(
         raise Refused(f"{out} is there already, and not empty")
     place = World.load(world)
     flight = SmoothFlight(place, [_corner(text) for text in way] if way else lap(place, height), speed)
-    _check_clear(place, flight)
     duration_s = min(flight.duration_s, seconds or flight.duration_s)
+    if duration_s > MOST_S and seconds is None:
+        raise Refused(f"the way takes {duration_s:.0f} s; say with --seconds how much of it is wanted")
+    _check_clear(place, flight, duration_s)
     count = _write(form, out, place, flight, duration_s, rate, seed)
     what = "scans" if form is Form.CARMEN else "pairs of pictures"
     narrate(f"record: {count} {what} in {duration_s:.1f} s, {flight.length_m:.1f} m of way in all, to {out}")
@@ -89,7 +95,7 @@ def lap(world: World, height_m: float) -> list[Vector3]:
     sides = []
     for begin, end in zip(corner[:2], opposite[:2], strict=True):
         low, high = min(begin, end), max(begin, end)
-        inset = min(0.35 * (high - low), 4.0)
+        inset = max(min(0.35 * (high - low), 4.0), 0.5 * (high - low - MOST_LAP_M))
         sides.append((low + inset, high - inset))
     (x0, x1), (y0, y1) = sides
     z = corner[2] + height_m
@@ -105,9 +111,9 @@ def _corner(text: str) -> Vector3:
     return (x, y, height)
 
 
-def _check_clear(world: World, flight: SmoothFlight) -> None:
+def _check_clear(world: World, flight: SmoothFlight, duration_s: float) -> None:
     """Refuses a way that leads into something."""
-    for number in range(int(flight.duration_s / _LOOK_EVERY_S) + 1):
+    for number in range(int(duration_s / _LOOK_EVERY_S) + 1):
         t_s = number * _LOOK_EVERY_S
         place = flight.place_m(t_s)
         clearance_m = world.geometry.clearance_m(place, t_s)

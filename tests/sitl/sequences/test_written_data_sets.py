@@ -118,6 +118,8 @@ def test_the_command_writes_each_form_and_refuses_what_makes_no_sense(tmp_path: 
         record(Form.CARMEN, tmp_path / "c.log", seconds=0.1)
     with pytest.raises(Refused, match=r"the way comes within 0.\d\d m of something"):
         record(Form.KITTI, tmp_path / "x", way=["16,5,1.5", "16,12.5,1.5"])
+    with pytest.raises(Refused, match=r"the way takes [0-9]+ s; say with --seconds"):
+        record(Form.KITTI, tmp_path / "x", way=["1,1,1.5", "18,9,1.5"], speed=0.005)
     with pytest.raises(Refused, match="must be X,Y,HEIGHT"):
         record(Form.KITTI, tmp_path / "x", way=["16,5"])
     with pytest.raises(Refused, match="--speed"):
@@ -125,7 +127,7 @@ def test_the_command_writes_each_form_and_refuses_what_makes_no_sense(tmp_path: 
     assert not (tmp_path / "x").exists()
 
 
-@pytest.mark.parametrize("world", ["hold", "tank", "corridor", "hold_hard"])
+@pytest.mark.parametrize("world", ["hold", "tank", "corridor", "hold_hard", "open"])
 def test_the_default_lap_keeps_clear_of_everything(world: str) -> None:
     place = World.load(world)
     flight = SmoothFlight(place, lap(place, 1.5), 0.5)

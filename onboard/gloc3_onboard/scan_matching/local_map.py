@@ -55,7 +55,7 @@ class LocalMap:
         std = lines.angle_std_rad[lines.is_line]
         is_kept = self._seen_m >= travelled_m - self._reach_m
         if len(self._feet) and len(feet):
-            near = self.neighbours(feet, 0.5)
+            near = self.neighbours(feet, 1.01 * SAME_M)
             off = np.abs(np.sum(near.normals * (feet - near.feet_m), axis=1))
             is_new = (near.distance_m > SAME_M) | (off > SAME_M)
             feet, normals, std = feet[is_new], normals[is_new], std[is_new]

@@ -15,8 +15,8 @@ from gloc3_onboard.scan_matching.local_map import LocalMap
 from gloc3_onboard.scan_matching.planar import Array, Planar
 
 STEPS: Final = 20
-STILL_M: Final = 2e-4
-STILL_RAD: Final = 1e-4
+STILL_M: Final = 5e-4
+STILL_RAD: Final = 2e-4
 FIT_M: Final = 0.04
 """A point so near to its wall lies on it."""
 NEAR_M: Final = 0.15

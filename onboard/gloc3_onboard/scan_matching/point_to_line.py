@@ -27,6 +27,8 @@ TRIAL_STEPS: Final = 3
 """Candidates of the coarse search are tried with fewer points and steps."""
 CLEAR: Final = 0.6
 """After one that fits so well the others are not tried."""
+CLEARLY: Final = 0.08
+"""So much more of a scan must fit where a search has found it along what the walls hardly tell."""
 SPREAD: Final = 1.5
 """Standard deviation over median of the sizes, for a normal distribution, rounded up."""
 FINEST_M: Final = 0.005
@@ -43,8 +45,13 @@ class Alignment(NamedTuple):
     residual_m: float
     """Robust standard deviation of the points on walls."""
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another place might fit better."""
+        return self.share < CLEAR or self.information.is_degenerate
+
     def without_hearsay(self, guess: Planar) -> Planar:
-        """The pose, but as guessed along what the walls do not tell: there a search finds something at random."""
+        """The pose, but as guessed along what the walls do not tell."""
         north, east, turn = self.pose.x_m - guess.x_m, self.pose.y_m - guess.y_m, self.pose.yaw_rad - guess.yaw_rad
         north, east, turn = self.information.known_part(np.array((north, east, wrap_pi(turn)))).tolist()
         return Planar(guess.x_m + north, guess.y_m + east, wrap_pi(guess.yaw_rad + turn))
@@ -96,13 +103,17 @@ def search(points: Array, walls: LocalMap, guess: Planar, window: Window) -> Ali
     """
     few = points[:: max(1, len(points) // FEW)]
     best = align(few, walls, guess, COARSE_M, steps=TRIAL_STEPS)
-    for place in candidates(points, walls.feet_m, guess, window) if best.share < CLEAR else ():
+    for place in candidates(points, walls.feet_m, guess, window) if best.is_doubtful else ():
         trial = align(few, walls, place, COARSE_M, steps=TRIAL_STEPS)
-        best = trial if trial.share > best.share else best
-        if best.share > CLEAR:
+        best = trial if trial.share > best.share + (CLEARLY if best.share > CLEAR else 0.0) else best
+        if not best.is_doubtful:
             break
     found = align(points, walls, best.pose, 2.0 * NEAR_M)
-    return align(points, walls, found.without_hearsay(guess), NEAR_M) if found.information.is_degenerate else found
+    if not found.information.is_degenerate:
+        return found
+    # Along what the walls do not tell, a search finds something at random, unless much more of the scan fits there.
+    expected = align(points, walls, found.without_hearsay(guess), NEAR_M)
+    return found if found.share > expected.share + CLEARLY else expected
 
 
 def _jacobians(points: Array, normals: Array) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-from tests.benchmarks import footprint, ground, laser, parts, terminal, turnaround, world
+from tests.benchmarks import footprint, ground, laser, parts, stereo, terminal, turnaround, world
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
@@ -12,6 +12,7 @@ BENCHES: dict[str, Callable[[], list[str]]] = {
     "terminal": terminal.run,
     "ground": ground.run,
     "laser": laser.run,
+    "stereo": stereo.run,
     "world": world.run,
 }
 

@@ -1,0 +1,264 @@
+"""The stereo odometer alone: 60 m inspection flights in the hold and in the hard one, real pictures, and a peer."""
+
+import subprocess
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
+from tests.onboard.vision.flights import Pair, fly, inspection
+from tests.onboard.vision.moved_rest import drive, rectified
+from tests.onboard.vision.trial import BOUND_95, Trial, constant, zero
+
+from gloc3.camera_geometry import matrix
+from gloc3.camera_model import Lens
+from gloc3.trajectory import Trajectory, read_trajectory
+from gloc3.trajectory_metrics import evaluate, relative_errors, steps
+from gloc3_onboard.datasets.stereo_set import read_mono_set, read_stereo_set
+from gloc3_onboard.odometry_stereo import run_mono, run_stereo
+from gloc3_onboard.vision.stereo_odometry import MotionChain, StereoOdometer
+from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
+
+SEEDS = range(10)
+IMAGES = ROOT.parent / "shared" / "data" / "images"
+PEER = ROOT / "runs" / "peers" / "libviso2"
+"""Where the sources of libviso2 are looked for (`src/viso_stereo.cpp`…); they are no part of this project."""
+LEFT = msgspec.structs.replace(FRONT_LEFT, lens=Lens.PINHOLE, distortion=(), center_px=(319.5, 239.5))
+RIGHT = msgspec.structs.replace(LEFT, position_frd_m=FRONT_RIGHT.position_frd_m)
+WARMED_UP = 3
+
+
+def flight(world: str, seed: int) -> dict[str, Any]:
+    """One flight's figures."""
+    path = inspection(seed)
+    trial = Trial(path, fly(path, world, seed))
+    found = evaluate(trial.estimate, trial.truth)
+    squares = np.array(trial.squares)
+    return {
+        "path_m": found.path_m,
+        "ate": 100.0 * found.absolute_share,
+        "relative": 10.0 * found.relative_m.rms if found.relative_m is not None else 0.0,
+        "valid": 1.0 - trial.reasons.total() / len(path),
+        "reasons": dict(trial.reasons),
+        "square": float(squares.mean()) / 6.0,
+        "beyond": float((squares > BOUND_95).mean()),
+        "wrong_m": max(trial.wrong_m),
+        "mean_ms": float(np.mean(trial.costs_ms[WARMED_UP:])),
+        "worst_ms": max(trial.costs_ms[WARMED_UP:]),
+        "zero": _control(path, zero(path)),
+        "constant": _control(path, constant(path)),
+    }
+
+
+def _control(path: Trajectory, control: Trajectory) -> float:
+    """ATE of a control in percent of the path; the controls begin at the truth, and lie on a line or a point."""
+    away = np.linalg.norm(control.position_m - path.position_m, axis=1)
+    return float(100.0 * np.sqrt(np.mean(away**2)) / path.distances_m[-1])
+
+
+def flights(progress: Progress) -> list[Figure]:
+    """The bar in both worlds."""
+    figures = []
+    for world, bar in (("hold", 0.3), ("hold_hard", 1.5)):
+        runs = []
+        for seed in SEEDS:
+            progress.say(f"{world}, seed {seed}")
+            runs.append(progress.part(f"{world} {seed}", partial(flight, world, seed)))
+        figures += _figures(world, bar, runs)
+    return figures
+
+
+def _figures(world: str, bar: float, runs: list[dict[str, Any]]) -> list[Figure]:
+    def column(key: str) -> list[float]:
+        return [run[key] for run in runs]
+
+    beyond, mean_ms, worst_ms = (
+        float(np.mean(column("beyond"))),
+        float(np.mean(column("mean_ms"))),
+        max(column("worst_ms")),
+    )
+    reasons = sorted(
+        {reason.split(":")[-1].strip() for run in runs for reason in run["reasons"] if "points" not in reason}
+    )
+    controls = min(*column("zero"), *column("constant"))
+    return [
+        Figure(f"{world}: path, metres", f"{min(column('path_m')):.1f} at least"),
+        Figure(
+            "… ATE after alignment on the first 10 %, % of the path",
+            f"worst {max(column('ate')):.3f}, mean {np.mean(column('ate')):.3f}",
+            f"≤ {bar}",
+            max(column("ate")) <= bar,
+        ),
+        Figure(
+            "… relative error over 10 m, %",
+            f"worst {max(column('relative')):.3f}, mean {np.mean(column('relative')):.3f}",
+        ),
+        Figure(
+            "… pairs with a valid output", f"{min(column('valid')):.2%} at least; else: {'; '.join(reasons) or 'none'}"
+        ),
+        Figure(
+            "… normalised squared error since the key frame, mean (1 is honest)", f"{np.mean(column('square')):.2f}"
+        ),
+        Figure("… motions beyond the 95 % bound of their covariance", f"{beyond:.1%}", "≤ 8 %", beyond <= 0.08),
+        Figure(
+            "… largest error since a key frame of an output said to be valid, m",
+            f"{max(column('wrong_m')):.3f}",
+            "≤ 0.1",
+            max(column("wrong_m")) <= 0.1,
+        ),
+        Figure("… FDM and odometer, processor time a pair, mean, ms", f"{mean_ms:.2f}", "≤ 6", mean_ms <= 6.0),
+        Figure("… worst, ms", f"{worst_ms:.1f}", "≤ 20", worst_ms <= 20.0),
+        Figure(
+            "… the better of the controls (no motion; constant velocity), ATE, %",
+            f"{controls:.1f}",
+            f"> {bar}",
+            controls > bar,
+        ),
+    ]
+
+
+def real(progress: Progress) -> list[Figure]:
+    """The bars on pictures that are not ours, and the peer."""
+    if not IMAGES.is_dir():
+        return [Figure("pictures", "not on this machine", "there", is_met=False)]
+    rest = progress.part("rest", at_rest)
+    figures = [Figure("EuRoC at rest, 40 pairs: largest drift, mm", f"{rest:.2f}", "≤ 3", rest <= 3.0)]
+    for velocity in ((0.2, 0.0, 0.0), (0.0, 0.0, 0.2), (0.1, 0.1, -0.1414)):
+        progress.say(f"EuRoC moved by {velocity}")
+        speed = progress.part(f"moved {velocity}", partial(moving, velocity))
+        figures.append(
+            Figure(
+                f"EuRoC warped by its depth to {velocity} m/s (right, down, ahead): speed, m/s",
+                f"{speed:.4f}",
+                "0.2 ± 3 %",
+                abs(speed / 0.2 - 1.0) <= 0.03,
+            )
+        )
+    mean, worst = progress.part("mono", mono)
+    figures += [
+        Figure(
+            "KITTI, one camera: error of the turn from picture to picture, rms, degrees",
+            f"{mean:.3f}",
+            "≤ 0.1",
+            mean <= 0.1,
+        ),
+        Figure("… largest", f"{worst:.3f}"),
+    ]
+    return figures + peers(progress)
+
+
+def at_rest() -> float:
+    """Farthest from the begin, in mm."""
+    estimate, _ = run_stereo(read_stereo_set(IMAGES / "euroc_rest"))
+    return float(1e3 * np.linalg.norm(estimate.position_m - estimate.position_m[0], axis=1).max())
+
+
+def moving(velocity: tuple[float, float, float]) -> float:
+    """The speed that the odometer tells."""
+    left, right, *_ = rectified(IMAGES / "euroc_rest")
+    odometer, chain = StereoOdometer(left, right), MotionChain()
+    found = [
+        (t_s, chain.add(odometer.update(one, other, t_s))[0])
+        for t_s, one, other in drive(IMAGES / "euroc_rest", np.array(velocity), every=2)
+    ]
+    (begin_s, begin), (end_s, end) = found[0], found[-1]
+    return float(np.linalg.norm(end - begin)) / (end_s - begin_s)
+
+
+def mono() -> tuple[float, float]:
+    """Errors of the turns between pictures: root mean square, and largest."""
+    estimate, _ = run_mono(read_mono_set(IMAGES / "kitti_mono"))
+    truth = read_trajectory(IMAGES / "kitti_mono" / "poses.txt")
+    _, turns = relative_errors(estimate, truth, steps(truth))
+    return float(np.sqrt(np.mean(turns**2))), float(turns.max())
+
+
+def peers(progress: Progress) -> list[Figure]:
+    """Ours and libviso2 on the same rectified pictures of the hold."""
+    if not (PEER / "src" / "viso_stereo.cpp").is_file():
+        return [Figure("libviso2", f"not run: its sources are not in {PEER.relative_to(ROOT)}")]
+    figures = []
+    for seed in (0, 1):
+        progress.say(f"libviso2, seed {seed}")
+        ours, theirs = progress.part(f"peer {seed}", partial(against_peer, seed))
+        for key, what in (
+            ("ate", "ATE, % of the path"),
+            ("relative", "relative error over 10 m, %"),
+            ("ms", "processor time a pair, ms"),
+        ):
+            figures.append(
+                Figure(
+                    f"rendered, rectified, 40 m, seed {seed}: {what}",
+                    f"ours {ours[key]:.3f}, libviso2 {theirs[key]:.3f}",
+                    "ours ≤ libviso2's",
+                    ours[key] <= theirs[key],
+                )
+            )
+    return figures
+
+
+def against_peer(seed: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Figures of both; libviso2 with subpixel refinement, with which it is best."""
+    path, frames = inspection(seed, length_m=40.0), SCRATCH / f"stereo-{seed}.bin"
+    with frames.open("wb") as file:
+
+        def kept() -> Iterator[Pair]:
+            for pair in fly(path, "hold", seed, (LEFT, RIGHT)):
+                file.write(pair.left.tobytes() + pair.right.tobytes())
+                yield pair
+
+        trial = Trial(path, kept(), (LEFT, RIGHT))
+    ours = _errors(trial.estimate, path, float(np.mean(trial.costs_ms[WARMED_UP:])))
+    numbers = np.array([[float(word) for word in line.split()] for line in _drive_peer(frames).splitlines()])
+    frames.unlink()
+    poses = numbers[:, :12].reshape(-1, 3, 4)
+    lever, turn = np.array(LEFT.position_frd_m), matrix(LEFT.frd_from_rdf)
+    truth = Trajectory(
+        t_s=path.t_s,
+        position_m=path.position_m + path.world_from_body @ lever,
+        world_from_body=path.world_from_body @ turn,
+    )
+    estimate = Trajectory(t_s=path.t_s, position_m=poses[:, :, 3], world_from_body=poses[:, :, :3])
+    return ours, _errors(estimate, truth, float(numbers[WARMED_UP:, 13].mean()))
+
+
+def _errors(estimate: Trajectory, truth: Trajectory, cost_ms: float) -> dict[str, float]:
+    found = evaluate(estimate, truth)
+    relative = found.relative_m.rms if found.relative_m is not None else float("nan")
+    return {"ate": 100.0 * found.absolute_share, "relative": 10.0 * relative, "ms": cost_ms}
+
+
+def _drive_peer(frames: Path) -> str:
+    source, program = PEER / "src", PEER / "driver"
+    if not program.is_file():
+        parts = ("filter", "matcher", "matrix", "triangle", "viso", "viso_stereo")
+        files = [str(source / f"{part}.cpp") for part in parts]
+        driver = str(Path(__file__).with_name("viso2_driver.cpp"))
+        subprocess.run(["g++", "-O3", "-march=native", f"-I{source}", driver, *files, "-o", str(program)], check=True)
+    focal, (column, row) = LEFT.focal_px[0], LEFT.center_px
+    words = [LEFT.width, LEFT.height, focal, column, row, 0.15, 1, 2]
+    command = [str(program), str(frames), *map(str, words)]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+BARS = (
+    Bar(
+        "stereo-odometry",
+        "Stereo odometry in the hold",
+        "Alone, the stereo odometer stays within 0.3 % of a 60 m inspection flight, and within 1.5 % where lamps, dust, "
+        "blur, jumps of the exposure, repeated plates and a bare wall make it hard; it says so when it cannot tell.",
+        flights,
+        seeds="0 to 9",
+    ),
+    Bar(
+        "stereo-real",
+        "Stereo odometry on pictures that are not ours, and against a peer",
+        "At rest it rests; real pictures that are warped to a motion give that motion; one camera tells the turns of a "
+        "car; and on pictures of the hold it is ahead of libviso2.",
+        real,
+        seeds="0 and 1",
+    ),
+)

@@ -34,6 +34,7 @@ evidence: $(READY)  ## every bar in full, one page each under docs/evidence; NAM
 	$(BIN)/python -m tests.evidence $(NAME)
 
 lock:  ## after a change of the dependencies: new hashes
+	test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(BIN)/uv pip compile -q pyproject.toml --all-extras --group dev --generate-hashes --universal \
 	    --python-version 3.11 --no-header --no-annotate -o requirements.txt
 

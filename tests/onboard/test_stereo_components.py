@@ -9,11 +9,15 @@ import pytest
 from tests.onboard.vision.wall import cameras, look
 
 from gloc3.camera_model import CameraModel
+from gloc3.deployment import ComponentRow
 from gloc3.errors import Refused
 from gloc3.frames import rotate
+from gloc3.lci import State
 from gloc3.messages import Envelope
 from gloc3.perception import UNKNOWN_VARIANCE, Features, Odometry
 from gloc3.ports import Inbox, Report, inbox_of
+from gloc3.testing import Bench
+from gloc3.topics import TopicTable
 from gloc3.vehicle import Image
 from gloc3_onboard.processors.features import FeatureProcessor, FeatureSettings
 from gloc3_onboard.processors.stereo_odometry import StereoOdometryProcessor, StereoOdometrySettings
@@ -166,3 +170,32 @@ def test_cameras_that_are_not_calibrated_are_refused() -> None:
         StereoOdometryProcessor(Calibrated()).initialize(StereoOdometrySettings(right="nose"))
     with pytest.raises(Refused, match="exchange them"):
         FeatureProcessor(Calibrated()).initialize(FeatureSettings(left="front_right", right="front_left"))
+
+
+def test_both_work_under_their_hosts_begun_by_what_comes() -> None:
+    rows = [
+        ComponentRow(
+            name="features",
+            class_name="gloc3_onboard.processors.features:FeatureProcessor",
+            trigger=["left", "right"],
+            ports={"left": "camera/front_left", "right": "camera/front_right", "features": "features/front"},
+        ),
+        ComponentRow(
+            name="stereo_odometry",
+            class_name="gloc3_onboard.processors.stereo_odometry:StereoOdometryProcessor",
+            trigger="features",
+            ports={"features": "features/front", "odometry": "odometry/stereo"},
+        ),
+    ]
+    with Bench(topics=TopicTable.installed()) as bench:
+        bench.host(rows[0], lambda: FeatureProcessor(Calibrated()))
+        bench.host(rows[1], lambda: StereoOdometryProcessor(Calibrated()))
+        bench.run(0.1)
+        for n in range(4):
+            for topic, envelope in zip(("camera/front_left", "camera/front_right"), pair(n), strict=True):
+                bench.send(topic, envelope.payload, t_s=envelope.t_s)
+            bench.run(1.0 / RATE_HZ)
+        found = bench.all("odometry/stereo")
+        assert [odometry.is_valid for odometry in found] == [True] * 4
+        assert found[-1].position_m[1] == pytest.approx(3 * STEP_M, abs=0.005)
+        assert bench.state("stereo_odometry") is State.WORKING

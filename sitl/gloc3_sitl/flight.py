@@ -43,6 +43,7 @@ from gloc3_groundstation.station import Station
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.drivers.vision_pose import VisionPoseDriver
 from gloc3_onboard.computer import SimulatedComputer
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
@@ -87,8 +88,6 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     world: str = ""
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
     is_plain_gps: bool = False
-    is_without_gps: bool = False
-    """No satellites: the autopilot flies by the platform's own pose."""
     station_link: Conditions = STATION_RADIO
     """Both ways between station and platform."""
     cycle_cost_s: CycleCost | None = None
@@ -173,7 +172,7 @@ class Flight:
             seed=plan.seed,
             wind=plan.wind,
             is_plain_gps=plan.is_plain_gps,
-            is_without_gps=plan.is_without_gps,
+            is_without_gps=any(row.load_class() is VisionPoseDriver for row in self.platform.components),
             battery_remaining=plan.battery,
             parameters=plan.parameters,
         )

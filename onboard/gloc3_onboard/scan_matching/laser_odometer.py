@@ -34,6 +34,12 @@ SURE_RAD: Final = 0.15
 """A scan that lies no farther from where it is expected is fitted at once, without a search."""
 BETTER: Final = 0.1
 """A place that was not expected must fit so much better."""
+LEAN: Final = 0.75
+"""Walls may lean: where they stand at another height is not known better than by so much of the climb."""
+LEVEL_M: Final = 0.03
+"""A climb that is less is none."""
+NEW_LEVEL_M: Final = 0.2
+"""After such a climb the map begins anew."""
 _NO_DOUBT: Final = np.zeros((3, 3))
 _FLOOR: Final = np.diag((0.001**2, 0.001**2, 0.0002**2))
 """No fit is better than this: walls are not quite straight, nor is the clock of the scanner."""
@@ -98,6 +104,8 @@ class LaserOdometer:
         self._told: Planar | None = Planar()
         self._heading_rad: float | None = None
         self._travelled_m = 0.0
+        self._height_m: float | None = None
+        """Of the scan that the motion is told from."""
         self._bad = 0
 
     def update(
@@ -131,11 +139,12 @@ class LaserOdometer:
             return self._nothing(t_s, "hardly anything of the scan is above the floor")
         self._ranges = scan.ranges_m
         if not self._has_begun:
+            self._height_m = tilt.height_m
             return self._begin(points, Planar(), t_s, heading_rad, "the map begins with this scan")
         found = self._fit(points.points_m, expected)
         if found.share < self._settings.lowest_share:
             return self._lose(points, expected, found.share, t_s, heading_rad)
-        return self._adopt(points, found, t_s, heading_rad)
+        return self._adopt(points, found, t_s, heading_rad, tilt.height_m)
 
     # --- what is expected ---
 
@@ -195,8 +204,12 @@ class LaserOdometer:
         found = search(points, self._map, guess, wide)
         return near if near is not None and near.share >= found.share - BETTER else found
 
-    def _adopt(self, points: ScanPoints, found: Alignment, t_s: float, heading_rad: float | None) -> LaserMotion:
+    def _adopt(
+        self, points: ScanPoints, found: Alignment, t_s: float, heading_rad: float | None, height_m: float | None
+    ) -> LaserMotion:
         covariance = found.information.covariance(UNKNOWN_VARIANCE) + _FLOOR
+        climb_m = abs(height_m - self._height_m) if height_m is not None and self._height_m is not None else 0.0
+        covariance[:2, :2] += max(0.0, LEAN * (climb_m - LEVEL_M)) ** 2 * np.eye(2)
         step = self._pose.inverse() @ found.pose
         self._velocity = step.part(1.0 / (t_s - self._t_s))
         self._travelled_m += step.distance_m
@@ -213,8 +226,10 @@ class LaserOdometer:
         )
         settings = self._settings
         is_far = motion.distance_m > settings.key_distance_m or abs(motion.yaw_rad) > settings.key_turn_rad
-        if is_far or found.share < settings.key_share:
-            self._take_in(points, t_s, covariance, is_new=found.information.is_degenerate)
+        is_new = found.information.is_degenerate or climb_m > NEW_LEVEL_M
+        if is_far or is_new or found.share < settings.key_share:
+            self._take_in(points, t_s, covariance, is_new=is_new)
+            self._height_m = height_m
         return report
 
     def _take_in(self, points: ScanPoints, t_s: float, covariance: Array, *, is_new: bool) -> None:

@@ -19,7 +19,7 @@ app = App(
 
     For example:
 
-    - `gloc3 onboard pelican`: with the simulated vehicle of `gloc3 sitl` on the same machine
+    - `gloc3 onboard pelican_rtk`: with the simulated vehicle of `gloc3 sitl` on the same machine
     - `gloc3 onboard my.yaml --autopilot serial:///dev/ttyACM0:57600 --station udpout://192.168.1.10:14550`
     - `gloc3 onboard my.yaml --device ground_camera=v4l2:///dev/video0 --device laser=rplidar:///dev/ttyUSB0`
 

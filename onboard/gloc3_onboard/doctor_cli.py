@@ -22,7 +22,7 @@ app = App(
 
     For example:
 
-    - `gloc3 doctor pelican`: the simulated vehicle of `gloc3 sitl`
+    - `gloc3 doctor pelican_rtk`: the simulated vehicle of `gloc3 sitl`
     - `gloc3 doctor my.yaml --autopilot serial:///dev/ttyACM0:57600 --json`
 
     Each line is ok, unknown, warning or red, with what was found and what to do. Nothing is changed: no parameter is

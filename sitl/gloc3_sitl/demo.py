@@ -30,7 +30,7 @@ class DemoOptions(msgspec.Struct, frozen=True, kw_only=True):
     mission: Path
     """A file of any format."""
     out: Path
-    platform: str = "pelican"
+    platform: str = "pelican_rtk"
     autopilot: str = "px4"
     is_headless: bool = False
 

@@ -75,7 +75,7 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
 
     mission: str
     """A file, or the name of an example."""
-    platform: str = "pelican"
+    platform: str = "pelican_rtk"
     autopilot: str = "px4"
     seed: int = 0
     wind: Wind = CALM

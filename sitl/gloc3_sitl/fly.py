@@ -28,7 +28,7 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     mission: Path
     """A file of any format."""
-    platform: str = "pelican"
+    platform: str = "pelican_rtk"
     autopilot: str = "px4"
     seed: int = 0
     wind: Wind = CALM

@@ -13,7 +13,7 @@ from gloc3.platform import Platform
 
 INDOORS: Final = "pelican"
 """The platform of a mission in a local frame that names none."""
-OUTDOORS: Final = "pelican"
+OUTDOORS: Final = "pelican_rtk"
 """The platform of a mission on Earth that names none."""
 UNKNOWN_DURATION_S: Final = 600.0
 """Taken for a mission whose duration the checker cannot tell."""

@@ -28,7 +28,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["fly"], "MISSION requires an argument"),
     (["fly", "nosuch"], "no such mission"),
     (["fly", "no/such.yaml"], "there is no file no/such.yaml"),
-    (["fly", "hop", "--platform", "nosuch"], "no such platform (known: pelican)"),
+    (["fly", "hop", "--platform", "nosuch"], "no such platform (known: hummingbird, pelican, pelican_rtk)"),
     (["fly", "hop", "--autopilot", "px5"], 'Choose from: "px4", "ardupilot"'),
     (["fly", "hop", "--seed", "one"], "unable to convert"),
     (["fly", "hop", "--seed", "-1"], "--seed must be 0 or more"),
@@ -50,10 +50,10 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["sitl", "--link", "udp"], "has no scheme"),
     (["onboard"], "PLATFORM requires an argument"),
     (["onboard", "nosuch"], "no such platform"),
-    (["onboard", "pelican", "--system-id", "255"], "--system-id must be from 1 to 250"),
-    (["onboard", "pelican", "--device", "front_camera=tcp://127.0.0.1:1"], "did you mean 'ground_camera'?"),
-    (["onboard", "pelican", "--device", "ground_camera=udp://127.0.0.1:1"], "is no source"),
-    (["onboard", "pelican", "--device", "ground_camera"], "must be NAME=URL"),
+    (["onboard", "pelican_rtk", "--system-id", "255"], "--system-id must be from 1 to 250"),
+    (["onboard", "pelican_rtk", "--device", "front_camera=tcp://127.0.0.1:1"], "did you mean 'ground_camera'?"),
+    (["onboard", "pelican_rtk", "--device", "ground_camera=udp://127.0.0.1:1"], "is no source"),
+    (["onboard", "pelican_rtk", "--device", "ground_camera"], "must be NAME=URL"),
     (["station", "--json"], "--json goes with --headless"),
     (["station", "--headless", "--link", "smoke://signals"], "no scheme 'smoke'"),
     (["log", "info", "/nowhere/log.mcap"], "cannot be read"),
@@ -173,7 +173,7 @@ def test_a_deployment_that_cannot_work_is_not_brought_up_and_names_the_place(
 ) -> None:
     wrong, expected = BAD_DEPLOYMENTS[right]
     monkeypatch.chdir(tmp_path)
-    text = find_platform("pelican").read_text(encoding="utf-8")
+    text = find_platform("pelican_rtk").read_text(encoding="utf-8")
     assert text.count(right) == 1
     expected = expected.replace("LINE", str(text[: text.index(right)].count("\n") + 1))
     Path("mine.yaml").write_text(text.replace(right, wrong), encoding="utf-8")

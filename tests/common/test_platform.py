@@ -155,7 +155,7 @@ def test_a_platform_is_found_by_its_path_or_not_at_all(tmp_path: Path) -> None:
 
 def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "p.yaml"
-    text = find_platform("pelican").read_text(encoding="utf-8")
+    text = find_platform("pelican_rtk").read_text(encoding="utf-8")
     path.write_text(text.replace("ports: {image: camera/ground}, dev", "ports: {image: camera/grond}, dev"))
     line = next(n for n, row in enumerate(text.splitlines(), start=1) if "name: ground_recorder" in row)
     told: list[Finding] = []

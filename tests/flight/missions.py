@@ -28,7 +28,7 @@ def mission(sweep: str = "{out: {" + OUT + "}}", *, options: str = "", fence: st
 
 def platform(changes: dict[str, str]) -> str:
     """The Pelican's platform file with other words in it, under another name: text to what stands in its place."""
-    text = find_platform("pelican").read_text()
+    text = find_platform("pelican_rtk").read_text()
     for old, new in {"platform: pelican": "platform: heron", **changes}.items():
         assert old in text, old
         text = text.replace(old, new)

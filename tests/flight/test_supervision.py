@@ -180,4 +180,4 @@ def test_every_device_that_a_row_may_name_is_there_and_every_one_that_is_there_m
     onboard = flight.flight.onboard
     assert onboard is not None
     assert sorted(onboard.devices) == sorted(DEVICES)
-    load_platform("pelican", is_loading_classes=True, devices=PROCESS_DEVICES)
+    load_platform("pelican_rtk", is_loading_classes=True, devices=PROCESS_DEVICES)

@@ -197,7 +197,7 @@ def real_vehicle(folder: Path) -> Iterator[tuple[str, Program, Program]]:
     links = ["--autopilot", f"udpin://127.0.0.1:{companion}", "--station", f"udpout://127.0.0.1:{ground}"]
     with (
         program("sitl", "--link", f"companion=udpout://127.0.0.1:{companion}", folder=folder) as sitl,
-        program("onboard", "pelican", *links, "--out", "onboard", folder=folder) as onboard,
+        program("onboard", "pelican_rtk", *links, "--out", "onboard", folder=folder) as onboard,
     ):
         sitl.await_line(lambda line: "companion link" in line)
         onboard.await_line(lambda line: "autopilot found" in line)

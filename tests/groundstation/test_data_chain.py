@@ -13,7 +13,7 @@ from gloc3_groundstation.tui.views.chain import chain_lines, wiring_lines
 from .scripted_platform import ROWS
 from .test_views import PLATFORM
 
-WIRING = Wiring.of(load_platform("pelican"))
+WIRING = Wiring.of(load_platform("pelican_rtk"))
 
 
 def with_states(**states: Health) -> PlatformSnapshot:
@@ -60,7 +60,7 @@ def test_the_wiring_tells_who_takes_what_from_whom_and_who_gets_nothing() -> Non
     lines = [text_of(line) for line in wiring_lines(WIRING, "pose", 100)]
     assert lines[0].startswith(" takes ")
     assert lines[1].startswith(" gives pose to ")
-    rows = load_platform("pelican").components
+    rows = load_platform("pelican_rtk").components
     components = [
         ComponentSnapshot(
             name=row.name,

@@ -20,7 +20,7 @@ from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.world import World
 
 pytestmark = pytest.mark.sockets
-PELICAN = load_platform("pelican")
+PELICAN = load_platform("pelican_rtk")
 
 
 @asynccontextmanager
@@ -76,16 +76,16 @@ async def test_a_port_that_is_taken_says_so(tmp_path: Path) -> None:
 
 def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     silent = ["--autopilot", "udpin://127.0.0.1:0", "--wait", "0.2", "--out", str(tmp_path)]
-    assert _call(app, ["pelican", *silent, "--json"]) == 1
+    assert _call(app, ["pelican_rtk", *silent, "--json"]) == 1
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert {"group": "autopilot", "name": "answers", "verdict": "red"}.items() <= lines[0].items()
-    assert _call(app, ["pelican", *silent]) == 1
+    assert _call(app, ["pelican_rtk", *silent]) == 1
     assert "red      autopilot: answers: no heartbeat is heard\n         -> is it powered" in capsys.readouterr().out
     for wrong in (
         ["pelikan"],
-        ["pelican", "--autopilot", "nowhere"],
-        ["pelican", "--wait", "0"],
-        ["pelican", "--system-id", "251"],
+        ["pelican_rtk", "--autopilot", "nowhere"],
+        ["pelican_rtk", "--wait", "0"],
+        ["pelican_rtk", "--system-id", "251"],
     ):
         with pytest.raises(Gloc3Error):
             _call(app, wrong)

@@ -9,7 +9,7 @@ from gloc3_onboard.command_server.summaries import vehicle_summary
 
 from .messages import at, flying, pose, standing
 
-PLATFORM = load_platform("pelican")
+PLATFORM = load_platform("pelican_rtk")
 OLD_S = AUTOPILOT_SILENT_S + 0.1
 
 

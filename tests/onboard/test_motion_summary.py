@@ -32,7 +32,7 @@ POSE = Pose(
 
 @pytest.fixture(scope="module")
 def pelican() -> Platform:
-    return load_platform("pelican")
+    return load_platform("pelican_rtk")
 
 
 def turned(platform: Platform, bearing_deg: float) -> Platform:

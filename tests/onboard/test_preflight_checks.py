@@ -14,7 +14,7 @@ from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.parameters import TABLES
 from gloc3_onboard.checks.readings import Condition, Readings
 
-PELICAN = load_platform("pelican")
+PELICAN = load_platform("pelican_rtk")
 WELL = 1 | 2 | 4 | 8 | 32
 PARAMETERS = {
     Style.PX4: {

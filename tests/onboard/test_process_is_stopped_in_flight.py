@@ -33,7 +33,7 @@ def test_hold_is_confirmed_before_the_process_ends(tmp_path: Path) -> None:
     links = ["--autopilot", autopilot, "--station", f"udpout://127.0.0.1:{ground}"]
     with (
         program("sitl", "--link", f"companion=udpout://127.0.0.1:{companion}", folder=tmp_path) as sitl,
-        program("onboard", "pelican", *links, "--out", "out", folder=tmp_path) as onboard,
+        program("onboard", "pelican_rtk", *links, "--out", "out", folder=tmp_path) as onboard,
         program("station", "--headless", "--mission", "hop", "--link", heard, folder=tmp_path) as station,
     ):
         in_flight(sitl, onboard, station)

@@ -53,7 +53,7 @@ class Desk:
     """A handler with a vehicle on the ground and every component working."""
 
     def __init__(self) -> None:
-        self.platform: Platform = load_platform("pelican")
+        self.platform: Platform = load_platform("pelican_rtk")
         self.journal = MemoryRecords()
         self.said: list[str] = []
         self.sequence = -1

@@ -41,7 +41,7 @@ class Scene:
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
         taps = ExchangeTaps(bench.exchange, bench.loop, PLATFORM)
-        catalogue = Catalogue(load_platform("pelican"), TABLE)
+        catalogue = Catalogue(load_platform("pelican_rtk"), TABLE)
         row = ComponentRow(name="viewer", class_name="x:Viewer", rate_hz=5.0, ports=PORTS)
         self.host = bench.host(row, lambda: Viewer(taps, catalogue))
         self.publisher = Publisher(bench.exchange, PLATFORM, "somebody", 5)

@@ -5,7 +5,7 @@ import pytest
 from gloc3_groundstation.missions.forms import FormError, arguments_of, capabilities, form_for
 from gloc3_groundstation.plans import known_platform
 
-ROWS = capabilities(known_platform("pelican"))
+ROWS = capabilities(known_platform("pelican_rtk"))
 
 
 def test_a_form_has_unit_bounds_default_and_choices_and_asks_first_for_what_is_needed() -> None:

@@ -34,15 +34,15 @@ tasks:
 
 
 def test_an_example_is_checked_for_its_vehicle_and_has_no_file_to_be_saved_in() -> None:
-    draft = opened("inspection", known_platform("pelican"))
+    draft = opened("inspection", known_platform("pelican_rtk"))
     assert (draft.is_ok, draft.platform, draft.path, draft.is_changed) == (True, "pelican", "", False)
     plan = draft.plan()
     assert plan is not None
     assert plan.title == "cargo hold inspection"
-    wrong = checked(edited(draft, draft.text.replace("every_m: 0.5", "every_m: none")), known_platform("pelican"))
+    wrong = checked(edited(draft, draft.text.replace("every_m: 0.5", "every_m: none")), known_platform("pelican_rtk"))
     assert wrong.plan() is None
     assert [(finding.line, finding.column) for finding in wrong.findings] == [(21, 57)]
-    assert new_draft(known_platform("pelican")).is_ok
+    assert new_draft(known_platform("pelican_rtk")).is_ok
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_a_plan_becomes_a_mission_and_goes_back_with_what_is_lost_told(tmp_path:
     plan_text, _ = exported(read_mission(GEO, "m"), ".plan", "m")
     file = tmp_path / "mast.plan"
     file.write_text(plan_text)
-    draft = opened(str(file), known_platform("pelican"))
+    draft = opened(str(file), known_platform("pelican_rtk"))
     assert draft.text.startswith("mission: mast\n")
     assert (draft.path, draft.made_of) == ("", str(file))
     assert [finding.message for finding in draft.left_out] == ["4 m/s are reduced to the platform's 3 m/s"]
@@ -126,7 +126,7 @@ def test_a_plan_becomes_a_mission_and_goes_back_with_what_is_lost_told(tmp_path:
 def test_the_first_error_is_found_behind_the_warnings_before_it() -> None:
     text = "mission: x\nframe: hold\ntasks:\n  a:\n    actions:\n      up: {take_off: {hieght_m: 2}}\n"
     text += "      stay: {hold: {duration_s: 5}, after: [up]}\n"
-    draft = checked(Draft(name="x.yaml", text=text), known_platform("pelican"))
+    draft = checked(Draft(name="x.yaml", text=text), known_platform("pelican_rtk"))
     assert draft.told[0].is_warning
     assert not draft.told[draft.first_error].is_warning
     assert draft.told[draft.first_error].line == 6

@@ -43,8 +43,8 @@ from gloc3_groundstation.station import Station
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.drivers.vision_pose import VisionPoseDriver
 from gloc3_onboard.computer import SimulatedComputer
+from gloc3_onboard.drivers.vision_pose import VisionPoseDriver
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder

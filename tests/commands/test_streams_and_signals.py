@@ -79,7 +79,11 @@ def test_ctrl_c_ends_the_simulator_and_the_station(tmp_path: Path) -> None:
 def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
     with program("sitl", "--link", "udpin://127.0.0.1:0", folder=tmp_path) as sitl:
         port = sitl.await_line(lambda line: "ground link" in line).rpartition(" ")[2]
-        for command in (["sitl", "--link"], ["onboard", "pelican_rtk", "--autopilot"], ["station", "--headless", "--link"]):
+        for command in (
+            ["sitl", "--link"],
+            ["onboard", "pelican_rtk", "--autopilot"],
+            ["station", "--headless", "--link"],
+        ):
             with program(*command, f"udpin://127.0.0.1:{port}", folder=tmp_path) as second:
                 assert second.end() == 2
                 assert second.lines[-1].endswith(f"port {port} is in use by another program")

@@ -75,6 +75,11 @@ class ErrorState:
         self.covariance = np.diag(deviations**2)
         self.clones = []
 
+    def doubt(self, part: slice, std: float) -> None:
+        """Adds an error of its own to each row of a part."""
+        rows = range(self.size)[part]
+        self.covariance[rows, rows] += std * std
+
     def predict(
         self,
         duration_s: float,

@@ -124,6 +124,11 @@ class Estimate:
         fx, fy, fz = (f + b for f, b in zip(level, self.inertial.accelerometer_bias_m_s2, strict=True))
         self.move(self.inertial.gyroscope_bias_rad_s, (fx, fy, fz), t_s, is_blind=True)
 
+    def jolt(self, std_m_s: float) -> None:
+        """The velocity has changed by something that nobody has measured."""
+        self.predict()
+        self.errors.doubt(VELOCITY, std_m_s)
+
     def predict(self, at_most_s: float = 0.0) -> None:
         """Brings the covariance to the present, or leaves it by so much behind: the state itself never is."""
         duration_s = self.t_s - self._predicted_s

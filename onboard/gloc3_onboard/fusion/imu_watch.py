@@ -11,6 +11,9 @@ _FASTEST: Final = (35.0, 160.0)
 """More rad/s or m/s² than that no inertial unit of a vehicle tells."""
 _ABRUPT: Final = (10.0, 80.0)
 """And no vehicle's motion changes by more from one sample to the next."""
+_JOLT_M_S2: Final = 6.0
+"""Where the specific force changes by more from one sample to the next, what it was in between is not known."""
+_JOLT_S: Final = 0.02
 _RUN: Final = 20
 """So many equal samples are frozen; so many good ones are believed again."""
 _BLIND_S: Final = 3.0
@@ -23,6 +26,8 @@ class Mean(NamedTuple):
     rate_frd_rad_s: Vector3
     force_frd_m_s2: Vector3
     is_believed: bool
+    jolt_m_s: float = 0.0
+    """How wrong the velocity may be that follows from it, beside all noise: at a touch-down."""
 
 
 class ImuWatch:
@@ -32,6 +37,7 @@ class ImuWatch:
         self._last: tuple[Vector3, Vector3] | None = None
         self._last_s = float("-inf")
         self._same = 0
+        self._jolt_m_s = 0.0
         self._good = _RUN
         self._blind_until_s = float("-inf")
 
@@ -49,6 +55,8 @@ class ImuWatch:
         if not isfinite(t_s) or is_ahead:
             trust.refuse("its time is none")
             return None
+        if self._last is not None and self._same < _RUN:
+            self._feel(force, min(max(t_s - self._last_s, 0.0), _JOLT_S))
         if self._is_beyond_measure(rate, force):
             trust.refuse("its numbers are beyond all measure")
             self._good = 0
@@ -67,9 +75,10 @@ class ImuWatch:
         if is_believed and not trust.is_used:
             trust.let_in()
         trust.accepted += 1
+        jolt_m_s, self._jolt_m_s = self._jolt_m_s, 0.0
         if before is None or gap_s > LONGEST_S:
-            return Mean(rate, force, is_believed)
-        return Mean(_middle(before[0], rate), _middle(before[1], force), is_believed)
+            return Mean(rate, force, is_believed, jolt_m_s)
+        return Mean(_middle(before[0], rate), _middle(before[1], force), is_believed, jolt_m_s)
 
     def doubt(self, now_s: float, reason: str, trust: Trust) -> None:
         """Does not believe it for some seconds."""
@@ -79,6 +88,13 @@ class ImuWatch:
     def is_doubted(self, now_s: float) -> bool:
         """Whether it is not believed now."""
         return now_s < self._blind_until_s
+
+    def _feel(self, force: Vector3, gap_s: float) -> None:
+        """Notes a change that a sample now and then does not follow."""
+        assert self._last is not None
+        change = min(hypot(*(now - was for now, was in zip(force, self._last[1], strict=True))), _FASTEST[1])
+        if change > _JOLT_M_S2:
+            self._jolt_m_s += 0.5 * change * gap_s
 
     def _is_beyond_measure(self, rate: Vector3, force: Vector3) -> bool:
         """Whether no vehicle moves like that; between two samples at that."""

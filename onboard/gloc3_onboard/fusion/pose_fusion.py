@@ -139,6 +139,8 @@ class PoseFusion:
             return
         if mean.is_believed:
             self.estimate.move(mean.rate_frd_rad_s, mean.force_frd_m_s2, t_s)
+            if mean.jolt_m_s > 0.0:
+                self.estimate.jolt(mean.jolt_m_s)
         else:
             self.estimate.coast(t_s)
         self._restlessness += 0.02 * (hypot(*self.estimate.inertial.rate_frd_rad_s) - self._restlessness)

@@ -50,7 +50,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "autopilot_setup": TopicRow(AutopilotSetup, 0.2),
     "computer": TopicRow(ComputerState, 1.0),
     "obstacles": TopicRow(ObstacleScan, 5.0),
-    "camera/*": TopicRow(Image, 5.0, is_logged=False),
+    "camera/*": TopicRow(Image, 15.0, is_logged=False),
     "imu": TopicRow(ImuSample, 100.0, is_logged=False),
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     # processors

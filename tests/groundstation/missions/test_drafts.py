@@ -41,7 +41,7 @@ def test_an_example_is_checked_for_its_vehicle_and_has_no_file_to_be_saved_in() 
     assert plan.title == "cargo hold inspection"
     wrong = checked(edited(draft, draft.text.replace("every_m: 0.5", "every_m: none")), known_platform("pelican_rtk"))
     assert wrong.plan() is None
-    assert [(finding.line, finding.column) for finding in wrong.findings] == [(21, 57)]
+    assert [(finding.line, finding.column) for finding in wrong.findings] == [(22, 57)]
     assert new_draft(known_platform("pelican_rtk")).is_ok
 
 

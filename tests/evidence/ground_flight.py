@@ -26,7 +26,7 @@ TILT_NOISE_RAD = math.radians(0.1)
 TILT_BIAS_RAD = math.radians(0.3)
 YAW_DRIFT_RAD_S = 0.0005
 WAY = ((2, 0, 1.0), (2, 0, 2.2), (2, 2, 2.2), (17, 2, 2.2), (17, 2, 3.5), (3, 2, 3.5), (3, 5, 2.5), (16, 5, 2.5))
-WAY_BACK = ((16, 8, 2.5), (9, 8, 2.5))
+WAY_BACK = ((16, 8, 2.5), (7, 8, 2.5))
 
 
 class Step(NamedTuple):

@@ -1,8 +1,7 @@
 """How a camera moved over a plane: a robust fit of its motion, and of the slope, to points seen twice.
 
-All lengths are in units of the camera's height above the plane at the key frame. Directions are *flat*: right of and
-behind nothing, they are `(n, 2)` forward and right at one unit down, in axes that are level with the heading of the
-body (forward, right, down). The plane is `down = 1 + slope . (forward, right)`.
+All lengths are in units of the camera's height above the plane at the key frame. Directions are *flat*, `(n, 2)`: forward
+and right at one unit down, in axes that are level with the heading of the body (forward, right, down). The plane is `down = 1 + slope . (forward, right)`.
 
 The motion between two views of a plane is a homography; here it is written in what is known of it (attitude from the
 inertial unit, slope from before), which enters as prior knowledge (Hartley and Zisserman, *Multiple View Geometry*,

@@ -13,9 +13,9 @@ from gloc3_onboard.vision.picture import LightEvener, Picture
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_CELLS: Final = 105
+_CELLS: Final = 84
 """About so many points are looked for: one in each square cell of a grid."""
-_WINDOW_PX: Final = 15
+_WINDOW_PX: Final = 13
 _ERROR_MAX: Final = 0.8
 """Generous: what moves as the floor does is told by the plane that is fitted afterwards."""
 _SURE_LEVELS: Final = 2

@@ -32,6 +32,9 @@ FIRST_RAD_S: Final = 0.5
 SURE_M: Final = 0.25
 SURE_RAD: Final = 0.15
 """A scan that lies no farther from where it is expected is fitted at once, without a search."""
+CAUTION: Final = 1.8
+"""Residuals of things that are no walls, such as tops of boxes, are alike: errors are larger than they suggest."""
+DARK_S: Final = 2.0
 BETTER: Final = 0.1
 """A place that was not expected must fit so much better."""
 LEAN: Final = 0.75
@@ -207,7 +210,8 @@ class LaserOdometer:
     def _adopt(
         self, points: ScanPoints, found: Alignment, t_s: float, heading_rad: float | None, height_m: float | None
     ) -> LaserMotion:
-        covariance = found.information.covariance(UNKNOWN_VARIANCE) + _FLOOR
+        information = found.information._replace(sigma_m=CAUTION * found.information.sigma_m)
+        covariance = information.covariance(UNKNOWN_VARIANCE) + _FLOOR
         climb_m = abs(height_m - self._height_m) if height_m is not None and self._height_m is not None else 0.0
         covariance[:2, :2] += max(0.0, LEAN * (climb_m - LEVEL_M)) ** 2 * np.eye(2)
         step = self._pose.inverse() @ found.pose
@@ -226,9 +230,11 @@ class LaserOdometer:
         )
         settings = self._settings
         is_far = motion.distance_m > settings.key_distance_m or abs(motion.yaw_rad) > settings.key_turn_rad
-        is_new = found.information.is_degenerate or climb_m > NEW_LEVEL_M
-        if is_far or is_new or found.share < settings.key_share:
-            self._take_in(points, t_s, covariance, is_new=is_new)
+        is_degenerate, has_climbed = found.information.is_degenerate, climb_m > NEW_LEVEL_M
+        # Who does not know how far it has come may be far: the direction that is not known is only known so well.
+        is_far |= is_degenerate and t_s - self._key_t_s > DARK_S
+        if is_far or has_climbed or found.share < settings.key_share:
+            self._take_in(points, t_s, covariance, is_new=is_degenerate or has_climbed)
             self._height_m = height_m
         return report
 

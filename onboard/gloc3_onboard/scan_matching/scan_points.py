@@ -53,6 +53,11 @@ def ranges_of(scan: LaserScan) -> Array:
     return np.frombuffer(scan.ranges_m, "<f4").astype(np.float64)
 
 
+def _nothing_m(scan: LaserScan) -> float:
+    """From here on nothing was seen: a little less than the maximum, which 32 bits may have rounded down."""
+    return scan.range_max_m * (1.0 - 1e-6)
+
+
 def fault_of(scan: LaserScan) -> str:
     """Why nothing can be told from a scan; empty when something can."""
     if not scan.is_valid:
@@ -62,14 +67,14 @@ def fault_of(scan: LaserScan) -> str:
     if not (np.isfinite(scan.angle_min_rad) and np.isfinite(scan.angle_step_rad) and scan.angle_step_rad != 0.0):
         return "the scan does not say where its beams look"
     ranges = ranges_of(scan)
-    is_hit = (ranges > max(scan.range_min_m, 0.0)) & (ranges < scan.range_max_m)
+    is_hit = (ranges > max(scan.range_min_m, 0.0)) & (ranges < _nothing_m(scan))
     if np.count_nonzero(is_hit) >= FEWEST_BEAMS:
         return ""
     if not np.any(np.isfinite(ranges)):
         return "no range of the scan is a number"
     if not np.any(ranges > 0.0):
         return "all ranges of the scan are zero"
-    if np.all(ranges[np.isfinite(ranges)] >= scan.range_max_m):
+    if np.all(ranges[np.isfinite(ranges)] >= _nothing_m(scan)):
         return "nothing is in reach of the scanner"
     return f"only {np.count_nonzero(is_hit)} beams of the scan have hit anything"
 
@@ -85,7 +90,7 @@ def points_of(scan: LaserScan, tilt: Tilt, mount: Mount, motion: Planar) -> Scan
     """
     ranges = ranges_of(scan)
     size = len(ranges)
-    is_hit = (ranges > max(scan.range_min_m, 0.0)) & (ranges < scan.range_max_m)
+    is_hit = (ranges > max(scan.range_min_m, 0.0)) & (ranges < _nothing_m(scan))
     beams = np.flatnonzero(is_hit)
     ranges = ranges[beams]
     # Angles of the scan are counter-clockwise, those of the body clockwise.

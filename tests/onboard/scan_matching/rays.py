@@ -50,7 +50,7 @@ class Scanner(NamedTuple):
                 to_floor = np.where(rays[:, 2] > 0.0, tilt.height_m / rays[:, 2], np.inf)
             ranges = np.minimum(ranges, to_floor)
         ranges = ranges + random.normal(0.0, self.noise_m, self.beams)
-        ranges = np.where(ranges < self.range_max_m, ranges, np.inf)
+        ranges = np.where(ranges < self.range_max_m, ranges, self.range_max_m)  # as many scanners say nothing
         return LaserScan(
             scanner="laser",
             angle_min_rad=self.angle_min_rad,

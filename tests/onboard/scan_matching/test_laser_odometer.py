@@ -142,6 +142,15 @@ def _filled(scan: LaserScan, value: float) -> LaserScan:
     return msgspec.structs.replace(scan, ranges_m=np.full(360, value, "<f4").tobytes())
 
 
+def test_a_maximum_that_32_bits_round_down_is_no_wall() -> None:
+    scanner, random, odometer = Scanner(CORRIDOR, range_max_m=5.6), np.random.default_rng(1), LaserOdometer()
+    ranges = np.frombuffer(scanner.scan(Planar(), random).ranges_m, "<f4")
+    assert np.count_nonzero(ranges == np.float32(5.6)) > 10
+    for number in range(10):
+        motion = odometer.update(scanner.scan(Planar(0.1 * number), random), 0.1 * number)
+    assert motion.is_degenerate
+
+
 BAD: dict[str, tuple[Callable[[LaserScan], LaserScan], str]] = {
     "not a number": (lambda scan: _filled(scan, nan), "no range of the scan is a number"),
     "all zero": (lambda scan: _filled(scan, 0.0), "all ranges of the scan are zero"),

@@ -15,6 +15,9 @@ from gloc3_onboard.vision.stereo_rig import StereoRig
 _LEAST_POINTS: Final = 12
 _LEAST_SHARE: Final = 0.5
 """With less of the points agreeing on one motion, none is told."""
+_SURE_SHARE: Final = 0.8
+_RIVAL_SHARE: Final = 0.6
+"""With so much of the rest agreeing on another motion, less than the above is not enough."""
 _LASTING_S: Final = 0.5
 """After so long without a motion the key frame is given up."""
 _SEED: Final = 7
@@ -121,7 +124,7 @@ class StereoMotion:
             seen=seen[of_now],
         )
         fit = self._fit(points, t_s)
-        reason = self._doubt(fit, t_s)
+        reason = self._doubt(fit, points, t_s)
         if fit is None or reason:
             return self._lost(t_s, reason)
         self._take(fit, t_s)
@@ -193,11 +196,14 @@ class StereoMotion:
         new.inverse_variance[to] = np.minimum(variance[is_carried], new.inverse_variance[to])
         self._speed_m_s = speed
 
-    def _fit(self, points: Points, t_s: float) -> PoseFit | None:
+    def _predicted(self, t_s: float) -> tuple[Array, Array]:
+        """Where the camera is, if it has gone on as before."""
         ahead_s = t_s - self._last_s
-        guess = self._position + self._speed_m_s * ahead_s
         turned = self._rotation @ self._turn if ahead_s < 1.5 * self._turn_s else self._rotation
-        fit = fit_pose(points, self._rig.baseline_m, self._noise, guess, turned)
+        return self._position + self._speed_m_s * ahead_s, turned
+
+    def _fit(self, points: Points, t_s: float) -> PoseFit | None:
+        fit = fit_pose(points, self._rig.baseline_m, self._noise, *self._predicted(t_s))
         if fit is not None and fit.is_inlier.mean() >= 0.6:
             return fit
         start = self._by_three_points(points)
@@ -228,7 +234,7 @@ class StereoMotion:
         rotation: Array = cv2.Rodrigues(turn)[0].T
         return -(rotation @ shift.ravel()), rotation
 
-    def _doubt(self, fit: PoseFit | None, t_s: float) -> str:
+    def _doubt(self, fit: PoseFit | None, points: Points, t_s: float) -> str:
         if fit is None:
             return "the points do not tell a motion"
         count, share = int(fit.is_inlier.sum()), float(fit.is_inlier.mean())
@@ -237,11 +243,33 @@ class StereoMotion:
         std_m = float(np.sqrt(np.trace(fit.covariance[:3, :3])))
         if std_m > self._options.std_max_m:
             return f"the points tell the motion to no more than {std_m:.2f} m"
-        after_s = t_s - self._last_s
-        jump_m = float(np.linalg.norm(fit.position_m - self._position - self._speed_m_s * after_s))
-        if self._turn_s > 0.0 and jump_m > self._options.acceleration_max_m_s2 * after_s**2 + 5.0 * std_m:
+        if self._turn_s == 0.0:  # nothing is known yet of how it moves
+            return ""
+        jump_m = float(np.linalg.norm(fit.position_m - self._predicted(t_s)[0]))
+        if jump_m > self._options.acceleration_max_m_s2 * (t_s - self._last_s) ** 2 + 5.0 * std_m:
             return f"a jump of {jump_m:.2f} m"
+        if share < _SURE_SHARE and self._is_rivalled(fit, points, t_s, jump_m):
+            return "the points tell two motions"
         return ""
+
+    def _is_rivalled(self, fit: PoseFit, points: Points, t_s: float, jump_m: float) -> bool:
+        """Whether the points that do not agree tell another motion, nearer to how the vehicle moved before.
+
+        So it is with a picture that is torn, its one part being older.
+        """
+        rest = ~fit.is_inlier
+        if int(rest.sum()) < _LEAST_POINTS:
+            return False
+        others = Points(
+            rays=points.rays[rest],
+            inverse_m=points.inverse_m[rest],
+            inverse_variance=points.inverse_variance[rest],
+            seen=points.seen[rest],
+        )
+        rival = fit_pose(others, self._rig.baseline_m, self._noise, *self._predicted(t_s))
+        if rival is None or float(rival.is_inlier.mean()) < _RIVAL_SHARE:
+            return False
+        return float(np.linalg.norm(rival.position_m - self._predicted(t_s)[0])) < jump_m
 
     def _take(self, fit: PoseFit, t_s: float) -> None:
         after_s = t_s - self._last_s

@@ -90,6 +90,21 @@ def test_a_bad_picture_is_told_and_the_next_good_one_goes_on(name: str) -> None:
     assert place[1] == pytest.approx(7 * STEP_M, abs=0.005)
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.6, 0.7])
+def test_a_picture_whose_lower_part_is_an_older_one_is_right_or_told(share: float) -> None:
+    odometer = StereoOdometer(*cameras())
+    walk(odometer, 0, 6)
+    row = round(HEIGHT * (1.0 - share))
+    mixed = [
+        np.vstack([new[:row], old[row:]])
+        for new, old in zip(look(STEP_M * 6, seed=6), look(STEP_M * 5, seed=5), strict=True)
+    ]
+    motion = odometer.update(mixed[0], mixed[1], 6 / RATE_HZ)
+    assert not motion.is_valid or motion.position_m[1] == pytest.approx(6 * STEP_M, abs=0.005)
+    (good,) = walk(odometer, 7, 8)
+    assert good.position_m[1] == pytest.approx(7 * STEP_M, abs=0.006)
+
+
 def test_time_that_does_not_grow_and_pictures_that_come_again_are_told() -> None:
     odometer = StereoOdometer(*cameras())
     walk(odometer, 0, 3)

@@ -243,6 +243,11 @@ class Estimate:
         return (x + dx, y + dy, z + dz)
 
     @property
+    def heading_std_rad(self) -> float:
+        """Standard deviation of the heading."""
+        return sqrt(float(self.errors.covariance[8, 8]))
+
+    @property
     def position_std_m(self) -> Vector3:
         """Standard deviation along each axis."""
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()

@@ -1,7 +1,7 @@
 """The pose of the platform, fused from an inertial unit and whatever odometers, fixes and heights there are."""
 
 from collections.abc import Callable
-from math import hypot, isfinite, sqrt
+from math import hypot, isfinite
 from typing import Final
 
 import numpy as np
@@ -14,15 +14,14 @@ from gloc3_onboard.fusion.error_state import FLOOR, SIZE, VELOCITY, Matrix
 from gloc3_onboard.fusion.estimate import Estimate, Past
 from gloc3_onboard.fusion.imu_watch import ImuWatch
 from gloc3_onboard.fusion.inertial import State
+from gloc3_onboard.fusion.jury import Jury
 from gloc3_onboard.fusion.measurements import Measured, covariance_of, place
 from gloc3_onboard.fusion.odometers import Odometers, read
 from gloc3_onboard.fusion.settings import FusionSettings
 from gloc3_onboard.fusion.trust import Trust
-from gloc3_onboard.fusion.vote import Verdict, Vote
 from gloc3_onboard.fusion.ways import Ways
 
 IMU, HEIGHT = "imu", "height"
-_VOTE_S: Final = 0.25
 _IMU_LOST_S: Final = 0.1
 _COAST_STEP_S: Final = 0.02
 _HEIGHT_STD_M: Final = 0.02
@@ -32,14 +31,6 @@ _BEHIND_S: Final = 0.025
 """The covariance may be so far behind: it changes by less than can be seen."""
 _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
-_STUCK_S: Final = 0.7
-"""When nothing was taken in for so long while sources go on, it is the estimate that is wrong."""
-_FAR_OFF: Final = 4.0
-"""Where the innovations of all odometers are beyond that, and they agree with each other, the estimate is wrong."""
-_AGAIN_S: Final = 4.0
-"""Where that comes again so soon, its biases were not the reason."""
-_ARGUED_S: Final = 3.0
-"""Where sources contradict each other for longer, the vehicle had better hold."""
 _WAITING: Final = 64
 _DOWN: Final = np.array(((0.0, 0.0, -1.0, 0.0, 0.0, 0.0),))
 _LEAST_FIX: Final = np.array((4e-6, 4e-6, 4e-6))
@@ -58,9 +49,8 @@ class PoseFusion:
         self.is_aligned = False
         self.on_innovation: Callable[[str, float, int], None] | None = None
         """Told each innovation: source, normalised square, degrees of freedom; for those who measure consistency."""
-        self._trust: dict[str, Trust] = {}
         self._odometers: Final = Odometers(self.estimate, self.settings.reference_share)
-        self._vote: Final = Vote(self.settings.window_s, self.settings.odometer_scale_std)
+        self._jury: Final = Jury(self.estimate, self._odometers, self.settings, self._doubt_imu)
         self._standing: Final = Standing()
         self._start: Start | None = None
         self._now_s = float("-inf")
@@ -68,17 +58,8 @@ class PoseFusion:
         self._restlessness = 0.0
         """Smoothed turn rate, rad/s: more than noise where the body moves."""
         self._waiting: list[tuple[float, Odometry | PositionFix | HeightAboveGround]] = []
-        self._ways: Final = Ways(self.estimate.inertial, self._vote)
-        self._voted_s = float("-inf")
-        self._held_s = float("-inf")
-        """When a source last held the horizontal position."""
-        self._conflict: Verdict | None = None
-        self._conflict_s = float("-inf")
-        self._disputed_m: Vector3 = (0.0, 0.0, 0.0)
-        """How far off the pose may be by the conflict so far."""
+        self._ways: Final = Ways(self.estimate.inertial, self._jury.vote)
         self._height_misses = 0
-        self._doubted_s = float("-inf")
-        """When the estimate's motion was last doubted."""
         settings = self.settings
         if settings.start_ned_m is not None and settings.start_heading_deg is not None:
             heading = from_yaw(np.radians(settings.start_heading_deg))
@@ -120,14 +101,14 @@ class PoseFusion:
         self.estimate.begin(start, state, bias)
         self._odometers.clear()
         self._ways.clear()
-        self._held_s = t_s
+        self._jury.hold(t_s)
         self.is_aligned = True
 
     # --- what comes in ---
 
     def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
         """A sample of the inertial unit, felt at `t_s`."""
-        trust = self._heard(IMU, self._now_s)
+        trust = self._jury.heard(IMU, self._now_s)
         mean = self._imu.take(rate_frd_rad_s, force_frd_m_s2, t_s, self._now_s, trust)
         if mean is None:
             return
@@ -159,7 +140,7 @@ class PoseFusion:
         self._arrive(HEIGHT, message, t_s)
 
     def _arrive(self, source: str, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
-        trust = self._heard(source, self._now_s)
+        trust = self._jury.heard(source, self._now_s)
         if not isfinite(t_s):
             trust.refuse("its time is not finite")
         elif not message.is_valid:
@@ -175,7 +156,7 @@ class PoseFusion:
     def _wait(self, source: str, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
         """The inertial unit has not come so far yet."""
         if t_s > self.estimate.t_s + 0.2 or len(self._waiting) >= _WAITING:
-            self._heard(source, self._now_s).refuse("it is of the future")
+            self._jury.heard(source, self._now_s).refuse("it is of the future")
             return
         self._waiting.append((t_s, message))
 
@@ -189,7 +170,7 @@ class PoseFusion:
                     self._take(message, t_s)
 
     def _take(self, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
-        trust = self._trust[HEIGHT if isinstance(message, HeightAboveGround) else message.source]
+        trust = self._jury.trust[HEIGHT if isinstance(message, HeightAboveGround) else message.source]
         age_s = self.estimate.t_s - t_s
         if age_s > self.settings.latest_s or not self.estimate.inertial.knows(t_s):
             trust.refuse(f"late by {age_s:.2f} s")
@@ -221,14 +202,14 @@ class PoseFusion:
         numbers = (*message.position_m, *message.reference_from_frd)
         if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same motion again and again")
-            self._vote.record(report.source).forget()
+            self._jury.vote.record(report.source).forget()
         found = self._odometers.measure(report, past)
         if found is None:
             return
         measured, _ = found
         rows = self.estimate.rows(measured, past, report.source)
         if self._judge(trust, measured, rows, past):
-            self._held_s = max(self._held_s, t_s)
+            self._jury.hold(t_s)
         elif trust.is_out_of_step:
             self._odometers.rebase(report)
 
@@ -268,13 +249,13 @@ class PoseFusion:
         self._ways.book_place(message.source, message.position_ned_m, covariance, state)
         if trust.is_frozen(message.position_ned_m, state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same position again and again")
-            self._vote.record(message.source).forget()
+            self._jury.vote.record(message.source).forget()
         pose = (state.position_ned_m, state.ned_from_frd)
         measured = place(pose, message.position_ned_m, message.lever_frd_m, covariance)
         was = self.estimate.inertial.now.position_ned_m
         if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past):
-            self._held_s = max(self._held_s, t_s)
-            self._vote.record(message.source).pull(_minus(self.estimate.inertial.now.position_ned_m, was), t_s)
+            self._jury.hold(t_s)
+            self._jury.vote.record(message.source).pull(_minus(self.estimate.inertial.now.position_ned_m, was), t_s)
 
     def _take_height(self, trust: Trust, message: HeightAboveGround, t_s: float) -> None:
         if not isfinite(message.height_m) or not 0.0 <= message.height_m < 1e3:
@@ -301,136 +282,41 @@ class PoseFusion:
     def tick(self, now_s: float) -> None:
         """Looks for what does not come, goes on without it, and takes the vote; some times a second."""
         self._now_s = max(self._now_s, now_s)
-        for trust in self._trust.values():
-            if now_s - trust.heard_s > self.settings.silent_s:
-                trust.step_back("nothing comes from it")
+        self._jury.look_for_silence(now_s)
         if not self.is_aligned:
             return
         if now_s - self.estimate.t_s > _IMU_LOST_S:
-            self._heard(IMU, self._trust[IMU].heard_s).step_back("nothing comes from it")
+            self._jury.heard(IMU, self._jury.trust[IMU].heard_s).step_back("nothing comes from it")
             while self.estimate.t_s < now_s - 1e-6:
                 self.estimate.coast(min(self.estimate.t_s + _COAST_STEP_S, now_s))
             self._take_waiting()
-        if now_s - self._voted_s >= _VOTE_S:
-            self._voted_s = now_s
-            self._take_vote()
+        self._jury.look()
 
-    def _take_vote(self) -> None:
-        now_s = self.estimate.t_s
-        voters = {name: self._trust[name].may_vote for name in sorted(self._vote.records)}
-        heading_std_rad = float(np.sqrt(self.estimate.errors.covariance[8, 8]))
-        verdict = self._vote.look(voters, self.estimate.inertial.now.position_ned_m, heading_std_rad, now_s)
-        if verdict.voted_out:
-            self._vote_out(verdict)
-        self._follow_conflict(None if verdict.is_unanimous or verdict.voted_out else verdict, now_s)
-        used = [name for name, may in voters.items() if may and self._trust[name].is_used]
-        for name in voters:
-            trust = self._trust[name]
-            if trust.is_voted_out and self._vote.agrees(name, [other for other in used if other != name], now_s):
-                trust.is_voted_out = False  # its gate and the probation are left
-        self._look_whether_stuck(used, now_s)
-
-    def _follow_conflict(self, conflict: Verdict | None, now_s: float) -> None:
-        """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so."""
-        if conflict is not None:
-            is_new = self._conflict is None
-            if is_new:
-                self._conflict_s, self._disputed_m = now_s, (0.0, 0.0, 0.0)
-            share = 1.0 if is_new else _VOTE_S / (0.5 * self.settings.window_s)
-            (x, y, z), (dx, dy, dz) = self._disputed_m, conflict.apart_m
-            more = (abs(dx) * share, abs(dy) * share, abs(dz) * share)
-            self._disputed_m = (x + more[0], y + more[1], z + more[2])
-            north, east, down = (sqrt(a * a - b * b) for a, b in zip(self._disputed_m, (x, y, z), strict=True))
-            self.estimate.doubt_place((north, east, down))
-        self._conflict = conflict
-
-    def _vote_out(self, verdict: Verdict) -> None:
-        """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
-        apart = hypot(*verdict.apart_m)
-        others = " and ".join(verdict.against)
-        culprit = self._trust[verdict.voted_out]
-        if culprit.is_used:
-            pulled = self._vote.record(verdict.voted_out).pulled_m
-            self.estimate.doubt_place(verdict.apart_m if pulled is None else pulled)
-        culprit.turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
-        self._odometers.forget(verdict.voted_out)
-        for name in verdict.against:
-            if not self._trust[name].is_used:
-                self._odometers.forget(name)
-                self._trust[name].let_in()
-
-    def _look_whether_stuck(self, used: list[str], now_s: float) -> None:
-        """When odometers that agree do not pass any more, the estimate is wrong: its biases, or the inertial unit itself."""
-        going_on = [name for name in self._vote.records if self._trust[name].may_vote and not self._is_silent(name)]
-        if len(going_on) < 2 or self._conflict is not None:
-            return
-        motions = [name for name in going_on if not self._vote.records[name].is_of_places]
-        is_far_off = len(motions) > 1 and all(self._is_off(self._trust[name]) for name in motions)
-        if now_s - self._held_s < _STUCK_S and not is_far_off:
-            return
-        if is_far_off and now_s - self._doubted_s < _AGAIN_S and not self._imu.is_doubted(now_s):
-            self._imu.doubt(now_s, f"it contradicts {' and '.join(going_on)}", self._trust[IMU])
-        self._doubted_s = now_s
-        self.estimate.doubt_motion()
-        for name in going_on:
-            self._odometers.forget(name)
-            self._trust[name].let_in()
-
-    def _is_off(self, trust: Trust) -> bool:
-        return trust.innovation > _FAR_OFF or not trust.is_used
-
-    def _is_silent(self, source: str) -> bool:
-        return self.estimate.t_s - self._trust[source].valid_s > self.settings.silent_s
-
-    def _heard(self, source: str, now_s: float) -> Trust:
-        trust = self._trust.get(source)
-        if trust is None:
-            trust = self._trust[source] = Trust(source, self.settings.probation_s)
-        trust.heard_s = now_s
-        return trust
+    def _doubt_imu(self, now_s: float, reason: str) -> None:
+        if not self._imu.is_doubted(now_s):
+            self._imu.doubt(now_s, reason, self._jury.trust[IMU])
 
     # --- what it says ---
 
     @property
     def witnesses(self) -> list[str]:
-        """The sources that hold the horizontal position now."""
-        limit_s = self.estimate.t_s - self.settings.silent_s
-        return [name for name in self._vote.records if self._trust[name].is_used and self._trust[name].used_s > limit_s]
-
-    @property
-    def quality(self) -> float:
-        """1 where several sources agree, 0.8 with two, 0.5 with one, 0.2 with none; less as it becomes uncertain."""
-        quality = (0.2, 0.5, 0.8, 1.0)[min(len(self.witnesses), 3)]
-        if self._conflict is not None:
-            quality = min(quality, 0.5 if self.estimate.t_s - self._conflict_s < _ARGUED_S else 0.25)
-        north, east, down = self.position_std_m
-        return quality * max(0.0, 1.0 - (max(north, east, down) / self.settings.std_limit_m) ** 2)
-
-    @property
-    def position_std_m(self) -> Vector3:
-        """Standard deviation along each axis; where sources contradict each other, it has grown by how far apart they are."""
-        return self.estimate.position_std_m
+        """The sources that hold the position now."""
+        return self._jury.witnesses
 
     def why_not_valid(self) -> str:
         """Why the pose cannot be flown by; empty where it can."""
         if not self.is_aligned:
             return "not aligned yet" if self._start is not None else "the start is not known yet"
-        lost_s = self.estimate.t_s - self._held_s
+        lost_s = self.estimate.t_s - self._jury.held_s
         if lost_s > self.settings.coast_s:
-            return f"nothing has held the position for {lost_s:.1f} s: {self._troubles()}"
-        disputed_s = self.estimate.t_s - self._conflict_s
-        if self._conflict is not None and disputed_s > self.settings.dispute_s:
-            return f"{' and '.join(self._conflict.against)} have contradicted each other for {disputed_s:.0f} s"
-        std_m = max(self.position_std_m)
+            return f"nothing has held the position for {lost_s:.1f} s: {self._jury.troubles()}"
+        disputed_s = self.estimate.t_s - self._jury.conflict_s
+        if self._jury.conflict is not None and disputed_s > self.settings.dispute_s:
+            return f"{' and '.join(self._jury.conflict.against)} have contradicted each other for {disputed_s:.0f} s"
+        std_m = max(self.estimate.position_std_m)
         if not std_m <= self.settings.std_limit_m:
-            return f"uncertain by {std_m:.2f} m: {self._troubles()}"
+            return f"uncertain by {std_m:.2f} m: {self._jury.troubles()}"
         return ""
-
-    def _troubles(self) -> str:
-        told = [f"{name}: {trust.reason}" for name, trust in self._trust.items() if trust.reason]
-        if self._conflict is not None:
-            told.append(f"{' and '.join(self._conflict.against)} contradict each other")
-        return "; ".join(told) or "no source"
 
     def pose(self) -> Pose:
         """The pose now, of the time `estimate.t_s`."""
@@ -442,12 +328,12 @@ class PoseFusion:
             velocity_ned_m_s=inertial.now.velocity_ned_m_s,
             ned_from_frd=inertial.now.ned_from_frd,
             rate_frd_rad_s=inertial.rate_frd_rad_s,
-            position_std_m=self.position_std_m if self.is_aligned else (0.0, 0.0, 0.0),
+            position_std_m=self.estimate.position_std_m if self.is_aligned else (0.0, 0.0, 0.0),
             is_valid=not is_lost,
             reason=reason,
-            quality=0.0 if is_lost else self.quality,
+            quality=0.0 if is_lost else self._jury.quality,
             reset_counter=self.estimate.reset_counter,
-            sources=[name for name, trust in self._trust.items() if trust.is_used] if self.is_aligned else [],
+            sources=[name for name, trust in self._jury.trust.items() if trust.is_used] if self.is_aligned else [],
         )
 
     def velocity_std_m_s(self) -> Vector3:
@@ -457,7 +343,7 @@ class PoseFusion:
 
     def state(self) -> FusionState:
         """What the pose rests on."""
-        sources: list[SourceState] = [trust.state() for trust in self._trust.values()]
+        sources: list[SourceState] = [trust.state() for trust in self._jury.trust.values()]
         inertial = self.estimate.inertial
         return FusionState(
             sources=sources,

@@ -115,7 +115,7 @@ class ErrorState:
         diagonal[GYROSCOPE], diagonal[ACCELEROMETER] = gyroscope_walk**2 * dt, accelerometer_walk**2 * dt
         diagonal[FLOOR] = floor_m2
         growth[0, 3] = growth[1, 4] = growth[2, 5] = growth[3, 0] = growth[4, 1] = growth[5, 2] = 0.5 * q * dt
-        whole = self.covariance
+        whole = self.covariance = 0.5 * (self.covariance + self.covariance.T)
         own = whole[:SIZE, :SIZE]
         _, whole[:SIZE, :SIZE] = self._predict(_NO_ERROR, own, transition, growth)
         if self.clones:
@@ -168,7 +168,7 @@ class ErrorState:
     def update(self, residual: Matrix, rows: Matrix, noise: Matrix) -> Matrix:
         """Takes a measurement in; gives the error that was found, shape (size,)."""
         found, covariance = self._update(np.zeros(self.size), self.covariance, residual, noise, rows)
-        self.covariance = 0.5 * (covariance + covariance.T)
+        self.covariance = covariance
         return np.asarray(found, dtype=np.float64)
 
     def copy_floor(self, variance_m2: float) -> None:

@@ -201,7 +201,7 @@ class Estimate:
             dx, dy, dz, a, b, c = error[SIZE + CLONE * index : SIZE + CLONE * (index + 1)]
             self.clones[name] = (
                 (position[0] + dx, position[1] + dy, position[2] + dz),
-                normalize(multiply((1.0, 0.5 * a, 0.5 * b, 0.5 * c), attitude)),
+                _turned((a, b, c), attitude),
             )
         self._blend(moved)
 
@@ -252,6 +252,12 @@ class Estimate:
         """Standard deviation along each axis."""
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()
         return (sqrt(n), sqrt(e), sqrt(d))
+
+
+def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Quaternion:
+    """An attitude turned by a small rotation vector in NED."""
+    a, b, c = (0.5 * value for value in rotation_rad)
+    return normalize(multiply((1.0, a, b, c), attitude))
 
 
 _NONE: Final = np.zeros(3)

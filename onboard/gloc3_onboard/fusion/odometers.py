@@ -135,10 +135,10 @@ class Odometers:
         self, source: str, reference: Reference, wanted: Matrix, axes: Quaternion, ned_from_frd: Quaternion
     ) -> None:
         """Lets the clone be as wrong as the reports have their error in common; what is not told needs nothing."""
+        if (wanted <= reference.granted).all():
+            return
         more = np.where(wanted < 0.5 * UNKNOWN_FROM * self._share, wanted - reference.granted, 0.0)
         more = np.maximum(more, 0.0)
-        if not more.any():
-            return
         reference.granted += more
         errors = self._estimate.errors
         first = errors.place_of(source)

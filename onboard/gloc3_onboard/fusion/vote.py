@@ -8,10 +8,11 @@ these does, is voted out. Where two disagree and nobody else can tell, nobody is
 told, and the pose is as uncertain as they are apart.
 """
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterator, Mapping
 from itertools import combinations
+from math import dist
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -115,8 +116,9 @@ class Vote:
     def __init__(self, window_s: float, scale_std: float) -> None:
         self.records: dict[str, Record] = {}
         self._window_s, self._scale_std = window_s, scale_std
-        self._way: deque[tuple[float, float]] = deque(maxlen=128)
-        """Time and length of the way flown until then."""
+        self._way_s: list[float] = []
+        self._way_m: list[float] = []
+        """The length of the way flown until each of these times."""
         self._at: Vector3 | None = None
         self._heading_std_rad = 0.0
         self._last: tuple[str, int] = ("", 0)
@@ -150,14 +152,17 @@ class Vote:
         return bool(judges) and not any(self._apart(source, other, begin_s) for other in judges)
 
     def _travel(self, position: Vector3, now_s: float) -> None:
-        step = 0.0 if self._at is None else sum((a - b) ** 2 for a, b in zip(position, self._at, strict=True)) ** 0.5
+        step = 0.0 if self._at is None else dist(position, self._at)
         self._at = position
-        self._way.append((now_s, (self._way[-1][1] if self._way else 0.0) + step))
+        self._way_s.append(now_s)
+        self._way_m.append((self._way_m[-1] if self._way_m else 0.0) + step)
+        if len(self._way_s) > _KEPT:
+            del self._way_s[: _KEPT // 2], self._way_m[: _KEPT // 2]
 
     def _length(self, begin_s: float) -> float:
         """Of the way since a time."""
-        before = next((length for t_s, length in self._way if t_s >= begin_s), self._way[-1][1])
-        return self._way[-1][1] - before
+        first = min(bisect_left(self._way_s, begin_s), len(self._way_m) - 1)
+        return self._way_m[-1] - self._way_m[first]
 
     def _known(self, source: str, begin_s: float, now_s: float) -> bool:
         record = self.records.get(source)

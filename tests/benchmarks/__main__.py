@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-from tests.benchmarks import footprint, ground, laser, parts, stereo, terminal, turnaround, world
+from tests.benchmarks import footprint, fusion, ground, laser, parts, stereo, terminal, turnaround, world
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
@@ -13,6 +13,7 @@ BENCHES: dict[str, Callable[[], list[str]]] = {
     "ground": ground.run,
     "laser": laser.run,
     "stereo": stereo.run,
+    "fusion": fusion.run,
     "world": world.run,
 }
 

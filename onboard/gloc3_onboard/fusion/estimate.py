@@ -33,7 +33,7 @@ LONGEST_S: Final = 0.05
 """The inertial unit is missed when it says nothing for longer."""
 _STEP_S: Final = 0.1
 """The covariance is predicted at least so often."""
-_BLIND: Final = (0.7, 2.0)
+_BLIND: Final = (0.12, 1.0)
 """Noise densities of rate and acceleration where nothing is known of them: rad/s/√Hz, m/s²/√Hz."""
 _TILT_STD_RAD, _VELOCITY_STD_M_S, _GYRO_BIAS_STD, _FORCE_BIAS_STD = 0.008, 0.02, 5e-4, 0.05
 

@@ -127,8 +127,16 @@ def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | No
 def _told(measured: Measured) -> Measured | None:
     """Without the directions that are not told."""
     noise = measured.noise
-    if noise.diagonal().max() < UNKNOWN_FROM:
+    known = noise.diagonal() < UNKNOWN_FROM
+    if known.all():
         return measured
+    lost = np.flatnonzero(~known)
+    if np.count_nonzero(noise[lost]) == lost.size:  # they are axes, and have nothing to do with the others
+        kept = np.flatnonzero(known)
+        if not kept.size:
+            return None
+        by_reference = None if measured.by_reference is None else measured.by_reference[kept]
+        return Measured(measured.residual[kept], measured.by_pose[kept], by_reference, noise[np.ix_(kept, kept)])
     values, vectors = np.linalg.eigh(noise)
     known = values < UNKNOWN_FROM
     if not known.any():

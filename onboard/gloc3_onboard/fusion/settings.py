@@ -18,9 +18,9 @@ class FusionSettings(Settings, frozen=True):
     """How well the start is known."""
     start_heading_std_deg: Deviation = 0.2
     """How well the heading at the start is known."""
-    gyroscope_noise: Deviation = 1.5e-4
+    gyroscope_noise: Deviation = 1e-4
     """Noise density of the gyroscopes, rad/s/√Hz."""
-    accelerometer_noise: Deviation = 6e-3
+    accelerometer_noise: Deviation = 4e-3
     """Noise density of the accelerometers, m/s²/√Hz: the device's and the airframe's vibration."""
     gyroscope_walk: Deviation = 1e-5
     """How the gyroscopes' biases wander, rad/s/√s."""

@@ -290,7 +290,7 @@ def sensors_of(platform: str, seed: int) -> list[Sensor]:
     """The pelican's sensors, or the hummingbird's: without the laser."""
     make = [
         Odometer("stereo", 15.0, 0.06, std_m=0.002, std_rad=2e-4),
-        Odometer("ground", 15.0, 0.05, std_m=0.004, std_rad=5e-4, key_m=0.4, is_level=True),
+        Odometer("ground", 15.0, 0.05, std_m=0.004, std_rad=5e-4, key_m=0.4, is_level=True, blind=(3, 4)),
         Tracker("tracker", 10.0, 0.08),
         Height("height", 20.0, 0.02),
     ]

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gloc3.frames import conjugate, multiply, to_rotation_vector
+from gloc3.frames import Vector3, conjugate, multiply, to_rotation_vector
 from gloc3.perception import Odometry, PositionFix
-from gloc3.vehicle import Pose
+from gloc3.vehicle import HeightAboveGround, Pose
 from gloc3_onboard.fusion.pose_fusion import PoseFusion
 from gloc3_onboard.fusion.settings import FusionSettings
 
@@ -54,11 +54,12 @@ def fly(
     settings: FusionSettings | None = None,
     imu: Callable[[float, Any, Any], tuple[Any, Any] | None] = lambda _, rate, force: (rate, force),
     until_s: float = 1e9,
+    fusion: PoseFusion | None = None,
 ) -> Flown:
     """Feeds everything in the order of its arrival; `imu` may change a sample, or drop it."""
     rng = np.random.default_rng((seed, 99))
     gyro_bias, force_bias = rng.normal(size=3) * GYRO_BIAS, rng.normal(size=3) * FORCE_BIAS
-    fusion = PoseFusion(settings or FusionSettings(start_ned_m=(0.0, 0.0, 0.0), start_heading_deg=0.0))
+    fusion = fusion or PoseFusion(settings or FusionSettings(start_ned_m=(0.0, 0.0, 0.0), start_heading_deg=0.0))
     innovations: dict[str, list[float]] = {}
     fusion.on_innovation = lambda source, value, degrees: innovations.setdefault(source, []).append(value / degrees)
     arriving: list[tuple[float, int, float, Any]] = []
@@ -112,3 +113,40 @@ def _errors(fusion: PoseFusion, pose: Pose, flight: Flight, i: int) -> tuple[Arr
     rows = [0, 1, 2, 6, 7, 8]
     covariance = fusion.estimate.errors.covariance[np.ix_(rows, rows)]
     return error, turn, float(both @ np.linalg.solve(covariance, both))
+
+
+class Recorder(PoseFusion):
+    """Remembers how it was fed, to feed others the same."""
+
+    SETTINGS = FusionSettings(start_ned_m=(0.0, 0.0, 0.0), start_heading_deg=0.0)
+
+    def __init__(self, settings: FusionSettings | None = None) -> None:
+        super().__init__(settings)
+        self.calls: list[tuple[str, Any]] = []
+
+    @classmethod
+    def of(cls, flight: Flight, sensors: list[Sensor]) -> list[tuple[str, Any]]:
+        """The methods that a flight calls, with their arguments."""
+        recorder = cls(cls.SETTINGS)
+        fly(flight, sensors, fusion=recorder)
+        return recorder.calls
+
+    def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
+        self.calls.append(("imu", (rate_frd_rad_s, force_frd_m_s2, t_s)))
+        super().imu(rate_frd_rad_s, force_frd_m_s2, t_s)
+
+    def odometry(self, message: Odometry, t_s: float) -> None:
+        self.calls.append(("odometry", (message, t_s)))
+        super().odometry(message, t_s)
+
+    def fix(self, message: PositionFix, t_s: float) -> None:
+        self.calls.append(("fix", (message, t_s)))
+        super().fix(message, t_s)
+
+    def height(self, message: HeightAboveGround, t_s: float) -> None:
+        self.calls.append(("height", (message, t_s)))
+        super().height(message, t_s)
+
+    def tick(self, now_s: float) -> None:
+        self.calls.append(("tick", (now_s,)))
+        super().tick(now_s)

@@ -9,6 +9,9 @@ from gloc3_onboard.fusion.inertial import GRAVITY_M_S2, State
 STILL_S: Final = 0.5
 _STILL_RAD_S: Final = 0.1
 _STILL_M_S2: Final = 1.0
+_STARTED_RAD_S: Final = 0.03
+_STARTED_M_S2: Final = 0.12
+_SHARE: Final = 0.1
 
 
 class Start(NamedTuple):
@@ -19,6 +22,34 @@ class Start(NamedTuple):
     heading_std_rad: float
     is_moving: bool
     """In flight the attitude and velocity of `state` are taken; at rest only position and heading."""
+
+
+class RestWatch:
+    """Tells from when on the body no longer stands still where it was aligned; that it moves once is for good."""
+
+    def __init__(self) -> None:
+        self.is_standing = False
+        self._force_m_s2 = GRAVITY_M_S2
+        self._mean_m_s2 = GRAVITY_M_S2
+        self._rate: Vector3 = (0.0, 0.0, 0.0)
+
+    def begin(self, force: Vector3) -> None:
+        """It stands, and feels this specific force."""
+        self.is_standing = True
+        self._force_m_s2 = self._mean_m_s2 = sqrt(sum(value * value for value in force))
+        self._rate = (0.0, 0.0, 0.0)
+
+    def add(self, rate_frd_rad_s: Vector3, force: Vector3) -> None:
+        """Takes a sample in, its rate without the bias."""
+        if not self.is_standing:
+            return
+        size = sqrt(sum(value * value for value in force))
+        self._mean_m_s2 += _SHARE * (size - self._mean_m_s2)
+        p, q, r = (mean + _SHARE * (now - mean) for mean, now in zip(self._rate, rate_frd_rad_s, strict=True))
+        self._rate = (p, q, r)
+        has_turned = p * p + q * q + r * r > _STARTED_RAD_S**2
+        if has_turned or abs(self._mean_m_s2 - self._force_m_s2) > _STARTED_M_S2:
+            self.is_standing = False
 
 
 class Standing:
@@ -46,6 +77,12 @@ class Standing:
         p, q, r = self._rate
         self._rate = (p + rate[0], q + rate[1], r + rate[2])
         return t_s - self._begin_s >= STILL_S and self._count >= 10
+
+    @property
+    def force(self) -> Vector3:
+        """The mean specific force."""
+        x, y, z = self._force
+        return (x / self._count, y / self._count, z / self._count)
 
     def state(self, start: State, t_s: float) -> tuple[State, Vector3]:
         """The state at rest, with the position and heading of `start`; and the gyroscopes' bias."""

@@ -213,6 +213,13 @@ class Estimate:
         elif self._settings.blend_s > 0.0:
             self._offset = (x - moved[0], y - moved[1], z - moved[2])
 
+    def stand(self) -> None:
+        """The body does not move."""
+        self.predict()
+        rows = np.zeros((3, self.errors.size))
+        rows[:, VELOCITY] = np.eye(3)
+        self.take(-np.array(self.inertial.now.velocity_ned_m_s), rows, _AT_REST)
+
     def measure_floor(self, height_m: float, down_m: float, variance_m2: float) -> None:
         """The floor is where it was measured just now."""
         self.floor_down_m = down_m + height_m
@@ -261,3 +268,4 @@ def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Q
 
 
 _NONE: Final = np.zeros(3)
+_AT_REST: Final = np.eye(3) * 0.01**2

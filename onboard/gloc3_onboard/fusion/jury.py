@@ -18,6 +18,8 @@ _FAR_OFF: Final = 4.0
 """Where the innovations of all odometers are beyond that, and they agree with each other, the estimate is wrong."""
 _AGAIN_S: Final = 4.0
 """Where that comes again so soon, its biases were not the reason."""
+_LOST_S: Final = 2.0
+"""A pose that is lost is doubted so often."""
 _ARGUED_S: Final = 3.0
 """Where sources contradict each other for longer, the vehicle had better hold."""
 
@@ -47,6 +49,8 @@ class Jury:
         """Two that contradict each other, with nobody to tell who is right."""
         self.conflict_s = float("-inf")
         """Since when."""
+        self.is_standing = False
+        """The body has not moved since it was aligned."""
         self._estimate, self._odometers, self._settings, self._doubt_imu = estimate, odometers, settings, doubt_imu
         self._voted_s = float("-inf")
         self._disputed_m: Vector3 = (0.0, 0.0, 0.0)
@@ -90,7 +94,7 @@ class Jury:
     @property
     def quality(self) -> float:
         """1 where several sources agree, 0.8 with two, 0.5 with one, 0.2 with none; less as it becomes uncertain."""
-        quality = (0.2, 0.5, 0.8, 1.0)[min(len(self.witnesses), 3)]
+        quality = 1.0 if self.is_standing else (0.2, 0.5, 0.8, 1.0)[min(len(self.witnesses), 3)]
         if self.conflict is not None:
             quality = min(quality, 0.5 if self._estimate.t_s - self.conflict_s < _ARGUED_S else 0.25)
         north, east, down = self._estimate.position_std_m
@@ -111,7 +115,10 @@ class Jury:
         verdict = self.vote.look(voters, position, self._estimate.heading_std_rad, now_s)
         if verdict.voted_out:
             self._vote_out(verdict)
-        self._follow_conflict(None if verdict.is_unanimous or verdict.voted_out else verdict, now_s)
+        is_settled = verdict.is_unanimous or bool(verdict.voted_out)
+        if not is_settled:  # who was plainly wrong is not believed to be right
+            is_settled = any(self.trust[name].is_coarse and not self.trust[name].is_used for name in verdict.against)
+        self._follow_conflict(None if is_settled else verdict, now_s)
         used = [name for name, may in voters.items() if may and self.trust[name].is_used]
         for name in voters:
             trust = self.trust[name]
@@ -151,6 +158,11 @@ class Jury:
     def _look_whether_stuck(self, now_s: float) -> None:
         """When odometers that agree do not pass any more, the estimate is wrong: its biases, or the inertial unit itself."""
         going_on = [name for name in self.vote.records if self.trust[name].may_vote and not self._is_silent(name)]
+        if going_on and now_s - self.held_s > self._settings.coast_s and now_s - self._doubted_s >= _LOST_S:
+            # The pose is lost. Whoever goes on and agrees with himself may find it again, after his probation.
+            self._doubted_s = now_s
+            self._estimate.doubt_motion()
+            return
         if len(going_on) < 2 or self.conflict is not None:
             return
         motions = [name for name in going_on if not self.vote.records[name].is_of_places]

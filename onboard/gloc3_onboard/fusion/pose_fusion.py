@@ -9,7 +9,7 @@ import numpy as np
 from gloc3.frames import Vector3, from_yaw
 from gloc3.perception import FusionState, Odometry, PositionFix, SourceState
 from gloc3.vehicle import HeightAboveGround, Pose
-from gloc3_onboard.fusion.alignment import Standing, Start
+from gloc3_onboard.fusion.alignment import RestWatch, Standing, Start
 from gloc3_onboard.fusion.error_state import FLOOR, SIZE, VELOCITY, Matrix
 from gloc3_onboard.fusion.estimate import Estimate, Past
 from gloc3_onboard.fusion.imu_watch import ImuWatch
@@ -31,6 +31,8 @@ _BEHIND_S: Final = 0.025
 """The covariance may be so far behind: it changes by less than can be seen."""
 _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
+_STAND_S: Final = 0.1
+"""How often a body that has not moved yet is told so."""
 _WAITING: Final = 64
 _DOWN: Final = np.array(((0.0, 0.0, -1.0, 0.0, 0.0, 0.0),))
 _LEAST_FIX: Final = np.array((4e-6, 4e-6, 4e-6))
@@ -52,6 +54,8 @@ class PoseFusion:
         self._odometers: Final = Odometers(self.estimate, self.settings.reference_share)
         self._jury: Final = Jury(self.estimate, self._odometers, self.settings, self._doubt_imu)
         self._standing: Final = Standing()
+        self._rest: Final = RestWatch()
+        self._stood_s = float("-inf")
         self._start: Start | None = None
         self._now_s = float("-inf")
         self._imu: Final = ImuWatch()
@@ -98,6 +102,7 @@ class PoseFusion:
         state, bias = start.state._replace(t_s=t_s), (0.0, 0.0, 0.0)
         if not start.is_moving:
             state, bias = self._standing.state(start.state, t_s)
+            self._rest.begin(self._standing.force)
         self.estimate.begin(start, state, bias)
         self._odometers.clear()
         self._ways.clear()
@@ -124,6 +129,12 @@ class PoseFusion:
                 self.estimate.jolt(mean.jolt_m_s)
         else:
             self.estimate.coast(t_s)
+        self._rest.add(self.estimate.inertial.rate_frd_rad_s, force_frd_m_s2)
+        if self._rest.is_standing and t_s - self._stood_s >= _STAND_S:
+            self._stood_s = t_s
+            self.estimate.stand()
+            self._jury.hold(t_s)
+        self._jury.is_standing = self._rest.is_standing
         self._restlessness += 0.02 * (hypot(*self.estimate.inertial.rate_frd_rad_s) - self._restlessness)
         self._take_waiting()
 
@@ -198,13 +209,13 @@ class PoseFusion:
             trust.refuse(report)
             return
         past = self.estimate.past(t_s)
-        self._ways.book_motion(report, past.state)
         numbers = (*message.position_m, *message.reference_from_frd)
         if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same motion again and again")
             self._jury.vote.record(report.source).forget()
         found = self._odometers.measure(report, past)
         if found is None:
+            self._ways.book_motion(report, past.state)
             return
         measured, _ = found
         rows = self.estimate.rows(measured, past, report.source)
@@ -212,6 +223,8 @@ class PoseFusion:
             self._jury.hold(t_s)
         elif trust.is_out_of_step:
             self._odometers.rebase(report)
+        if not trust.has_slipped:
+            self._ways.book_motion(report, self.estimate.inertial.at(t_s))
 
     def _judge(self, trust: Trust, measured: Measured, rows: Matrix, past: Past) -> bool:
         """Gates a measurement and takes it in."""
@@ -221,7 +234,11 @@ class PoseFusion:
         innovation = self.estimate.errors.test(measured.residual, rows, noise)
         if self.on_innovation is not None:
             self.on_innovation(trust.name, innovation, measured.degrees)
-        if not isfinite(innovation) or not trust.judge(innovation, measured.degrees, t_s):
+        was_coarse = trust.is_coarse
+        is_taken = isfinite(innovation) and trust.judge(innovation, measured.degrees, t_s)
+        if was_coarse and trust.is_used:  # what it told while it was plainly wrong is forgotten
+            self._jury.vote.record(trust.name).forget()
+        if not is_taken:
             return False
         self.estimate.take(measured.residual, rows, noise)
         return True
@@ -246,7 +263,6 @@ class PoseFusion:
             return
         past = self.estimate.past(t_s)
         state = past.state
-        self._ways.book_place(message.source, message.position_ned_m, covariance, state)
         if trust.is_frozen(message.position_ned_m, state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same position again and again")
             self._jury.vote.record(message.source).forget()
@@ -256,6 +272,8 @@ class PoseFusion:
         if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past):
             self._jury.hold(t_s)
             self._jury.vote.record(message.source).pull(_minus(self.estimate.inertial.now.position_ned_m, was), t_s)
+        if not trust.has_slipped:
+            self._ways.book_place(message.source, message.position_ned_m, covariance, self.estimate.inertial.at(t_s))
 
     def _take_height(self, trust: Trust, message: HeightAboveGround, t_s: float) -> None:
         if not isfinite(message.height_m) or not 0.0 <= message.height_m < 1e3:

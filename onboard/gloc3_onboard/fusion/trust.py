@@ -8,6 +8,9 @@ from gloc3_onboard.fusion.measurements import CHI2_999
 DISAGREES: Final = "it does not agree with the estimate"
 _MISSES: Final = 5
 """Measurements in a row that fail the gate before the source is turned down."""
+_COARSE: Final = 4.0
+"""So many times the gate is coarse."""
+_SLIPS: Final = 2
 _SMOOTHING: Final = 0.05
 """Share of a new innovation in the smoothed one."""
 _WIDEST: Final = 6.0
@@ -29,6 +32,8 @@ class Trust:
         self.reason = ""
         """Why it is not used; empty while it is."""
         self.is_voted_out = False
+        self.is_coarse = False
+        """It was turned down for innovations far beyond its gate: not for what any estimate may have been dragged to."""
         self.accepted = self.rejected = 0
         self.valid_s = float("-inf")
         """Time of validity of the last measurement."""
@@ -39,7 +44,7 @@ class Trust:
         self.innovation = 1.0
         """Normalised innovation squared over its degrees of freedom, smoothed."""
         self._probation_s = probation_s
-        self._misses = 0
+        self._misses, self._missed_by = 0, 0.0
         self._has_stepped_back = False
         self._good_since_s: float | None = None
         self._last: tuple[float, ...] = ()
@@ -50,6 +55,11 @@ class Trust:
     def is_used(self) -> bool:
         """Whether its measurements are taken in."""
         return not self.reason
+
+    @property
+    def has_slipped(self) -> bool:
+        """Whether it is used, and its last measurement, or the last two, were turned down: that may happen to anybody."""
+        return self.is_used and 0 < self._misses <= _SLIPS
 
     @property
     def is_out_of_step(self) -> bool:
@@ -80,11 +90,13 @@ class Trust:
         if not passes:
             self.rejected += 1
             self._misses += 1
+            self._missed_by += innovation / CHI2_999[degrees]
             self._good_since_s = None
             if self._misses >= _MISSES and self.is_used:
                 self.turn_down(DISAGREES)
+                self.is_coarse = self._missed_by > _COARSE * self._misses
             return False
-        self._misses = 0
+        self._misses, self._missed_by = 0, 0.0
         if self._has_stepped_back:
             self.let_in()
         if not self.is_used:
@@ -122,8 +134,8 @@ class Trust:
         """Uses it again."""
         self.reason = ""
         self.is_voted_out = False
-        self._has_stepped_back = False
-        self._misses = 0
+        self._has_stepped_back = self.is_coarse = False
+        self._misses, self._missed_by = 0, 0.0
         self.innovation = 1.0
         self._good_since_s = None
 

@@ -26,6 +26,8 @@ _PULLS_S: Final = 3.0
 _WINDOWS: Final = (0.25, 0.5, 1.0)
 """Shorter windows see coarse errors sooner."""
 _FLOOR_M2: Final = 0.004**2
+_BLIND_M2: Final = 0.5**2
+"""Along an axis on which two are more uncertain than that, it is not told by how much they disagree."""
 _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
 
@@ -180,7 +182,10 @@ class Vote:
         if sum(value * value for value in apart) <= CHI2_999[3] * tolerance:
             return None  # whatever their covariances are
         spread = m * one.covariance + n * two.covariance + np.eye(3) * tolerance
-        return None if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3] else apart
+        if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
+            return None
+        known = spread.diagonal() < _BLIND_M2
+        return (apart[0] * bool(known[0]), apart[1] * bool(known[1]), apart[2] * bool(known[2]))
 
     def _differences(self, names: list[str], now_s: float) -> Iterator[tuple[str, str, Vector3]]:
         for share in _WINDOWS:

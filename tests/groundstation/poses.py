@@ -260,7 +260,7 @@ async def events(here: Scene) -> Pose:
     here.app.screen.query_one("#search", Input).value = "number 17"
     await here.until("filter", "11 of")
     yield "events_search"
-    await here.press("enter")
+    await here.enter()
     await _over(here, "e", AskFor)
     await here.wait(lambda: isinstance(here.app.focused, Input))
     yield "export"
@@ -388,7 +388,7 @@ async def _look_for(here: Scene, topic: str) -> None:
     await here.wait(lambda: isinstance(here.app.focused, Input))
     here.app.screen.query_one("#topic_search", Input).value = topic
     await here.wait(lambda: _watched(here) == [topic])
-    await here.press("enter")
+    await here.enter()
 
 
 def _watched(here: Scene) -> list[str]:

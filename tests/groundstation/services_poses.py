@@ -56,7 +56,7 @@ async def _parameters(here: ServicesScene, folder: Path) -> AsyncGenerator[str, 
     await here.wait(lambda: isinstance(here.app.focused, Input))
     await here.types("max")
     await here.wait(lambda: "CAL_ACC" not in here.shown("parameters_list"))
-    await here.press("enter")
+    await here.enter()
     yield "search"
     await here.press("e")
     await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))

@@ -143,6 +143,12 @@ class Scene(NamedTuple):
             self.app.simulate_key("slash" if letter == "/" else letter)
         await self.wait(lambda: field.value.endswith(text))
 
+    async def enter(self) -> None:
+        """Presses enter in a line that is typed into, and waits until keys go elsewhere."""
+        await self.field()
+        await self.press("enter")
+        await self.wait(lambda: not isinstance(self.app.focused, Input))
+
     async def still(self, panel: str) -> None:
         """Waits until a panel shows the same twice running."""
         seen: list[str] = []

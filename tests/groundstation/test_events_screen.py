@@ -53,7 +53,8 @@ async def test_an_operator_searches_while_typing_follows_the_end_and_writes_a_fi
         here.app.screen.query_one("#search", Input).value = "NUMBER 17"
         await here.until("filter", "11 of 3")
         assert "number 179" in here.shown("event")
-        await here.press("enter", "l", "l", "l")
+        await here.enter()
+        await here.press("l", "l", "l")
         await here.until("filter", "severity error+")
         await here.until("event", "number 170")
         await here.press("e")

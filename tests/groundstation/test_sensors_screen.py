@@ -82,7 +82,7 @@ async def type_name(here: Scene, name: str) -> None:
     """Types a topic's name once the field takes keys."""
     await here.press("slash")
     await here.types(name)
-    await here.press("enter")
+    await here.enter()
 
 
 async def test_a_topic_that_is_not_listed_is_asked_for_by_its_name_and_a_wrong_one_is_refused_in_words() -> None:

@@ -91,7 +91,8 @@ async def test_a_parameter_of_a_vehicle_without_a_companion_is_changed_by_keys(s
         await here.press("slash")
         await here.types(parameter.lower())
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
-        await here.press("enter", "e")
+        await here.enter()
+        await here.press("e")
         await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
         here.app.screen.query_one(Input).value = "2"
         await here.press("enter")

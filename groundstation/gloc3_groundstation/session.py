@@ -1,6 +1,7 @@
 """One run of the station in wall time: opens the links, shows or narrates, and closes everything in order."""
 
 import asyncio
+import gc
 import getpass
 import os
 import secrets
@@ -162,6 +163,7 @@ class Session:
                 loop.add_signal_handler(number, app.interrupt)
             if self._problem:
                 station.note("", Severity.WARNING, self._problem)
+            gc.freeze()  # what is loaded stays: a search for garbage among it would hold keys up for a tenth of a second
             if web is None:
                 end = await app.run_async()
             else:

@@ -12,8 +12,8 @@ from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.questions import Question
 from gloc3_groundstation.tui.screen import SMALLEST
 
-from .drawn import apart, clipped
-from .poses import GROUPS, poses, problems
+from .drawn import READABLE, apart, clipped, contrasts
+from .poses import GROUPS, poses, problems, settle
 from .scripted_platform import ScriptedPlatform
 from .station_scene import Scene, scene
 
@@ -96,3 +96,14 @@ def backgrounds(here: Scene) -> set[str]:
     strip = here.app.screen.query_one("#title", Panel).render_line(0)
     styles = [segment.style for segment in strip if segment.style is not None and segment.style.bgcolor is not None]
     return {style.bgcolor.name for style in styles if style.bgcolor is not None}
+
+
+async def test_what_is_selected_in_a_line_can_be_read() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.go("9")
+        await here.press("e")
+        (await here.field()).select_all()
+        await settle(here)
+        assert [each for each in contrasts(here.app) if each.ratio < READABLE] == []
+        assert any("events.csv" in each.text for each in contrasts(here.app))

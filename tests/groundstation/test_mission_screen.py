@@ -93,20 +93,24 @@ async def test_a_file_is_found_by_typing_and_folders_are_gone_through_by_keys(tm
 
 async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_is_asked_about(tmp_path: Path) -> None:
     file = tmp_path / "m.yaml"
-    file.write_text(INSPECTION.replace("after: [depart]", "after: [depart, nowhere]").replace("0.5}", "none}"))
+    wrong = INSPECTION.replace("after: [depart]", "after: [depart, nowhere]").replace("0.5}", "none}")
+    first, second = (
+        next(n for n, line in enumerate(wrong.splitlines()) if part in line) for part in ("nowhere", "none}")
+    )
+    file.write_text(wrong)
     async with scene(None) as here:
         here.platform.speak()
         await here.go("3")
         await open_typed(here, str(file))
-        await here.until("findings", "✗ 14:21   no task 'nowhere' here")
-        await here.wait(lambda: editor(here).cursor_location == (13, 20))
+        await here.until("findings", f"✗ {first + 1}:21   no task 'nowhere' here")
+        await here.wait(lambda: editor(here).cursor_location == (first, 20))
         await here.until("keys", "^space HOLD")
         await here.press("ctrl+n")
-        await here.wait(lambda: editor(here).cursor_location[0] == 20)
+        await here.wait(lambda: editor(here).cursor_location[0] == second)
         await here.press("ctrl+n")
-        await here.wait(lambda: editor(here).cursor_location == (13, 20))
+        await here.wait(lambda: editor(here).cursor_location == (first, 20))
         strips = [editor(here).render_line(y).text for y in range(editor(here).size.height)]
-        assert any(strip.startswith("14✗ ") for strip in strips)
+        assert any(strip.startswith(f"{first + 1}✗ ") for strip in strips)
         assert missions(here).plan is None
         for old, new in (("[depart, nowhere]", "[depart]"), ("none}", "0.5}")):
             editor(here).load_text(editor(here).text.replace(old, new))

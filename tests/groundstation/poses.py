@@ -122,7 +122,7 @@ async def health(here: Scene) -> Pose:
 async def mission(here: Scene) -> Pose:
     """The graph, the text with what is wrong in it, and the dialogues about files and single actions."""
     await here.go("3")
-    here.platform.speak()
+    here.platform.speak_every(0.5)
     await here.until("graph", "sweep")
     yield "mission_at_hand"
     await _trouble(here)
@@ -187,7 +187,7 @@ async def _text(here: Scene, file: Path) -> Pose:
 
 async def flight(here: Scene) -> Pose:
     """The map and the charts of a flight."""
-    here.platform.speak()
+    here.platform.speak_every(0.5)
     await _read_back(here)
     flown = Flight(here)
     flown.begin()
@@ -209,7 +209,7 @@ async def flight(here: Scene) -> Pose:
 
 async def sensors(here: Scene) -> Pose:
     """The topics: a pose, a picture, a plan view, one that is not there."""
-    here.platform.speak()
+    here.platform.speak_every(0.5)
     await here.until("title", "heron")
     viewer = Viewer(here.exchange, here.platform)
     await here.go("7")
@@ -237,7 +237,7 @@ async def sensors(here: Scene) -> Pose:
 async def checks(here: Scene) -> Pose:
     """The pre-flight list with a red line, and the question about starting in spite of it."""
     here.platform.checks = [*CHECKS[:3], *RED, *CHECKS[6:], CLOCK]
-    here.platform.speak()
+    here.platform.speak_every(0.5)
     await _read_back(here)
     await here.go("8")
     await here.until("checks", "NAV_DLL_ACT")
@@ -272,7 +272,7 @@ async def fleet(here: Scene) -> Pose:
     for number, name in enumerate(("egret", "stork")):
         other = ScriptedPlatform(here.exchange, name, 20 + number)
         other.control = ControlState(holder="254")
-        other.speak()
+        other.speak_every(0.5)
     here.platform.control = ControlState(holder="255", requested_by="254")
     here.platform.say("control", here.platform.control)
     await here.go("0")
@@ -360,7 +360,7 @@ async def settle(here: Scene) -> None:
 
 
 async def _trouble(here: Scene) -> None:
-    here.platform.speak()
+    here.platform.speak_every(0.5)
     await _read_back(here)
     await here.trouble_in_flight()
 

@@ -21,8 +21,8 @@ _RIVAL_SHARE: Final = 0.6
 _LASTING_S: Final = 0.5
 """After so long without a motion the key frame is given up."""
 _SEED: Final = 7
-_SHARED: Final = 0.7
-_OWN: Final = 1.0
+_SHARED: Final = 1.1
+_OWN: Final = 1.5
 """What the covariance is multiplied by: a part for errors that neighbouring points share, and one for residuals that are
 larger than expected (by their median). Found in the simulated hold, so that 5 % of the errors are outside of 95 %."""
 _AT_REST_VARIANCE: Final = 1e-10

@@ -1,4 +1,6 @@
-"""What holds for all tests: a search by hypothesis counts as thorough; stations record into a folder of the tests' own."""
+"""What holds for all tests: searches by hypothesis and whatever looks at pictures or scans count as thorough; stations
+record into a folder of the tests' own.
+"""
 
 from collections.abc import Iterator
 
@@ -12,9 +14,14 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+PERCEPTION = ("onboard/vision/", "onboard/scan_matching/", "onboard/fusion/", "pose_fusion", "odometry", "stereo")
+"""In the paths of tests that fly along walls to see how well they are seen."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks property tests and state machines."""
+    """Marks property tests and state machines, and perception."""
     for item in items:
         function = getattr(item, "obj", None)
-        if getattr(function, "is_hypothesis_test", False) or item.nodeid.endswith("::runTest"):
+        is_search = getattr(function, "is_hypothesis_test", False) or item.nodeid.endswith("::runTest")
+        if is_search or any(word in item.nodeid.partition("::")[0] for word in PERCEPTION):
             item.add_marker(pytest.mark.thorough)

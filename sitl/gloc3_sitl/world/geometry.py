@@ -4,6 +4,7 @@ All positions and directions are `[x, y, height]` in the world's frame; times ar
 where moving boxes are.
 """
 
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from gloc3_sitl.world.model import Box, Surface
 Floats = NDArray[np.float64]
 _EDGE_M: Final = 1e-6
 _BLIND_M: Final = 1e-9
+_PARALLEL: Final = 1e-12
 
 
 class Geometry:
@@ -36,6 +38,8 @@ class Geometry:
         self._boxes = boxes
         self._min, self._max = _array([box.min_m for box in boxes]), _array([box.max_m for box in boxes])
         self._moving = [index for index, box in enumerate(boxes) if box.shuttle is not None]
+        self._rectangles = _rectangles(self._corners, self._normals, self._across, self._down, self._lengths)
+        self._slabs = _slabs(self._min, self._max)
 
     def boxes_at(self, t_s: float) -> tuple[Floats, Floats]:
         """Least and greatest corners of all boxes at a time, each of shape `(n, 3)`."""
@@ -58,6 +62,25 @@ class Geometry:
         """
         origins = np.broadcast_to(np.asarray(origins_m, float), directions.shape)
         return np.minimum(self._to_surfaces(origins, directions), self._to_boxes(origins, directions, t_s))
+
+    def range_m(self, origin_m: Vector3, direction: Vector3, t_s: float) -> float:
+        """The same for one ray, which costs a tenth alone."""
+        x, y, z = origin_m
+        dx, dy, dz = direction
+        nearest = inf
+        for nx, ny, nz, n0, ax, ay, az, a0, a_m, bx, by, bz, b0, b_m in self._rectangles:
+            slope = dx * nx + dy * ny + dz * nz
+            if slope == 0.0:
+                continue
+            reach = (n0 - x * nx - y * ny - z * nz) / slope
+            if _BLIND_M < reach < nearest:
+                px, py, pz = x + reach * dx, y + reach * dy, z + reach * dz
+                across, down = px * ax + py * ay + pz * az - a0, px * bx + py * by + pz * bz - b0
+                if -_EDGE_M <= across <= a_m + _EDGE_M and -_EDGE_M <= down <= b_m + _EDGE_M:
+                    nearest = reach
+        for slab in _slabs(*self.boxes_at(t_s)) if self._moving else self._slabs:
+            nearest = min(nearest, _to_box(slab, origin_m, direction))
+        return nearest
 
     def is_clear(self, origin_m: Vector3, targets_m: Floats, t_s: float) -> NDArray[np.bool_]:
         """Whether nothing stands between a place and each target, shape `(n, 3)`; a target may lie on a surface."""
@@ -114,7 +137,7 @@ class Geometry:
         leave = np.full((len(directions), len(least)), np.inf)
         for axis in range(3):
             slope = directions[:, axis, None]
-            slope = 1.0 / np.where(np.abs(slope) < 1e-12, 1e-12, slope)
+            slope = 1.0 / np.where(np.abs(slope) < _PARALLEL, _PARALLEL, slope)
             near = (least[:, axis] - origins[:, axis, None]) * slope
             far = (most[:, axis] - origins[:, axis, None]) * slope
             np.maximum(enter, np.minimum(near, far), out=enter)
@@ -122,6 +145,32 @@ class Geometry:
         reach = np.where(enter > _BLIND_M, enter, leave)
         nearest: Floats = np.where((leave >= enter) & (leave > _BLIND_M), reach, np.inf).min(axis=1)
         return nearest
+
+
+def _rectangles(corners: Floats, normals: Floats, across: Floats, down: Floats, lengths: Floats) -> list[list[float]]:
+    """Each as numbers: normal, its offset; the two axes, each with its offset and length."""
+    parts = []
+    for axes, more in ((normals, None), (across, lengths[0]), (down, lengths[1])):
+        parts += [axes, (corners * axes).sum(axis=1)[:, None]]
+        parts += [] if more is None else [more[:, None]]
+    listed: list[list[float]] = np.hstack(parts).tolist()
+    return listed
+
+
+def _slabs(least: Floats, most: Floats) -> list[list[tuple[float, float]]]:
+    """Each box as its least and greatest coordinate along each axis."""
+    return [list(zip(low, high, strict=True)) for low, high in zip(least.tolist(), most.tolist(), strict=True)]
+
+
+def _to_box(slab: list[tuple[float, float]], origin_m: Vector3, direction: Vector3) -> float:
+    enter, leave = -inf, inf
+    for (low, high), begin, slope in zip(slab, origin_m, direction, strict=True):
+        slope = slope if abs(slope) >= _PARALLEL else _PARALLEL
+        near, far = (low - begin) / slope, (high - begin) / slope
+        enter, leave = max(enter, min(near, far)), min(leave, max(near, far))
+    if leave < enter or leave <= _BLIND_M:
+        return inf
+    return enter if enter > _BLIND_M else leave
 
 
 def _array(rows: list[Vector3]) -> Floats:

@@ -2,8 +2,6 @@
 
 from typing import Final
 
-import numpy as np
-
 from gloc3.frames import IDENTITY, rotate
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world.placing import Placing
@@ -20,5 +18,5 @@ class WorldProbe:
     def __call__(self, truth: Truth, below_m: float) -> float:
         """The distance from so far below the centre of gravity; infinity if there is nothing."""
         place = self._placing.body(truth).mounted((0.0, 0.0, below_m), IDENTITY)
-        beam = np.array([rotate(place.local_from_here, (0.0, 0.0, 1.0))])
-        return float(self._geometry.ranges(np.array(place.position_m), beam, truth.t_s)[0])
+        beam = rotate(place.local_from_here, (0.0, 0.0, 1.0))
+        return self._geometry.range_m(place.position_m, beam, truth.t_s)

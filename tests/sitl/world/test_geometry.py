@@ -26,7 +26,10 @@ YARD = Geometry([FLOOR], [CRATE, CART])
 
 def ray(origin_m: Vector3, direction: Vector3, t_s: float = 0.0) -> float:
     unit = np.array([direction]) / np.linalg.norm(direction)
-    return float(YARD.ranges(np.array(origin_m), unit, t_s)[0])
+    found = float(YARD.ranges(np.array(origin_m), unit, t_s)[0])
+    x, y, z = unit[0].tolist()
+    assert YARD.range_m(origin_m, (x, y, z), t_s) == pytest.approx(found, abs=1e-9)
+    return found
 
 
 @pytest.mark.parametrize(

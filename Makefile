@@ -19,7 +19,7 @@ test: $(READY)  ## all tests, every bar in a reduced form
 	$(BIN)/pytest -q -n 2 --dist worksteal
 
 unit: $(READY)  ## the quick ones: no flights, sockets, processes, searches or pictures
-	$(BIN)/pytest -q -n 2 -m "not flight and not sockets and not thorough" --dist worksteal
+	$(BIN)/pytest -q -n 2 --dist worksteal @tests/quick.txt
 
 check: $(READY)  ## format, lint, types, import contracts
 	$(BIN)/ruff format --check $(SOURCES)

@@ -59,6 +59,10 @@ class Verdict(NamedTuple):
 Step = Order | Verdict
 
 
+SETTLED_S: Final = 0.5
+"""A standby that works for so long although its primary never came up is in charge."""
+
+
 class _Pending(NamedTuple):
     """An order that has not been answered."""
 
@@ -86,6 +90,8 @@ class _Watched:
         self.due_s: float | None = None
         """When it is re-initialized."""
         self.up_since_s: float | None = None
+        self.has_been_up = False
+        """Whether it was ever seen working or quiet, or has failed: until then it is still coming."""
         self.pending: _Pending | None = None
 
     def recover(self) -> None:
@@ -244,6 +250,7 @@ class Supervision:
 
     def _judge(self, watched: _Watched, cause: str, now_s: float) -> Iterator[Step]:
         """What follows from a component's state."""
+        watched.has_been_up |= watched.state is State.FAULTY or watched.state in OPERATING
         if watched.state is State.FAULTY:
             if not watched.reason:
                 yield from self._fail(watched, cause or "faulty", now_s)
@@ -264,14 +271,20 @@ class Supervision:
                 yield from self._hand_over(charge, now_s)
 
     def _keep_one_voice(self, watched: _Watched, now_s: float) -> Iterator[Step]:
-        """At most one of a group is not quiet: who comes second is told to go quiet."""
+        """At most one of a group is not quiet: who comes second is told to go quiet.
+
+        A standby that is seen between its start and its going quiet, before the primary is up, is not in charge.
+        """
         group = self._groups[watched.row.name]
         if group.in_charge is watched:
             return
         if group.in_charge.state is State.WORKING:
             reason = f"{group.in_charge.row.name} is in charge of the same outputs"
             yield self._order(watched, (Command.GOQUIET,), reason, now_s)
-        elif group.in_charge.pending is None:
+            return
+        assert watched.up_since_s is not None
+        is_meant = group.in_charge.has_been_up or now_s - watched.up_since_s >= SETTLED_S
+        if group.in_charge.pending is None and is_meant:
             group.in_charge = watched
 
     def _fail(self, watched: _Watched, reason: str, now_s: float) -> Iterator[Step]:

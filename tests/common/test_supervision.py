@@ -198,6 +198,23 @@ def test_who_hands_over_by_hand_is_followed() -> None:
     assert supervision.in_charge("main") == "spare"
 
 
+def test_a_standby_that_is_seen_on_its_way_to_quiet_is_not_in_charge() -> None:
+    supervision = Supervision(PAIR)
+    assert told(supervision, 0.0, main=State.STANDBY, spare=State.WORKING) == []
+    assert told(supervision, 0.01, main=State.WORKING) == []
+    assert told(supervision, 0.02, spare=State.QUIET) == []
+    assert supervision.in_charge("main") == "main"
+    assert supervision.health() is Health.WORKING
+
+
+def test_a_standby_that_works_while_its_primary_never_came_up_is_in_charge() -> None:
+    supervision = Supervision(PAIR)
+    told(supervision, 0.0, main=State.IDLE, spare=State.WORKING)
+    assert supervision.in_charge("main") == "main"
+    assert told(supervision, 1.0, spare=State.WORKING) == []
+    assert supervision.in_charge("main") == "spare"
+
+
 def test_a_command_that_would_leave_two_with_the_same_outputs_working_is_refused() -> None:
     supervision = pair()
     with pytest.raises(Refused, match="main is working and has the same outputs"):

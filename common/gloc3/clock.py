@@ -84,9 +84,8 @@ class _Call(asyncio.TimerHandle):
         if self._context is not None:
             super()._run()
             return
-        try:
-            self._callback(*self._args)
-        except Exception as error:  # noqa: BLE001 # what a callback raises does not end the loop
+        _, error = guard(self._callback, *self._args)
+        if error is not None:
             self._loop.call_exception_handler({"message": "a callback failed", "exception": error, "handle": self})
 
 

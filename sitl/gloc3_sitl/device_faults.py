@@ -1,4 +1,4 @@
-"""What goes wrong with cameras and scanners: what their faults make of what they took."""
+"""What goes wrong with cameras and scanners: what their faults make of what they take, and of what they took."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -9,13 +9,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from gloc3.frames import GeoPoint, TangentPlane, Vector3
 from gloc3.perception import LaserScan
 from gloc3.vehicle import Image
+from gloc3_sitl.truth import Truth
 
-LATE_S: Final = 0.2
-"""Of a device that is late, when no size is given."""
-SCALE: Final = 0.05
-"""By which share the ranges of a scaled scanner are too long, when no size is given."""
+SIZES: Final[Mapping[str, float]] = {"late": 0.2, "old": 0.2, "scaled": 0.05, "step": 0.2}
+"""Of a fault when no size is given: seconds, seconds, a share, metres."""
 
 
 class Exposure(NamedTuple):
@@ -46,20 +46,50 @@ class DeviceFault(NamedTuple):
     word: str
     """A key of `ALL`, or of `CAMERA` or `LASER`."""
     size: float | None = None
-    """Seconds of `late`, share of `scaled`."""
+    """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
 
 
 T = TypeVar("T", Exposure, PairExposure, Turn)
 
-ALL: Final = ("lost", "stuck", "late")
-"""Nothing comes; the same comes again with new times; all comes late."""
+ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
+"""Nothing comes; the same comes again with new times; all comes late; late and with new times; what it tells of a motion
+is too long by a share; it tells that it is farther north than it is."""
+
+
+def size_of(fault: DeviceFault) -> float:
+    """The size of a fault, that of `SIZES` where none was given."""
+    return SIZES[fault.word] if fault.size is None else fault.size
 
 
 def late_by_s(fault: DeviceFault | None) -> float:
     """How late a device is."""
-    if fault is None or fault.word != "late":
-        return 0.0
-    return LATE_S if fault.size is None else fault.size
+    return size_of(fault) if fault is not None and fault.word in ("late", "old") else 0.0
+
+
+def seen_from(truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+    """From where a device looks that is scaled or has made a step: not from where it is.
+
+    Args:
+        truth: what the vehicle does.
+        fault: what is wrong.
+        begin: what it did when that began.
+    """
+    if fault is None or fault.word not in ("scaled", "step"):
+        return truth
+    size = size_of(fault)
+    north = east = down = 0.0
+    if fault.word == "step":
+        north = size
+    else:
+        pairs = zip(truth.position_ned_m, begin.position_ned_m, strict=True)
+        north, east, down = (size * (now - was) for now, was in pairs)
+    return _moved(truth, (north, east, down))
+
+
+def _moved(truth: Truth, by_ned_m: Vector3) -> Truth:
+    here = GeoPoint(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
+    latitude_deg, longitude_deg, altitude_m = TangentPlane(here).geo_from_ned(by_ned_m)
+    return msgspec.structs.replace(truth, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=altitude_m)
 
 
 def is_silent(fault: DeviceFault | None) -> bool:
@@ -74,7 +104,7 @@ def is_stuck(fault: DeviceFault | None) -> bool:
 
 def spoilt(taken: T, fault: DeviceFault | None) -> T:
     """What a fault makes of what was taken."""
-    if fault is None or fault.word in ALL:
+    if fault is None or (fault.word in ALL and not (isinstance(taken, Turn) and fault.word == "scaled")):
         return taken
     if isinstance(taken, Turn):
         return taken._replace(scan=_spoilt_scan(taken.scan, fault, taken.t_s))
@@ -117,8 +147,8 @@ CAMERA: Final[Mapping[str, Callable[..., Image]]] = {
 }
 """Faults of cameras."""
 
-LASER: Final = ("zero", "far", "nan", "scaled", "garbage")
-"""Faults of scanners: all ranges are 0, the greatest, no number, too long by a share, or anything."""
+LASER: Final = ("zero", "far", "nan", "garbage")
+"""Faults of scanners: all ranges are 0, the greatest, no number, or anything. A scaled one's are too long by a share."""
 
 
 def _spoilt_scan(scan: LaserScan, fault: DeviceFault, t_s: float) -> LaserScan:
@@ -127,7 +157,7 @@ def _spoilt_scan(scan: LaserScan, fault: DeviceFault, t_s: float) -> LaserScan:
         "zero": lambda: np.zeros(len(ranges)),
         "far": lambda: np.full(len(ranges), scan.range_max_m),
         "nan": lambda: np.full(len(ranges), np.nan),
-        "scaled": lambda: np.minimum(ranges * (1.0 + (SCALE if fault.size is None else fault.size)), scan.range_max_m),
+        "scaled": lambda: np.minimum(ranges * (1.0 + size_of(fault)), scan.range_max_m),
         "garbage": lambda: _random(scan.scanner, t_s).uniform(0.0, scan.range_max_m, len(ranges)),
     }
     return msgspec.structs.replace(scan, ranges_m=spoils[fault.word]().astype("<f4").tobytes())

@@ -8,11 +8,13 @@ import msgspec
 from gloc3.errors import Refused, nearest
 from gloc3.link.memory import MemoryLink
 from gloc3_sitl.autopilot.modes import Behaviour, Style
-from gloc3_sitl.device_faults import ALL, CAMERA, LASER, DeviceFault
+from gloc3_sitl.device_faults import ALL, CAMERA, LASER, SIZES, DeviceFault
 from gloc3_sitl.fault_form import Ended, Form, Parsed
 from gloc3_sitl.flight import Flight
-from gloc3_sitl.sensors.sensor import FaultMode
+from gloc3_sitl.sensors.sensor import SIZED, FaultMode
 from gloc3_sitl.sim_devices import NoCamera, SimLaser
+from gloc3_sitl.sim_imu import IMU, SimImu
+from gloc3_sitl.sim_rig import SimDevice
 from gloc3_sitl.topic_faults import TOPIC_WORDS, check_topic, spoil_topic
 from gloc3_sitl.wind import gusty
 
@@ -80,6 +82,8 @@ def _spoil_sensor(flight: Flight, given: Parsed, _: bool) -> Ended:
 def _check_sensor(_: Flight, given: Parsed) -> None:
     if given.target not in SENSORS:
         raise Refused(f"there is no sensor {given.target!r}; {nearest(given.target, SENSORS)}")
+    if given.word == FaultMode.SCALED and given.target != "height":
+        raise Refused("only the height can be scaled")
 
 
 # --- components ---
@@ -156,27 +160,39 @@ def _pilot(flight: Flight, given: Parsed, _: bool) -> Ended:
     return _nothing
 
 
-# --- cameras and scanners ---
+# --- cameras, scanners, the inertial unit ---
 
 _LIGHTS: Final = ("dark", "twin")
 """Of the vehicle's light: it is off; another shines beside it."""
 _DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *LASER, *_LIGHTS)))
 
 
+def _devices(flight: Flight) -> dict[str, SimDevice | SimImu]:
+    """What there is in the flight's world."""
+    devices: dict[str, SimDevice | SimImu] = {"imu": flight.imu, **flight.rig.devices}
+    return {name: device for name, device in devices.items() if not isinstance(device, NoCamera)}
+
+
+def _words(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
+    """The faults that a device may have."""
+    if isinstance(device, SimImu):
+        return IMU
+    if isinstance(device, SimLaser):
+        return (*ALL, *LASER)
+    return (*ALL, *CAMERA, *(_LIGHTS if name == "tracker_camera" else ()))
+
+
 def _check_device(flight: Flight, given: Parsed) -> None:
-    device = flight.rig.devices.get(given.target)
-    if device is None or isinstance(device, NoCamera):
-        names = [name for name, each in flight.rig.devices.items() if not isinstance(each, NoCamera)]
-        raise Refused(f"the world has no device {given.target!r}; {nearest(given.target, names)}")
-    own = LASER if isinstance(device, SimLaser) else tuple(CAMERA)
-    if given.target == "tracker_camera":
-        own += _LIGHTS
-    if given.word not in (*ALL, *own):
-        raise Refused(f"{given.word!r} is none of {given.target}'s: {', '.join((*ALL, *own))}")
+    devices = _devices(flight)
+    if given.target not in devices:
+        raise Refused(f"the world has no device {given.target!r}; {nearest(given.target, list(devices))}")
+    words = _words(given.target, devices[given.target])
+    if given.word not in words:
+        raise Refused(f"{given.word!r} is none of {given.target}'s: {', '.join(words)}")
 
 
 def _spoil_device(flight: Flight, given: Parsed, _: bool) -> Ended:
-    tracker, device = flight.rig.tracker, flight.rig.devices[given.target]
+    tracker, device = flight.rig.tracker, _devices(flight)[given.target]
     if given.word in _LIGHTS and tracker is not None:
         tracker.is_lit, tracker.has_twin = given.word != "dark", given.word == "twin"
     elif not isinstance(device, NoCamera):
@@ -219,7 +235,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
             does=f"one of the autopilot's sensors: {', '.join(SENSORS)}",
             has_target=True,
             words=tuple(FaultMode),
-            size_of=(FaultMode.BIASED, FaultMode.NOISY, FaultMode.LATE),
+            size_of=tuple(SIZED),
         ),
         _spoil_sensor,
         _check_sensor,
@@ -227,10 +243,10 @@ EFFECTS: Final[Mapping[str, Effect]] = {
     "device": Effect(
         Form(
             text="device:NAME=WORD[/SIZE]",
-            does=f"a camera or scanner; WORD: {', '.join(_DEVICE_WORDS)}; sizes: late in s, scaled as a share",
+            does=f"camera, scanner, imu; WORD: {', '.join(_DEVICE_WORDS)}; sizes: late, old in s, scaled as a share, step in m",
             has_target=True,
             words=_DEVICE_WORDS,
-            size_of=("late", "scaled"),
+            size_of=tuple(SIZES),
         ),
         _spoil_device,
         _check_device,

@@ -54,6 +54,7 @@ from gloc3_sitl.flight_messages import SimFault, SimTruth
 from gloc3_sitl.path_error import Sample
 from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
 from gloc3_sitl.sim_devices import NoCamera
+from gloc3_sitl.sim_imu import SimImu
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.wind import CALM, Wind
@@ -179,6 +180,8 @@ class Flight:
         self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
         self._pictures = PictureFolder(plan.out / "images", self.rig) if plan.out is not None else NoPictures()
         """The cameras and the laser scanner; they cost nothing until they are opened."""
+        self.imu: Final = SimImu(self.loop, plan.seed)
+        """The autopilot's inertial unit, as the onboard process gets it."""
         self.cable: Final = MemoryLink(self.loop, Random(plan.seed + 1), AUTOPILOT_CABLE)
         self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
         self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
@@ -246,6 +249,7 @@ class Flight:
         """Starts the onboard process, the first time or after it was killed."""
         platform, boot = self.platform, self.random.getrandbits(32)
         self.autopilot_link = AutopilotLink(self.loop, self.clock)
+        self.imu.wire(AutopilotImu(self.autopilot_link.sensors))
         self.cable.b.on_data = self.autopilot_link.receive
         self.station_link = StationLink(platform.platform, 1, self.loop, self.exchange, self.topics, boot)
         self.radio.b.on_data = self.station_link.receive
@@ -261,7 +265,7 @@ class Flight:
             "rig": self.rig,
             **self.rig.devices,
             **({} if self._looks_down() else {"ground_camera": NoCamera()}),
-            "imu": AutopilotImu(self.autopilot_link.sensors),
+            "imu": self.imu,
             "pictures": self._pictures,
             "site": Site(platform, self._journal, self._progress),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),

@@ -30,8 +30,9 @@ app = App(
     Faults are written KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]], with times in seconds of the flight:
 
     - `link_loss`, `cable_loss`: of the station's radio, of the autopilot's cable; `=SHARE` for a part of the messages
-    - `wind=SPEED/FROM`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late`
-    - `device:NAME=lost|stuck|late|black|white|torn|garbage`…: cameras, laser scanner and external tracker (`dark`, `twin`)
+    - `wind=SPEED/FROM`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late|old`
+    - `device:NAME=lost|stuck|late|old|scaled|step|garbage`…: cameras (`black`, `white`, `torn`…), laser scanner, external
+      tracker (`dark`, `twin`), `imu`
     - `crash:COMPONENT`, `hang:COMPONENT`, `slow:COMPONENT=SECONDS`, `restart` of the onboard process
     - `pilot:MODE|arm|disarm|kill|on|off`: the human pilot's switches
     - `topic:TOPIC=lost|late|stale|nan|jump|foreign`: what becomes of its messages; in short `no_setpoints`,

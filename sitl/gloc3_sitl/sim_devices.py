@@ -14,6 +14,7 @@ from gloc3_sitl.device_faults import (
     is_silent,
     is_stuck,
     late_by_s,
+    seen_from,
     spoilt,
 )
 from gloc3_sitl.truth import Truth
@@ -86,6 +87,8 @@ class _Device(Generic[T]):
     def __init__(self, trigger: Trigger) -> None:
         self.fault: DeviceFault | None = None
         """What is wrong with it."""
+        self._begun: tuple[DeviceFault, Truth] | None = None
+        """The fault that was last met, and what the vehicle did then."""
         self._trigger = trigger
         self._last: T | None = None
 
@@ -108,13 +111,22 @@ class _Device(Generic[T]):
         """What it gives now: something new once a trigger, with what the fault makes of it."""
         fault = self.fault
         truth = self._trigger.truth(late_by_s(fault))
-        if truth is None or is_silent(fault) or (self._last is not None and truth.t_s <= self._last.t_s):
+        stamp = truth if fault is None or fault.word != "old" else self._trigger.truth()
+        if truth is None or stamp is None or is_silent(fault):
             return self._last
+        if self._last is not None and stamp.t_s <= self._last.t_s:
+            return self._last
+        if fault is not None and (self._begun is None or self._begun[0] is not fault):
+            self._begun = (fault, truth)
         if self._last is not None and is_stuck(fault):
             self._last = self._last._replace(t_s=truth.t_s)
         else:
-            self._last = spoilt(self._take(truth), fault)
+            begin = self._begun[1] if self._begun is not None else truth
+            self._last = spoilt(self._take(self._seen_from(truth, fault, begin)), fault)._replace(t_s=stamp.t_s)
         return self._last
+
+    def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+        return seen_from(truth, fault, begin)
 
 
 class SimCamera(_Device[Exposure]):
@@ -163,6 +175,10 @@ class SimLaser(_Device[Turn]):
 
     def _take(self, truth: Truth) -> Turn:
         return Turn(truth.t_s, self.scanner.scan(truth))
+
+    def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+        """A scaled one stands where it is: its ranges are too long."""
+        return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
 
 
 class NoCamera:

@@ -9,12 +9,15 @@ import pytest
 
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
-from gloc3.perception import LaserScan
+from gloc3.frames import IDENTITY, GeoPoint, TangentPlane, Vector3
+from gloc3.perception import ImuSample, LaserScan
 from gloc3.vehicle import Image
-from gloc3_sitl.device_faults import CAMERA, LASER, DeviceFault, Exposure, PairExposure, Turn, spoilt
+from gloc3_sitl.device_faults import CAMERA, LASER, DeviceFault, Exposure, PairExposure, Turn, seen_from, spoilt
 from gloc3_sitl.faults import read_fault, schedule_faults
 from gloc3_sitl.flight import Flight, FlightPlan
 from gloc3_sitl.sim_devices import SimCamera, SimLaser, SimStereoCamera
+from gloc3_sitl.sim_imu import SimImu
+from gloc3_sitl.truth import Truth
 
 PIXELS = np.arange(48, dtype=np.uint8).tobytes()
 IMAGE = Image(camera="front_left", width=8, height=6, data=PIXELS)
@@ -77,6 +80,8 @@ def test_ranges_become_nothing_the_greatest_no_number_too_long_or_garbage() -> N
         ("device:laser=broken", "'broken' is unknown"),
         ("device:laser=lost/3", "/3 is not expected"),
         ("device:laser=late/-1", "negative"),
+        ("device:imu=black", "'black' is none of imu's"),
+        ("sensor:fix=scaled", "only the height can be scaled"),
     ],
 )
 def test_what_does_not_fit_a_device_is_refused(text: str, says: str) -> None:
@@ -93,6 +98,89 @@ def test_every_word_of_a_device_can_be_written() -> None:
     for word in LASER:
         assert read_fault(f"device:laser={word}").given.target == "laser"
     assert read_fault("device:laser=late/0.3").given.size == 0.3
+
+
+def test_what_is_scaled_or_makes_a_step_looks_from_elsewhere() -> None:
+    begin, now = level_truth((0.0, 0.0, 0.0)), level_truth((4.0, 2.0, -1.0))
+    plane = TangentPlane(GeoPoint(begin.latitude_deg, begin.longitude_deg, begin.altitude_m))
+
+    def seen(word: str, size: float | None = None) -> Vector3:
+        truth = seen_from(now, DeviceFault(word, size), begin)
+        return plane.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
+
+    assert seen("scaled") == pytest.approx((4.2, 2.1, -1.05), abs=1e-4)
+    assert seen("scaled", -0.5) == pytest.approx((2.0, 1.0, -0.5), abs=1e-4)
+    assert seen("step", 0.3) == pytest.approx((4.3, 2.0, -1.0), abs=1e-4)
+    assert seen_from(now, DeviceFault("lost"), begin) is now
+
+
+def level_truth(position_ned_m: Vector3) -> Truth:
+    """At rest over the sea."""
+    geo = TangentPlane(GeoPoint(39.5, 2.6, 0.0)).geo_from_ned(position_ned_m)
+    return Truth(
+        t_s=1.0,
+        position_ned_m=position_ned_m,
+        velocity_ned_m_s=(0.0, 0.0, 0.0),
+        attitude_wxyz=IDENTITY,
+        rate_frd_rad_s=(0.0, 0.0, 0.0),
+        specific_force_frd_m_s2=(0.0, 0.0, -9.8),
+        latitude_deg=geo[0],
+        longitude_deg=geo[1],
+        altitude_m=geo[2],
+        height_above_ground_m=0.0,
+        standing_height_m=0.1,
+        is_on_ground=False,
+        power_w=0.0,
+        wind_ned_m_s=(0.0, 0.0, 0.0),
+    )
+
+
+class Unit:
+    """An inertial unit that feels how late it is."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+
+    def open(self) -> None: ...
+    def close(self) -> None: ...
+
+    def on_news(self, ready: Callable[[], None]) -> Callable[[], None]:
+        return ready
+
+    def samples(self, after_s: float) -> list[tuple[float, ImuSample]]:
+        times = [index / 100.0 for index in range(round(self._loop.time() * 100.0) + 1)]
+        return [
+            (t_s, ImuSample(rate_frd_rad_s=(t_s, 0.0, 0.0), specific_force_frd_m_s2=(0.0, 0.0, -10.0)))
+            for t_s in times
+            if t_s > after_s
+        ]
+
+
+def test_the_inertial_unit_fails_on_its_way_to_the_onboard_process() -> None:
+    async def felt(word: str) -> tuple[float, ImuSample] | None:
+        loop = asyncio.get_running_loop()
+        imu = SimImu(loop, 1)
+        imu.wire(Unit(loop))
+        await asyncio.sleep(1.0)
+        begin_s = round(loop.time(), 2)
+        assert imu.samples(-1.0)[-1].t_s == pytest.approx(begin_s)
+        imu.fault = DeviceFault(word)
+        await asyncio.sleep(1.0)
+        found = imu.samples(begin_s + 0.5)
+        return (found[-1].t_s - begin_s, found[-1].sample) if found else None
+
+    def rate(word: str) -> tuple[float, float]:
+        found = run_virtual(felt(word))
+        assert found is not None
+        return round(found[0], 2), found[1].rate_frd_rad_s[0]
+
+    assert run_virtual(felt("lost")) is None
+    assert rate("stuck") == pytest.approx((1.0, 1.0))
+    assert rate("late") == pytest.approx((0.8, 1.8))
+    assert rate("old") == pytest.approx((1.0, 1.8))
+    assert rate("scaled") == pytest.approx((1.0, 2.1))
+    assert rate("step") == pytest.approx((1.0, 2.02))
+    assert rate("garbage")[1] != pytest.approx(2.0, abs=1e-3)
 
 
 def fly(test: Callable[[Flight], Coroutine[Any, Any, None]]) -> None:
@@ -123,7 +211,13 @@ def test_devices_fall_silent_get_stuck_come_late_and_recover() -> None:
             return turn
 
         schedule_faults(
-            flight, ("device:laser=lost@1..2", "device:laser=late/0.25@3..4", "device:stereo_camera=stuck@1..2")
+            flight,
+            (
+                "device:laser=lost@1..2",
+                "device:laser=late/0.25@3..4",
+                "device:laser=old/0.5@5..6",
+                "device:stereo_camera=stuck@1..2",
+            ),
         )
         assert (await scan_after(0.95)).t_s == pytest.approx(0.9, abs=0.03)
         before = stereo.pair()
@@ -139,6 +233,7 @@ def test_devices_fall_silent_get_stuck_come_late_and_recover() -> None:
         assert well.left.data != stuck.left.data
         assert (await scan_after(1.0)).t_s == pytest.approx(3.45 - 0.25 - 0.05, abs=0.08)
         assert (await scan_after(1.0)).t_s == pytest.approx(4.4, abs=0.03)
+        assert (await scan_after(1.0)).t_s == pytest.approx(5.4, abs=0.03), "old, with a new time"
 
     fly(test)
 

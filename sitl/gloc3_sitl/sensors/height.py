@@ -66,6 +66,10 @@ class HeightSensor(Sensor[RangeReading]):
         """Add to the distance, if there is an echo."""
         return _reading(reading.t_s, reading.distance_m + offset[0]) if reading.is_valid else reading
 
+    def scale(self, reading: RangeReading, factor: float) -> RangeReading:
+        """Times a factor, if there is an echo."""
+        return _reading(reading.t_s, reading.distance_m * factor) if reading.is_valid else reading
+
     def without_signal(self, reading: RangeReading) -> RangeReading:
         """No echo."""
         return _reading(reading.t_s, -1.0)

@@ -7,6 +7,7 @@ from typing import ClassVar, Final, Generic, TypeVar
 
 import msgspec
 
+from gloc3.errors import Misuse
 from gloc3.frames import Vector3
 from gloc3_sitl.sensors.noise import normals
 from gloc3_sitl.sensors.readings import Reading
@@ -31,6 +32,14 @@ class FaultMode(StrEnum):
     """White noise is added on every axis."""
     LATE = "late"
     """Readings arrive later by the size in seconds."""
+    OLD = "old"
+    """So late, and stamped as if they were new."""
+    SCALED = "scaled"
+    """All is too much by the size, a share; of the height alone."""
+
+
+SIZED: Final = (FaultMode.BIASED, FaultMode.NOISY, FaultMode.LATE, FaultMode.OLD, FaultMode.SCALED)
+"""The modes that have a size."""
 
 
 class Fault(msgspec.Struct, frozen=True, kw_only=True):
@@ -39,7 +48,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     mode: FaultMode
     """What kind it is."""
     size: float
-    """Bias, noise deviation (in the sensor's `fault_unit`) or lateness in seconds."""
+    """Bias, noise deviation (in the sensor's `fault_unit`), lateness in seconds, or a share."""
     direction: Vector3 = (1.0, 0.0, 0.0)
     """Axes that a bias acts on; a sensor of one value uses the first."""
 
@@ -57,6 +66,8 @@ class Sensor(ABC, Generic[R]):
     """Noise of a fault when no size is given."""
     late_s: ClassVar[float] = 0.5
     """Lateness of a fault when no size is given."""
+    share: ClassVar[float] = 0.05
+    """Share of a fault when no size is given."""
     latency_s: float = 0.0
     """Time from validity to delivery."""
 
@@ -80,6 +91,11 @@ class Sensor(ABC, Generic[R]):
     def shift(self, reading: R, offset: Vector3) -> R:
         """The same reading with an error added, in the fault unit."""
 
+    def scale(self, reading: R, factor: float) -> R:
+        """The same reading times a factor."""
+        del reading, factor
+        raise Misuse(f"there is no scale of the {self.name}")
+
     def without_signal(self, reading: R) -> R | None:
         """What is reported when the sensor is lost: nothing, unless the device itself can say so."""
         del reading
@@ -97,6 +113,8 @@ class Sensor(ABC, Generic[R]):
                 self._measure_s = now_s + self._period_s
             if kept is not None:
                 latency_s = self.latency_s if self.fault is None else self._late_s(self.fault)
+                if self.fault is not None and self.fault.mode is FaultMode.OLD:
+                    kept = msgspec.structs.replace(kept, t_s=now_s + latency_s)
                 if latency_s > 0.0 or under_way:
                     under_way.append((now_s + latency_s, kept))
                 else:
@@ -106,7 +124,7 @@ class Sensor(ABC, Generic[R]):
         self.due_s = min(self._measure_s, under_way[0][0]) if under_way else self._measure_s
 
     def _late_s(self, fault: Fault) -> float:
-        return self.latency_s + (fault.size if fault.mode is FaultMode.LATE else 0.0)
+        return self.latency_s + (fault.size if fault.mode in (FaultMode.LATE, FaultMode.OLD) else 0.0)
 
     def _spoil(self, reading: R, fault: Fault) -> R | None:
         match fault.mode:
@@ -122,13 +140,21 @@ class Sensor(ABC, Generic[R]):
             case FaultMode.NOISY:
                 draw, size = self._draw, fault.size
                 return self.shift(reading, (draw() * size, draw() * size, draw() * size))
-            case FaultMode.LATE:
+            case FaultMode.SCALED:
+                return self.scale(reading, 1.0 + fault.size)
+            case FaultMode.LATE | FaultMode.OLD:
                 return reading
 
     def fail(self, mode: FaultMode, size: float | None = None, direction: Vector3 = (1.0, 0.0, 0.0)) -> None:
         """Switch a fault on, in place of any other."""
         if size is None:
-            sizes = {FaultMode.BIASED: self.bias_size, FaultMode.NOISY: self.noise_size, FaultMode.LATE: self.late_s}
+            sizes = {
+                FaultMode.BIASED: self.bias_size,
+                FaultMode.NOISY: self.noise_size,
+                FaultMode.LATE: self.late_s,
+                FaultMode.OLD: self.late_s,
+                FaultMode.SCALED: self.share,
+            }
             size = sizes.get(mode, 0.0)
         self._last = None
         self.fault = Fault(mode=mode, size=size, direction=direction)

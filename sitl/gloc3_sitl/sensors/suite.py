@@ -77,8 +77,8 @@ class SensorSuite:
 
         Args:
             name: `imu`, `barometer`, `magnetometer`, `height`, `fix` or `battery`.
-            mode: One of `FaultMode`: lost, stuck, biased, noisy, late.
-            size: Bias or noise deviation in the sensor's fault unit, or seconds of lateness; each sensor has a default.
+            mode: One of `FaultMode`: lost, stuck, biased, noisy, late, old, scaled.
+            size: Bias or noise deviation in the sensor's fault unit, or seconds of lateness, share; each sensor has a default.
             direction: Axes that a bias acts on.
         """
         if mode not in list(FaultMode):

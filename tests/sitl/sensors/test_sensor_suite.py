@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
+from statistics import mean
 from typing import TypeVar
 
 import pytest
@@ -136,7 +137,7 @@ def test_a_lost_height_sensor_has_no_echo_and_other_lost_sensors_are_silent(stil
 
 
 @pytest.mark.parametrize("name", ["imu", "barometer", "magnetometer", "height", "fix", "battery"])
-@pytest.mark.parametrize("mode", ["stuck", "biased", "noisy", "late"])
+@pytest.mark.parametrize("mode", ["stuck", "biased", "noisy", "late", "old"])
 def test_every_fault_of_every_sensor_shows_and_can_be_repaired(
     name: str, mode: str, still: Still, home: GeoPoint
 ) -> None:
@@ -155,6 +156,32 @@ def test_every_fault_of_every_sensor_shows_and_can_be_repaired(
     assert a != b
     faulty.repair(name)
     assert only(kinds[name], run(faulty, still(), 2.0, start_s=2.0))
+
+
+def test_a_scaled_height_is_too_much_and_nothing_else_can_be_scaled(still: Still, home: GeoPoint) -> None:
+    suite = SensorSuite(1, home)
+    sound = only(RangeReading, run(suite, still(), 1.0))
+    suite.fail("height", "scaled", 9.0)
+    told = only(RangeReading, run(suite, still(), 1.0, start_s=1.0))
+    assert mean(reading.distance_m for reading in told) == pytest.approx(
+        10.0 * mean(reading.distance_m for reading in sound), rel=0.2
+    )
+    suite.fail("imu", "scaled")
+    with pytest.raises(Misuse, match="no scale of the imu"):
+        run(suite, still(), 1.0, start_s=2.0)
+
+
+def test_an_old_height_is_stamped_as_if_it_were_new(still: Still, home: GeoPoint) -> None:
+    suite = SensorSuite(1, home)
+    suite.fail("height", "old", 0.2)
+    ages = [
+        i / 200 - reading.t_s
+        for i in range(100)
+        for reading in suite.sample(still(), i / 200)
+        if isinstance(reading, RangeReading)
+    ]
+    assert len(ages) == 6
+    assert ages == pytest.approx([0.0] * 6, abs=1e-9)
 
 
 def test_unknown_names_and_modes_are_refused(home: GeoPoint) -> None:

@@ -94,11 +94,17 @@ class HostComputer:
 
 
 class SimulatedComputer:
-    """The computer of virtual time: it has no disk, and its clock is right."""
+    """The computer of virtual time: it has no disk, and its clock is right.
 
-    def __init__(self, clock: Clock) -> None:
-        self._state = ComputerState(is_simulated=True, utc_minus_t_s=round(clock.utc_offset_s, 3))
+    Args:
+        clock: the virtual time.
+        sensors: tells how the sensors are.
+    """
+
+    def __init__(self, clock: Clock, sensors: Callable[[], list[SensorCondition]] = list) -> None:
+        self._clock, self._sensors = clock, sensors
 
     def state(self) -> ComputerState:
-        """Always the same."""
-        return self._state
+        """How it is now: only its sensors can change."""
+        offset_s = round(self._clock.utc_offset_s, 3)
+        return ComputerState(is_simulated=True, utc_minus_t_s=offset_s, sensors=self._sensors())

@@ -22,7 +22,7 @@ class SensorWatch:
     """Knows when each sensor brought something last.
 
     Args:
-        urls: the sources by device.
+        urls: the sources by device; of a device of the simulation a word for it.
         sources: the devices.
         rig: the calibrations.
         now_s: our time.
@@ -49,7 +49,7 @@ class SensorWatch:
         now_s = self._now_s()
         problem = ""
         uncalibrated: list[str] = []
-        if parse_source(name, self._urls[name]).scheme != NOWHERE:
+        if not self._urls[name].startswith(f"{NOWHERE}://"):
             uncalibrated = [camera for camera in cameras_of(name) if self._rig.model(camera) is None]
             try:
                 problem = self._misfit(_images(source))

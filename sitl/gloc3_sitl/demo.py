@@ -15,8 +15,9 @@ from gloc3.narrate import narrate
 from gloc3.platform import Platform
 from gloc3_sitl.child import Child
 from gloc3_sitl.earth import home_of
-from gloc3_sitl.mission_file import MissionFile, read_mission_file
+from gloc3_sitl.mission_file import MissionFile, is_without_satellites, read_mission_file
 from gloc3_sitl.outputs import make_anew
+from gloc3_sitl.sim_rig import SIM_DEVICES
 
 EXIT_FAILED: Final = 1
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
@@ -51,7 +52,7 @@ async def run_demo(options: DemoOptions, platform: Platform) -> int:
     mission = read_mission_file(options.mission, platform, options.out)
     for warning in mission.warnings:
         narrate(str(warning))
-    demo = Demo(options, platform.platform, mission)
+    demo = Demo(options, platform, mission)
     loop = asyncio.get_running_loop()
     flying = loop.create_task(demo.fly())
     presses = 0
@@ -81,8 +82,9 @@ async def run_demo(options: DemoOptions, platform: Platform) -> int:
 class Demo:
     """The three processes."""
 
-    def __init__(self, options: DemoOptions, name: str, mission: MissionFile) -> None:
-        self._options, self._name, self._mission = options, name, mission
+    def __init__(self, options: DemoOptions, platform: Platform, mission: MissionFile) -> None:
+        self._options, self._name, self._mission = options, platform.platform, mission
+        self._platform = platform
         self._vehicle, self._onboard, self._station = (
             Child(name, options.out) for name in ("sitl", "onboard", "station")
         )
@@ -100,6 +102,7 @@ class Demo:
             [
                 "sitl",
                 *_place(self._mission.mission),
+                *(["--no-gps"] if is_without_satellites(self._platform) else []),
                 *("--autopilot", options.autopilot),
                 *("--link", f"companion=udpout://127.0.0.1:{to_companion}"),
                 *("--sensors", str(sensors)),
@@ -111,7 +114,7 @@ class Demo:
                 *("onboard", options.platform),
                 *("--autopilot", f"udpin://127.0.0.1:{to_companion}"),
                 *("--station", f"udpout://127.0.0.1:{to_station}"),
-                *("--device", f"ground_camera=tcp://127.0.0.1:{sensors}"),
+                *(word for device in sensed(self._platform, sensors) for word in ("--device", device)),
                 *("--out", str(options.out)),
             ]
         )
@@ -162,6 +165,18 @@ def free_ports(count: int, kind: socket.SocketKind) -> list[int]:
     for opened in sockets:
         opened.close()
     return ports
+
+
+def sensed(platform: Platform, port: int) -> list[str]:
+    """Where the sensors of a platform are that a simulated vehicle has, as NAME=URL.
+
+    Args:
+        platform: whose components use them.
+        port: where the simulated vehicle serves cameras and laser scanner.
+    """
+    used = {device for row in platform.components for device in row.devices.values()}
+    places = dict.fromkeys(SIM_DEVICES, f"tcp://127.0.0.1:{port}") | {"imu": "autopilot://"}
+    return [f"{name}={place}" for name, place in places.items() if name in used]
 
 
 def _place(mission: Mission) -> list[str]:

@@ -18,6 +18,7 @@ app = App(
     For example:
 
     - `gloc3 demo`: the inspection of a cargo hold
+    - `gloc3 demo --platform pelican`: the same without satellites, by its own cameras and laser scanner
     - `gloc3 demo my.plan --out runs/mine`: a plan of QGroundControl, at its own place on Earth
 
     The folder of --out holds log.mcap (opens in Foxglove), truth.mcap, report.json, path.svg, images, and what the

@@ -8,7 +8,7 @@ This is the one place that may import all three applications. A flight reads lik
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from random import Random
 from types import TracebackType
@@ -44,13 +44,15 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import SimulatedComputer
-from gloc3_onboard.drivers.vision_pose import VisionPoseDriver
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
+from gloc3_onboard.sensor_watch import SensorWatch
+from gloc3_onboard.sources.asked import NOWHERE
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.flight_messages import SimFault, SimTruth
+from gloc3_sitl.mission_file import is_without_satellites
 from gloc3_sitl.path_error import Sample
 from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
 from gloc3_sitl.sim_devices import NoCamera
@@ -65,6 +67,8 @@ STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
 DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu")
 """What the onboard process of a flight has."""
+SIMULATED: Final = "simulated"
+"""What stands for the source of a sensor."""
 FLUSH_S: Final = 1.0
 """How long a message stays in memory: in virtual time a second is over in some milliseconds."""
 AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
@@ -173,7 +177,7 @@ class Flight:
             seed=plan.seed,
             wind=plan.wind,
             is_plain_gps=plan.is_plain_gps,
-            is_without_gps=any(row.load_class() is VisionPoseDriver for row in self.platform.components),
+            is_without_gps=is_without_satellites(self.platform),
             battery_remaining=plan.battery,
             parameters=plan.parameters,
         )
@@ -259,13 +263,12 @@ class Flight:
         context = HostContext(
             platform.platform, self.exchange, self.clock, self.loop, self.topics, self.random, self.sabotage.cost_s
         )
+        sensors = self._sensors()
         devices = {
             "autopilot": self.autopilot_link,
-            "computer": SimulatedComputer(self.clock),
+            "computer": SimulatedComputer(self.clock, self._watch(sensors).conditions),
             "rig": self.rig,
-            **self.rig.devices,
-            **({} if self._looks_down() else {"ground_camera": NoCamera()}),
-            "imu": self.imu,
+            **sensors,
             "pictures": self._pictures,
             "site": Site(platform, self._journal, self._progress),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),
@@ -275,6 +278,20 @@ class Flight:
         self.station_link.open(self.radio.b)
         self.autopilot_link.open(self.cable.b)
         self.onboard.begin()
+
+    def _sensors(self) -> dict[str, Any]:
+        """The devices that samplers read."""
+        ground = {} if self._looks_down() else {"ground_camera": NoCamera()}
+        return {**self.rig.devices, **ground, "imu": self.imu}
+
+    def _watch(self, sensors: Mapping[str, Any]) -> SensorWatch:
+        """Looks at those that the platform has, but for a camera that is left out because nobody looks at its pictures."""
+        used = {device for row in self.platform.components for device in row.devices.values()}
+        if not self._looks_down():
+            used.discard("ground_camera")
+        watched = {name: device for name, device in sensors.items() if name in used}
+        places = {name: NOWHERE if isinstance(device, NoCamera) else SIMULATED for name, device in watched.items()}
+        return SensorWatch(places, watched, self.rig, self.loop.time)
 
     def kill_onboard(self) -> None:
         """The onboard process dies: no method is called, nothing is said."""

@@ -57,6 +57,12 @@ def platform_for(path: Path) -> str:
     return named if isinstance(named, str) else OUTDOORS if written.get("frame") == GEO else INDOORS
 
 
+def is_without_satellites(platform: Platform) -> bool:
+    """Whether a platform's autopilot flies by the pose that the platform sends it."""
+    kinds = (kind for row in platform.components for kind in row.load_class().__mro__)
+    return any(kind.__name__ == "VisionPoseDriver" for kind in kinds)
+
+
 def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFile:
     """Reads and checks a mission; a plan of another format is converted into a folder first.
 

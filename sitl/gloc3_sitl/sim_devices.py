@@ -102,7 +102,7 @@ class _Device(Generic[T]):
 
     def on_news(self, ready: Ready) -> Ready:
         """Has `ready` called when there is something new; gives what ends that."""
-        return self._trigger.listen(ready)
+        return self._trigger.listen(lambda: None if is_silent(self.fault) else ready())
 
     def _take(self, truth: Truth) -> T:
         raise NotImplementedError

@@ -75,7 +75,7 @@ class SimImu:
 
     def on_news(self, ready: Callable[[], None]) -> Callable[[], None]:
         """Has `ready` called when a sample has come."""
-        return self._unit.on_news(ready)
+        return self._unit.on_news(lambda: None if is_silent(self.fault) else ready())
 
     def samples(self, after_s: float) -> Sequence[Felt]:
         """What has come of what it felt after a time, oldest first."""

@@ -35,6 +35,19 @@ def fresh_clone() -> dict[str, Any]:
     return {"code": done.returncode, "took_s": took_s, "report": report, "seen": seen, "kept": kept}
 
 
+def own_pose(platform: str) -> dict[str, Any]:
+    """Flies the inspection by the sensors of a platform alone, in three processes and real time."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "demo"
+        command = [str(ROOT / ".venv/bin/gloc3"), "demo", "inspection", "--platform", platform, "--out", str(out)]
+        begin_s = time.perf_counter()
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+        took_s = time.perf_counter() - begin_s
+        kept = out / "report.json"
+        report = msgspec.json.decode(kept.read_bytes()) if kept.exists() else NO_REPORT
+    return {"code": done.returncode, "took_s": took_s, "report": report}
+
+
 def interrupt(seed: int) -> dict[str, Any]:
     """Starts the demonstration and presses Ctrl-C at a random moment."""
     moment_s = random.Random(seed).uniform(0.3, 45.0)
@@ -70,6 +83,17 @@ def run(progress: Progress) -> list[Figure]:
         Figure("images that cannot show it, and do", str(seen["false"]), "0", seen["false"] == 0),
         Figure("left in the folder", ", ".join(first["kept"])),
     ]
+    for platform in ("pelican", "hummingbird"):
+        result = progress.part(platform, partial(own_pose, platform))
+        report, title = result["report"], f"`gloc3 demo inspection --platform {platform}`, no satellites"
+        error_m = report["path_rms_error_m"]
+        is_done = result["code"] == 0 and report["mission_state"] == "done"
+        figures += [
+            Figure(f"{title}: mission", report["mission_state"], "done", is_done),
+            Figure("… seconds in all", f"{result['took_s']:.0f}", "≤ 120", result["took_s"] <= 120.0),
+            Figure("… path error, RMS in m", str(error_m), "≤ 0.3", error_m is not None and error_m <= 0.3),
+            Figure("… images", str(report["images"]), "> 0", report["images"] > 0),
+        ]
     for seed in range(INTERRUPTIONS):
         result = progress.part(f"interrupt {seed}", partial(interrupt, seed))
         fine = result["left"] == 0 and result["is_readable"]
@@ -84,7 +108,8 @@ BARS = (
         "demo",
         "The main job on a fresh machine",
         "A fresh clone and `make demo`: three processes fly the inspection within two minutes; the recorded images show "
-        "the floor marker where the truth says that it is in view; Ctrl-C leaves no process behind and a readable log.",
+        "the floor marker where the truth says that it is in view; platforms without satellites fly it by their own sensors; "
+        "Ctrl-C leaves no process behind and a readable log.",
         run,
         seeds=f"0 to {INTERRUPTIONS - 1} choose the moments of Ctrl-C",
     ),

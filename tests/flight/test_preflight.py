@@ -131,3 +131,14 @@ def test_a_component_that_is_down_and_a_lost_position_are_named(flight: Card) ->
     found = checks(flight)
     assert found["components: waypoints"].verdict is Verdict.RED
     assert found["sensors: position"].verdict is Verdict.RED
+
+
+@ONE_STYLE
+def test_a_sensor_has_a_line_that_tells_when_it_falls_silent(flight: Card) -> None:
+    flight.begin(mission("{photos: {record_images: {camera: ground, every_s: 1, count: 3}}}"), is_started=False)
+    assert checks(flight)["sensors: ground_camera"].finding == "alive, simulated"
+    flight.fault("device:ground_camera=lost")
+    flight.wait(3.0)
+    lost = checks(flight)["sensors: ground_camera"]
+    assert lost.verdict is Verdict.WARNING
+    assert lost.finding.startswith("silent for ")

@@ -71,6 +71,7 @@ def test_it_is_found_told_apart_and_asked_for_everything_that_is_needed(style: s
         for stream in COMMON_STREAMS:
             name = codec.name_of(stream.message_id)
             assert rig.autopilot.rate_hz(name or "") == pytest.approx(stream.rate_hz), name
+        assert rig.autopilot.rate_hz("HEARTBEAT") == (0.0 if style == "px4" else 5.0), "PX4 would refuse"
 
 
 @STYLES

@@ -1,5 +1,6 @@
 """The main job over real UDP: three processes fly a mission, and Ctrl-C ends all of them."""
 
+import math
 from pathlib import Path
 
 import msgspec
@@ -34,6 +35,27 @@ def test_three_processes_fly_a_mission_and_leave_log_report_and_picture(tmp_path
             assert reader.is_finished
             assert not reader.losses()
     assert not processes_that_mention(str(out))
+
+
+UP_AND_DOWN = """
+mission: up and down
+frame: hold
+tasks: {all: {actions: {up: {take_off: {height_m: 0.8}}, down: {land: {}, after: [up]}}}}
+"""
+
+
+def test_a_platform_without_satellites_flies_by_its_own_cameras_over_real_sockets(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(UP_AND_DOWN)
+    out = tmp_path / "demo"
+    with program("demo", "m.yaml", "--platform", "pelican", "--out", str(out), folder=tmp_path) as demo:
+        assert demo.end() == 0, demo.text
+    assert report_in(out).mission_state == "done"
+    with LogReader(out / "log.mcap") as reader:
+        poses = [entry.envelope for entry in reader.entries("pose")]
+    aloft = [one.payload for one in poses if one.payload.is_valid and -one.payload.position_ned_m[2] > 0.4]
+    assert aloft
+    assert {name for pose in aloft for name in pose.sources} >= {"stereo", "ground", "laser", "tracker"}
+    assert all(math.isfinite(value) for one in poses for value in one.payload.position_ned_m)
 
 
 def test_ctrl_c_in_flight_leaves_no_process_and_a_readable_log_and_says_what_became_of_it(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Final, Never
 
 import msgspec
 
+from gloc3.link.codec import message as make
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.service import Service
 
@@ -52,7 +53,11 @@ class Heartbeat(Service[Never]):
         if now_s < self._next_s:
             return
         self._next_s = max(self._next_s + self._period_s, now_s + self._period_s / 2)
-        self._send(
+        self._outgoing.append(self.message())
+
+    def message(self) -> MavlinkMessage:
+        """A heartbeat of now."""
+        return make(
             "HEARTBEAT",
             type=self.vehicle_type,
             autopilot=self.autopilot,

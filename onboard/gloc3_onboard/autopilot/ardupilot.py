@@ -6,7 +6,15 @@ Mode numbers: ArduPilot's Copter documentation, "Flight modes"; masks: its "Copt
 from typing import Final
 
 from gloc3.vehicle import FlightMode, Style
-from gloc3_onboard.autopilot.style import COMMON_STREAMS, NAV_TAKEOFF, SET_MODE, Command, mode_by_number
+from gloc3_onboard.autopilot.style import (
+    COMMON_STREAMS,
+    HEARTBEAT,
+    NAV_TAKEOFF,
+    SET_MODE,
+    Command,
+    Stream,
+    mode_by_number,
+)
 
 _CUSTOM_MODE_ENABLED: Final = 1.0
 
@@ -45,7 +53,8 @@ class ArduPilot:
     stream_before_guided_s = 0.0
     position_mask = 0b0000_1001_1100_0000
     """Position, velocity as feed-forward, yaw; no acceleration, no yaw rate."""
-    streams = COMMON_STREAMS
+    streams = (Stream(HEARTBEAT, 5.0), *COMMON_STREAMS)
+    """The state comes at 5 Hz, so that a pilot's change of mode is seen within 0.2 s."""
 
     def flight_mode(self, custom_mode: int) -> FlightMode:
         """What a heartbeat's `custom_mode` means to us."""

@@ -56,6 +56,16 @@ def test_a_companions_link_begins_with_pose_at_25_hertz_in_px4_style() -> None:
     assert ear.counts["DISTANCE_SENSOR"] == pytest.approx(20, abs=2)
 
 
+@pytest.mark.parametrize(("style", "count"), [("px4", 2), ("ardupilot", 12)])
+def test_px4_lets_nobody_change_the_rate_of_its_heartbeat(style: str, count: int) -> None:
+    bench = Bench(style)
+    bench.run(1.0)
+    assert bench.command(SET_INTERVAL, 0, 200_000) is (Result.DENIED if style == "px4" else Result.ACCEPTED)
+    bench.counts.clear()
+    bench.run(2.0)
+    assert bench.counts["HEARTBEAT"] == pytest.approx(count, abs=1)
+
+
 def test_ardupilot_is_silent_until_it_is_asked() -> None:
     bench = Bench("ardupilot")
     bench.run(3.0)

@@ -79,6 +79,7 @@ class Front:
         )
         self._streams: dict[Link, StreamScheduler] = {}
         self._producers = {codec.shape(name).id: produce for name, produce in PRODUCERS.items()}
+        self._producers[codec.shape("HEARTBEAT").id] = lambda _: self._heartbeat.message()
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
         self._calibration: tuple[CommandRequest, float] | None = None
         self._busy_until_s = self._serve_s = 0.0
@@ -107,6 +108,8 @@ class Front:
         for name, group in GROUP_PARAMETERS.items():
             if name in self.autopilot.parameters and kind is not LinkKind.BARE:
                 rates.update(dict.fromkeys(GROUPS[group], self.autopilot.parameters[name]))
+        if not self.is_px4:  # PX4's heartbeat comes once a second, whatever is asked for
+            rates["HEARTBEAT"] = 0.0
         self._streams[link] = StreamScheduler(self.own, rates)
         return receive
 

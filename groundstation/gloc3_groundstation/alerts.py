@@ -20,7 +20,7 @@ BATTERY_CRITICAL_PERCENT: Final = 15
 LOSS_BAD: Final = 0.5
 """Share of the status that is lost from which the link is worth an alert."""
 SETTLE_S: Final = 5.0
-"""A platform that has just been heard for the first time is given this long before its link is judged."""
+"""A platform that is new or has restarted is given this long before its link, and what is still missing, is judged."""
 LINK: Final = "link"
 """What a vehicle that is not heard is known by."""
 SAID: Final = "event "
@@ -156,14 +156,14 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
         if platform.is_doubled(now_s):
             yield Cause(platform.name, "name", Severity.ERROR, TWO_OF_ONE_NAME)
         if platform.is_quiet_link(now_s):
-            is_flying = platform.vehicle is not None and platform.vehicle.value.is_armed
-            text = _silence(is_flying=is_flying, has_companion=platform.has_companion)
-            yield Cause(platform.name, LINK, Severity.CRITICAL if is_flying else Severity.ERROR, text)
+            text = _silence(is_flying=platform.is_armed, has_companion=platform.has_companion)
+            yield Cause(platform.name, LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text)
             continue
-        if now_s - platform.first_heard_s >= SETTLE_S and platform.link.loss >= LOSS_BAD:
+        is_settled = now_s - platform.began_s >= SETTLE_S
+        if is_settled and platform.link.loss >= LOSS_BAD:
             yield Cause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
-        yield from _vehicle_causes(platform, now_s)
-        yield from _component_causes(platform)
+        yield from _vehicle_causes(platform, now_s, is_settled=is_settled)
+        yield from _component_causes(platform, is_settled=is_settled)
 
 
 def _silence(*, is_flying: bool, has_companion: bool) -> str:
@@ -174,7 +174,7 @@ def _silence(*, is_flying: bool, has_companion: bool) -> str:
     return f"nothing is heard of it, and it was armed: {policy}; see to radio and antenna, and to its link (Fleet)"
 
 
-def _vehicle_causes(platform: PlatformSnapshot, now_s: float) -> Iterator[Cause]:
+def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: bool) -> Iterator[Cause]:
     if platform.vehicle is None or platform.vehicle.is_stale(now_s):
         return
     vehicle, name = platform.vehicle.value, platform.name
@@ -183,16 +183,16 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float) -> Iterator[Cause]
         limit = BATTERY_CRITICAL_PERCENT if is_critical else BATTERY_LOW_PERCENT
         severity = Severity.CRITICAL if is_critical else Severity.WARNING
         yield Cause(name, "battery", severity, f"battery at or below {limit} %")
-    if not vehicle.is_autopilot_connected:
+    if is_settled and not vehicle.is_autopilot_connected:
         text = "no autopilot: the companion does not hear it; see to its cable, and to gloc3 onboard --autopilot"
         yield Cause(name, "autopilot", Severity.CRITICAL, text)
-    if vehicle.has_pilot_control:
+    if is_settled and vehicle.has_pilot_control:
         yield Cause(name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back")
     if vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
         yield Cause(name, "position", Severity.CRITICAL, "armed without a valid position")
 
 
-def _component_causes(platform: PlatformSnapshot) -> Iterator[Cause]:
+def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterator[Cause]:
     if platform.table is None:
         return
     for index, row in enumerate(platform.table.rows):
@@ -200,7 +200,8 @@ def _component_causes(platform: PlatformSnapshot) -> Iterator[Cause]:
         if line is None or line.state >= len(HEALTHS):
             continue
         health = HEALTHS[line.state]
-        if health is not Health.FAULTY and not (health is Health.ABSENT and row.is_required):
+        is_missing = health is Health.ABSENT and row.is_required and is_settled
+        if health is not Health.FAULTY and not is_missing:
             continue
         trouble = platform.troubles.get(row.name)
         cause = f": {trouble.cause.strip().splitlines()[-1]}" if trouble and trouble.cause.strip() else ""

@@ -57,7 +57,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     if not topic.startswith("ci/"):  # of another component, with a boot of its own
         return fleet if known is None else with_platform(fleet, reduce(known, envelope.payload, now_s))
     if known is None:
-        platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s)
+        platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s, began_s=now_s)
         fleet = note(fleet, name, Severity.INFO, "is heard", now_s)
     elif known.boot != boot and boot in known.former and not known.is_quiet_link(now_s):
         return with_platform(fleet, _spoken_by_another(known, boot, now_s))
@@ -105,6 +105,7 @@ def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformS
         boot=boot,
         first_heard_s=platform.first_heard_s,
         heard_s=now_s,
+        began_s=now_s,
         vehicle=platform.vehicle,
         site=platform.site,
         link=replace(platform.link, sequences={}),

@@ -125,6 +125,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     first_heard_s: float
     heard_s: float
     """When anything came from it last."""
+    began_s: float = float("-inf")
+    """When its present life was first heard: it is new, or its onboard process has restarted."""
     vehicle: Timed[VehicleSummary] | None = None
     motion: Timed[MotionSummary] | None = None
     site: Timed[SiteSummary] | None = None
@@ -153,6 +155,11 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     def is_incomplete(self) -> bool:
         """Whether its full state has to be asked for: it is new, has restarted, or speaks of another table."""
         return self.table is None
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether it was armed when its state was heard last."""
+        return self.vehicle is not None and self.vehicle.value.is_armed
 
     def age_s(self, now_s: float) -> float:
         """Seconds since anything came from it."""

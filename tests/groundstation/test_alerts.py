@@ -84,9 +84,20 @@ def test_what_endangers_the_vehicle_is_an_alert() -> None:
 
 
 def test_a_link_that_loses_most_is_an_alert_once_it_has_settled() -> None:
-    lossy = replace(PLATFORM, link=LinkStatistics(loss=0.6), heard_s=110.0)
+    lossy = replace(PLATFORM, link=LinkStatistics(loss=0.6), heard_s=110.0, began_s=100.0)
     assert update(Alerts(), fleet_of(lossy), 101.0).all == {}
     assert [alert.what for alert in update(Alerts(), fleet_of(lossy), 110.0).listed] == ["loss"]
+
+
+def test_while_a_platform_comes_up_what_is_not_there_yet_is_no_alert() -> None:
+    absent = ComponentLine(3, list(Health).index(Health.ABSENT), 0, 0, 0, 0)
+    new = replace(PLATFORM, lines={**PLATFORM.lines, 3: (absent, 100.0)}, heard_s=105.0, began_s=100.0)
+    coming_up = fleet_of(new, is_autopilot_connected=False, has_pilot_control=True)
+    assert update(Alerts(), coming_up, 101.0).all == {}
+    found = {alert.what for alert in update(Alerts(), fleet_of(new), 105.0).listed}
+    assert found == {"component pose"}
+    low = fleet_of(new, battery_percent=9)
+    assert [alert.what for alert in update(Alerts(), low, 101.0).listed] == ["battery"]
 
 
 def test_a_component_that_fails_is_one_alert_with_its_cause_and_its_own_events_are_none() -> None:

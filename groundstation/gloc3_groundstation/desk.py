@@ -106,6 +106,12 @@ class Desk:
         """Whether the mission at hand was brought to this life of the platform."""
         return self.plan is not None and self._streamed.get(platform.name) == (platform.boot, self.plan.text)
 
+    def mission_to_start(self, platform: PlatformSnapshot) -> str:
+        """What the mission calls itself that a start would fly: the one at hand, else the one aboard."""
+        if self.plan is not None:
+            return self.plan.title
+        return platform.mission.value.name if platform.mission is not None else ""
+
     async def make(self, name: str, move: Move) -> None:
         """Asks a platform for something."""
         match move:
@@ -187,10 +193,7 @@ class Desk:
         return [
             platform.name
             for platform in self.station.fleet
-            if platform.vehicle is not None
-            and platform.vehicle.value.is_armed
-            and platform.control is not None
-            and platform.control.value.holder == self.station.id
+            if platform.is_armed and platform.control is not None and platform.control.value.holder == self.station.id
         ]
 
     def was_just_held(self, name: str) -> bool:

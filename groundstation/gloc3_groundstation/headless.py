@@ -118,7 +118,7 @@ class Headless:
         now_s = self._station.now_s()
         for platform in self._station.fleet:
             is_silent = platform.is_quiet_link(now_s)
-            is_flying = platform.vehicle is not None and platform.vehicle.value.is_armed
+            is_flying = platform.is_armed
             was_silent, told_s = self._told.get(platform.name, (False, float("-inf")))
             period_s = PATIENT_PROGRESS_EVERY_S if is_silent and was_silent else PROGRESS_EVERY_S
             if (is_flying or is_silent) and (is_silent > was_silent or now_s - told_s >= period_s):

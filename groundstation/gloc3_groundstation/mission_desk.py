@@ -23,6 +23,8 @@ from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 
 OUTLINES_KEPT: Final = 8
+ARMING: Final = "take_off"
+"""The capability that arms a vehicle."""
 ASKED_AGAIN_S: Final = 10.0
 """A mission that could not be read back is asked for again after so long."""
 
@@ -246,6 +248,11 @@ class MissionDesk:
         frame = known.vehicle.value.frame if known is not None and known.vehicle is not None else ""
         is_geo = not platform.frames if platform is not None else frame in ("", GEO)
         return forms.form_for(capability, self.capabilities(name)[capability], is_geo=is_geo)
+
+    def arms(self, name: str, capability: str) -> bool:
+        """Whether a single action would have a disarmed vehicle arm."""
+        known = self.station.fleet.get(name)
+        return capability == ARMING and known is not None and not known.is_armed
 
     def claimants(self, platform: PlatformSnapshot) -> dict[str, str]:
         """Resource to the action that holds it now, as far as the platform's states tell."""

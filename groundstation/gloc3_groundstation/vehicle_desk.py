@@ -19,6 +19,7 @@ from gloc3_groundstation.services.progress import OnProgress
 from gloc3_groundstation.services.rates import RateTable
 from gloc3_groundstation.services.vehicle import VehicleServices
 from gloc3_groundstation.station import Station
+from gloc3_groundstation.wording import counted
 
 __all__ = [
     "CalibrationKind",
@@ -225,8 +226,3 @@ class VehicleDesk:
 
     def _note(self, outcome: Outcome) -> None:
         self._station.note(self.name, Severity.NOTICE if outcome.is_good else Severity.ERROR, outcome.text)
-
-
-def counted(count: int, what: str) -> str:
-    """`1 log`, `2 logs`."""
-    return f"{count} {what}{'' if count == 1 else 's'}"

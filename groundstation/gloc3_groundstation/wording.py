@@ -75,6 +75,11 @@ def arming(vehicle: VehicleSummary) -> str:
     return ("armed" if vehicle.is_armed else "disarmed") + (f", {landed}" if landed else "")
 
 
+def counted(count: int, what: str) -> str:
+    """`1 log`, `2 logs`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 def duration(seconds: float) -> str:
     """`8 s`, `3 min 05 s`, `2 h 10 min`."""
     whole = int(seconds)
@@ -132,7 +137,7 @@ def bare(platform: PlatformSnapshot) -> str:
 
 def farewell(fleet: Fleet) -> str:
     """What becomes of the vehicles when the station goes."""
-    armed = [platform.name for platform in fleet if platform.vehicle and platform.vehicle.value.is_armed]
+    armed = [platform.name for platform in fleet if platform.is_armed]
     if not armed:
         return "stopped"
     fly = "flies" if len(armed) == 1 else "fly"

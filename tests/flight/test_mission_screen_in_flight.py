@@ -156,7 +156,7 @@ async def fly_and_steer(here: Operator) -> None:
     await here.wait(lambda: here.app.platform is not None and not missing(here), "ready")
     await here.press("u")
     await here.events("is loaded and read back")
-    await here.press("s")
+    await here.press("s", "y")
     await here.state("sweep.out", "running")
     await here.see("graph", "► out")
     await here.press("p")
@@ -195,6 +195,8 @@ async def ask_for_single_actions(here: Operator) -> None:
     await here.wait(lambda: isinstance(here.app.focused, Input), "a field")
     here.app.screen.query_one("#field_height_m", Input).value = "1"
     await here.press("enter")
+    await here.on(Question)
+    await here.press("y")
     await here.see("reply", "accepted: it runs as command-")
     await here.press("escape", "escape")
     await here.on(MissionScreen)

@@ -41,6 +41,8 @@ async def journey(browser: Browser, url: str) -> bytes:
     await browser.press(*"hop", "enter")
     await browser.until("at hand: hop.yaml")
     await browser.press("s")
+    await browser.until("It arms and takes off.")
+    await browser.press("y")
     await browser.until("ARMED")
     await browser.press("f5")
     await browser.until("last 1 min")

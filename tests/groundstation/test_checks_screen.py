@@ -31,7 +31,7 @@ async def test_a_red_line_refuses_the_start_and_an_override_starts_with_its_reas
         await here.wait(lambda: any("read back" in event.text for event in here.station.fleet.events))
         await here.go("8")
         await here.until("headline", "the start is refused")
-        await here.press("s")
+        await here.press("s", "y")
         await here.wait(lambda: any("red: failsafes: link loss" in event.text for event in here.station.fleet.events))
         await here.press("o")
         await here.shows(AskFor)

@@ -28,7 +28,7 @@ async def test_an_operator_sees_a_fault_reads_its_cause_reinitializes_and_resume
     async with scene() as here:
         here.platform.speak()
         await here.until("events", "is loaded and read back")
-        await here.press("s")
+        await here.press("s", "y")
         await here.until("events", "the mission is started")
         here.platform.trouble("pose", "ValueError: covariance is not positive\nat 12.3 s")
         here.platform.advance("paused")

@@ -253,6 +253,19 @@ async def test_a_single_action_is_asked_for_by_a_form_and_its_reply_is_shown() -
         assert sent[0].arguments["position_m"] == [4.0, 1.0, 2.0]
         await here.press("escape")
         await here.wait(lambda: here.app.screen.query_one(ListPanel).has_focus)
+        here.app.screen.query_one(ListPanel).point_at("take_off")
+        await here.press("enter")
+        await here.wait(lambda: isinstance(here.app.focused, Input))
+        here.app.screen.query_one("#field_height_m", Input).value = "2"
+        await here.press("ctrl+s")
+        await here.shows(Question)
+        await here.press("n")
+        await here.shows(SingleAction)
+        assert len(here.asked(RequestAction)) == 2, "what arms the vehicle is asked about first"
+        await here.press("ctrl+s", "y")
+        await here.wait(lambda: len(here.asked(RequestAction)) == 3)
+        await here.press("escape")
+        await here.wait(lambda: here.app.screen.query_one(ListPanel).has_focus)
         await here.press("escape")
         await here.shows(MissionScreen)
 

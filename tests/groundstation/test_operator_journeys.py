@@ -44,6 +44,8 @@ async def test_a_mission_is_opened_checked_mended_streamed_flown_paused_resumed_
         await here.wait(lambda: any("read back" in event.text for event in here.station.fleet.events))
         here.platform.mission = MissionSummary(name="cargo hold", digest=digest_of(TEXT), state="waiting", tasks=TASKS)
         await here.press("s")
+        await here.shows(Question)
+        await here.press("y")
         await here.wait(lambda: Steer(verb=Verb.START) in here.platform.requests)
         here.platform.advance("running", {"sweep.wall": 0.42}, depart="done", sweep="running", sweep__wall="running")
         here.platform.fly(is_armed=True, mode="OFFBOARD", landed="in_air")

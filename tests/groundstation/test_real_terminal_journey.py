@@ -43,6 +43,8 @@ def journey(screen: RealTerminal, folder: Path) -> None:
     screen.press("3", "u")
     until(screen, "on pelican")
     screen.press("s")
+    until(screen, "Start look around on pelican?", "y  start")
+    screen.press("y")
     until(screen, "ARMED", "OFFBOARD", "running")
     screen.press("p")
     until(screen, "= look", "paused")

@@ -12,6 +12,7 @@ from gloc3_groundstation.flights import End
 from gloc3_groundstation.tui.help import HelpScreen
 from gloc3_groundstation.tui.lines import text_of
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import Question
 from gloc3_groundstation.tui.screens.table import SCREENS
 
 from .scripted_platform import ScriptedPlatform, refused
@@ -47,8 +48,12 @@ async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys(
         here.platform.answer_next(Steer, refused("pose is faulty"))
         here.platform.speak()
         await here.until("events", "is loaded and read back")
-        await here.press("s")
+        await here.press("s", "n")
+        assert not here.asked(Steer), "what arms the vehicle is asked about first"
+        await here.press("s", "y")
         await here.until("events", "error: heron: start: pose is faulty")
+        here.platform.fly(is_armed=True)
+        await here.until("title", "ARMED")
         await here.press("s")
         await here.until("events", "the mission is started")
         assert len(here.asked(LoadMission)) == 1
@@ -209,6 +214,8 @@ async def test_keys_screens_and_the_alert_can_be_clicked() -> None:
         here.platform.speak()
         await here.until("keys", "s Start")
         await here.pilot.click("#keys", offset=(here.shown("keys").index("Start"), 0))
+        await here.shows(Question)
+        await here.press("y")
         await here.until("events", "the mission is started")
         await here.pilot.click("#keys", offset=(here.shown("keys").index("HOLD"), 0))
         await here.until("events", "emergency hold")

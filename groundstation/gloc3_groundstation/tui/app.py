@@ -25,6 +25,7 @@ from gloc3_groundstation.tui.palette import StationCommands
 from gloc3_groundstation.tui.questions import (
     ABORT_QUESTION,
     LEAVE_QUESTION,
+    START_QUESTION,
     UNSAVED_QUESTION,
     EmergencyQuestion,
     Question,
@@ -225,15 +226,18 @@ class StationApp(App[End | None]):
         self.look_at(message.platform)
 
     def action_move(self, name: str) -> None:
-        """Asks something of the platform in view; before an abort the operator is asked."""
+        """Asks something of the platform in view; the operator is asked before what arms it, and before an abort."""
         platform, move = self.platform, Move(name)
         if platform is None:
             return
-        if move is not Move.ABORT:
-            self.do(self.desk.make(platform.name, move))
-            return
-        question = ABORT_QUESTION.format(platform.name)
-        self.confirm(question, "abort", lambda: self.do(self.desk.make(platform.name, move)))
+        work = partial(self.desk.make, platform.name, move)
+        if move is Move.ABORT:
+            self.confirm(ABORT_QUESTION.format(platform.name), "abort", lambda: self.do(work()))
+        elif move is Move.START and not platform.is_armed:
+            question = START_QUESTION.format(self.desk.mission_to_start(platform), platform.name)
+            self.confirm(question, "start", lambda: self.do(work()))
+        else:
+            self.do(work())
 
     def action_emergency(self, is_typing: bool = False) -> None:
         """Holds at once; pressed again it offers more."""

@@ -17,6 +17,7 @@ from gloc3_groundstation.missions.forms import Field, Form, FormError, arguments
 from gloc3_groundstation.tui.lines import Line, Span, Tone, cut, spread, wrapped
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import START_QUESTION, Question
 
 
 class SingleAction(ModalScreen[None]):
@@ -116,9 +117,20 @@ class SingleAction(ModalScreen[None]):
             for field in self.query(f"#field_{error.field}").results(Input) if error.field else ():
                 field.focus()
             return
+        if not self._missions.arms(self._platform, form.capability):
+            self._begin(form.capability, arguments)
+            return
+
+        def answered(answer: bool | None) -> None:
+            if answer:
+                self._begin(form.capability, arguments)
+
+        self.app.push_screen(Question(START_QUESTION.format(form.capability, self._platform), "do it"), answered)
+
+    def _begin(self, capability: str, arguments: dict[str, Any]) -> None:
         self._is_asking = True
         self._say(f"asking {self._platform}…", Tone.DIM)
-        self.run_worker(self._ask(form.capability, arguments), exit_on_error=True)
+        self.run_worker(self._ask(capability, arguments), exit_on_error=True)
 
     async def _ask(self, capability: str, arguments: dict[str, Any]) -> None:
         try:

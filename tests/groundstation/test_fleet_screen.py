@@ -62,6 +62,14 @@ async def test_marked_vehicles_are_ordered_together_after_a_question_that_names_
         await here.press("n")
         await here.wait(lambda: here.app.screen is here.app.base)
         assert here.asked(Emergency) == [], "no is no"
+        await here.press("M", "l")
+        await here.shows(Question)
+        await here.press("n")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        assert here.asked(Emergency) == [], "landing hurts, so it is asked about for one vehicle too"
+        before = len(others[0].requests)
+        await here.press("p")
+        await here.wait(lambda: others[0].requests[before:].count(Steer(verb=Verb.PAUSE)) == 1)
 
 
 @pytest.mark.sockets

@@ -16,6 +16,8 @@ from gloc3_groundstation.plans import Plan
 
 SHOWN_MAX: Final = 200_000
 """Characters of a file that is no mission at all that are shown."""
+NEW_NAME: Final = "new mission"
+"""What one that was never saved is called."""
 NEW: Final = """mission: new mission
 frame: geo
 tasks:
@@ -93,7 +95,7 @@ def new_draft(platform: Platform | None) -> Draft:
     """A short mission to begin with."""
     frame = next(iter(platform.frames), "geo") if platform is not None else "geo"
     text = NEW.replace("frame: geo", f"frame: {frame}")
-    return checked(Draft(name="new mission", text=text, kept_text=text), platform)
+    return checked(Draft(name=NEW_NAME, text=text, kept_text=text), platform)
 
 
 def opened(name: str, platform: Platform | None) -> Draft:

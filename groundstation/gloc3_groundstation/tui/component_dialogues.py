@@ -13,10 +13,11 @@ from textual.widgets import Input, Static
 from gloc3.component import FunctionEntry
 from gloc3.component_description import FieldLine, fields_of
 from gloc3.errors import Refused
-from gloc3_groundstation.tui.lines import Span, Tone
+from gloc3_groundstation.tui.lines import Span, Tone, cut
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.questions import choices
 
+DOC_WIDTH: Final = 40
 FORCE_QUESTION: Final = "{} {}?\n{}\nForced, the actions that need it fail, and the mission's on_failure decides."
 
 
@@ -45,7 +46,8 @@ class ComponentMenu(ModalScreen[str | None]):
         ]
         for entry in self._functions:
             doc = entry.doc.strip().partition("\n")[0]
-            rows.append(Row((Span(f"{entry.name + '…':<16}", Tone.BUSY), Span(doc, Tone.DIM)), entry.name))
+            name, told = Span(f"{entry.name + '…':<16}", Tone.BUSY), Span(cut(doc, DOC_WIDTH), Tone.DIM)
+            rows.append(Row((name, told), entry.name))
         menu.styles.height = min(len(rows), 12)
         menu.show_rows(rows)
         menu.focus()

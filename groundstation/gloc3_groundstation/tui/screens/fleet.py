@@ -1,5 +1,7 @@
 """All vehicles and all links: orders for a selection, control of the vehicle in view, links opened and closed."""
 
+from functools import partial
+
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding
@@ -29,6 +31,8 @@ QUESTIONS = {
     Order.LAND: "Land now, where they are: {}?",
     Order.START: "Start: {}?\nThe mission at hand is streamed first where it is not there yet. They arm and take off.",
 }
+ASKED_OF_ONE = (Order.LAND, Order.START)
+"""Orders to the vehicle in view that are asked about too; those to marked ones always are."""
 TAKE_OVER_QUESTION = "Take control of {} over from station {}?\nIt does not ask its operator; it is recorded."
 CLOSE_QUESTION = "Close {}?\n{} cannot be reached by it any more, and flies by its mission's on_link_loss."
 
@@ -39,15 +43,15 @@ class FleetScreen(StationScreen):
     HELP = """Every vehicle that is heard, and every link. The vehicle under the cursor is the one in view, to which the
     keys of all screens lead.
 
-    Marked vehicles are ordered together: hold, pause, resume, land, start. Without a mark the order goes to the vehicle
-    in view. The question names them. The space bar makes the vehicle in view hold at once, and asks nothing.
+    Marked vehicles are ordered together: hold, pause, resume, land, start, after a question that names them. Without a
+    mark the order goes to the vehicle in view, and only landing and starting are asked about.
 
     One station controls a vehicle at a time. Whoever has it is asked, and has 10 seconds to grant or to refuse; a
     take-over does not wait for leave, and is recorded. Tab goes to the links."""
     BINDINGS = [
         Binding("m", "mark", "Mark", tooltip="the vehicle under the cursor, for orders to several"),
         Binding("M", "mark_all", "Mark all", show=False, tooltip="or none, if all are"),
-        Binding("h", "order('hold')", "Hold", tooltip="the marked vehicles, after a question"),
+        Binding("h", "order('hold')", "Hold", tooltip="the marked vehicles, or the one in view"),
         Binding("p", "order('pause')", "Pause"),
         Binding("r", "order('resume')", "Resume"),
         Binding("l", "order('land')", "Land", tooltip="here and now, as the emergency key does"),
@@ -143,11 +147,13 @@ class FleetScreen(StationScreen):
         self.look_again()
 
     def action_order(self, name: str) -> None:
-        """Asks, naming the vehicles, and orders."""
+        """Orders; asks first, naming the vehicles, where they were marked or the order can hurt."""
         order, names = Order(name), self._selection()
-        if names:
-            work = self.desk.fleet.order
-            self.ask(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work(names, order)))
+        work = partial(self.desk.fleet.order, names, order)
+        if names and (self._selection(is_marked_only=True) or order in ASKED_OF_ONE):
+            self.ask(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work()))
+        elif names:
+            self.do(work())
 
     def action_control(self, name: str) -> None:
         """Changes who controls the vehicle in view."""

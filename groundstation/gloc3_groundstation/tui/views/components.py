@@ -104,10 +104,10 @@ def answer_lines(answer: Answer | None, now_s: float, width: int) -> list[Line]:
     """What became of what was asked of a component last."""
     if answer is None:
         return []
-    rows = wrapped(f"{answer.asked}: {answer.text}", width - 16)
+    rows = wrapped(f"{answer.asked}: {answer.text}", width - 18)
     ago = f" {wording.duration(now_s - answer.heard_s)} ago"
     tone = Tone.GOOD if answer.is_accepted else Tone.BAD
-    return [(Span(f"{ago if n == 0 else '':<14}", Tone.DIM), Span(row, tone)) for n, row in enumerate(rows)]
+    return [(Span(f"{ago if n == 0 else '':<16}", Tone.DIM), Span(row, tone)) for n, row in enumerate(rows)]
 
 
 def _line(table: Table, component: ComponentSnapshot, kind: str) -> Line:

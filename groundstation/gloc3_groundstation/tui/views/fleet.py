@@ -61,7 +61,7 @@ def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], w
 
 def fleet_title(view: View, marked: Sequence[str]) -> str:
     """How many vehicles there are, and whom orders go to."""
-    count = f"{len(view.fleet.platforms)} vehicles"
+    count = wording.counted(len(view.fleet.platforms), "vehicle")
     if marked:
         return f"{count}: orders go to {', '.join(marked)}"
     return f"{count}: orders go to {view.platform.name}" if view.platform is not None else count

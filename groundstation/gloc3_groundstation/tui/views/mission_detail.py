@@ -3,7 +3,7 @@
 from gloc3.ci import MissionSummary
 from gloc3.mission.states import ActionState
 from gloc3_groundstation import wording
-from gloc3_groundstation.missions.draft import Draft
+from gloc3_groundstation.missions.draft import NEW_NAME, Draft
 from gloc3_groundstation.missions.outline import COMMANDS, Outline, Step
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.lines import Line, Span, Tone, fitted, wrapped
@@ -67,7 +67,8 @@ def text_line(draft: Draft | None) -> Line:
     """Which text is edited, and whether it is saved."""
     if draft is None:
         return ()
-    origin = f"   made of {draft.made_of}" if draft.made_of else "   an example" if not draft.path else ""
+    where = "" if draft.path else "   no file yet" if draft.name == NEW_NAME else "   an example"
+    origin = f"   made of {draft.made_of}" if draft.made_of else where
     if draft.is_fixed:
         return (Span(f" {draft.name}", Tone.STRONG), Span("   not a mission that can be edited", Tone.WARN))
     state = Span("   not saved", Tone.WARN) if draft.is_changed else Span(origin, Tone.DIM)

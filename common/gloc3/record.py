@@ -193,6 +193,9 @@ class Recorder:
             or route.frame is not envelope.frame
         ):
             route = self._find(envelope)
+        if route is None:
+            self.lost += 1
+            return
         channel = route.channel
         if channel is None:
             return
@@ -214,33 +217,44 @@ class Recorder:
         if not self._is_open:
             self.lost += 1
             return
-        found = self._raw.get((link, direction))
-        if found is None:
-            channel = self._writer.add_channel(
-                f"mavlink/{link}/{direction}", "mavlink", {"link": link, "direction": direction}
-            )
-            self._channels.append(channel)
-            found = self._raw[link, direction] = (channel, [0])
-        channel, count = found
         now_ns = self._offset_ns + round(now_s * 1e9)
         try:
+            found = self._raw.get((link, direction))
+            if found is None:
+                channel = self._writer.add_channel(
+                    f"mavlink/{link}/{direction}", "mavlink", {"link": link, "direction": direction}
+                )
+                self._channels.append(channel)
+                found = self._raw[link, direction] = (channel, [0])
+            channel, count = found
             self._writer.append(channel, count[0], now_ns, now_ns, frame)
         except OSError as error:
             self._fail(error)
+            return
         count[0] += 1
 
-    def _find(self, envelope: Envelope[Any]) -> _Route:
-        """The route of a message whose topic's last message came from another source, or was the first."""
+    def _find(self, envelope: Envelope[Any]) -> _Route | None:
+        """The route of a message whose topic's last message came from another source, or was the first.
+
+        None where the file takes no new channel.
+        """
         source = envelope.source
         key = (envelope.topic, source, envelope.frame, envelope.type)
         route = self._routes.get(key)
         if route is None:
-            route = self._routes[key] = self._new_route(envelope)
+            try:
+                route = self._new_route(envelope)
+            except OSError as error:
+                self._fail(error)
+                route = None
+            if route is None:
+                return None
+            self._routes[key] = route
         self._current[envelope.topic] = route
         route.source, route.type, route.frame = source, envelope.type, envelope.frame
         return route
 
-    def _new_route(self, envelope: Envelope[Any]) -> _Route:
+    def _new_route(self, envelope: Envelope[Any]) -> _Route | None:
         message_type, source = type(envelope.payload), envelope.source
         encoder = self._encoders.get(message_type)
         if encoder is None:
@@ -250,6 +264,8 @@ class Recorder:
             self.unknown += [] if envelope.topic in self.unknown else [envelope.topic]
         elif not row.is_logged:
             return _Route(envelope, None, encoder)
+        if not self._is_open:
+            return None
         metadata = {
             "platform": source.platform,
             "component": source.component,

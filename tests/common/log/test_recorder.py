@@ -271,8 +271,12 @@ def test_a_time_that_no_log_can_hold_is_counted() -> None:
 class FullDisk(io.BytesIO):
     """Takes the beginning of a log, then nothing more."""
 
+    def __init__(self, size: int = 3000) -> None:
+        super().__init__()
+        self._size = size
+
     def write(self, data: Any) -> int:
-        if self.tell() > 3000:
+        if self.tell() > self._size:
             raise OSError(28, "No space left on device")
         return super().write(data)
 
@@ -287,6 +291,23 @@ def test_a_full_disk_ends_the_log_and_not_the_flight() -> None:
     assert recorder.lost > 0
     recorder.write_metadata("late", {})
     log.close()
+
+
+@pytest.mark.parametrize("size", [600, 1500, 3000])
+def test_topics_that_begin_when_the_disk_is_full_already_harm_nobody(size: int, caplog: pytest.LogCaptureFixture) -> None:
+    log = LogInMemory()
+    recorder = log.recorder = Recorder(FullDisk(size), Clock(log.loop), TopicTable(TOPICS), {})
+    exchange = LocalExchange()
+    recorder.attach(exchange)
+    for index in range(20):
+        event = Event(severity=Severity.INFO, text="here")
+        exchange.publish(log.envelope(f"components/pose{index}/event", event, 0.1 * index, POSE))
+        recorder.record_mavlink(f"station{index}", "in", b"frame", 0.1 * index)
+    recorder.flush(10.0)
+    assert recorder.problem == "the log cannot be written: No space left on device"
+    assert recorder.lost > 0
+    log.close()
+    assert not caplog.records, "no subscriber of the exchanger has failed"
 
 
 def test_a_file_that_cannot_be_written_is_said_at_once(tmp_path: Path) -> None:

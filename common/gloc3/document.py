@@ -58,13 +58,18 @@ def load_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     """The content of a file.
 
     Raises:
-        InputError: it cannot be opened, or is larger than allowed; in that case it is not read at all.
+        InputError: it cannot be opened, or is larger than allowed; in that case it is not read at all, or, if its size
+            is not known before (a pipe, a device), no further than that.
     """
     try:
         size = path.stat().st_size
         if size > max_bytes:
             raise InputError([_too_large(str(path), size, max_bytes)])
-        return path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(max_bytes + 1)
+        if len(data) > max_bytes:
+            raise InputError([_too_large(str(path), len(data), max_bytes)])
+        return data
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
         raise InputError([Finding(file=str(path), message=f"cannot be read: {reason}")]) from error

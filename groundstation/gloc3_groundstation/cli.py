@@ -9,6 +9,7 @@ import msgspec
 from cyclopts import App, Parameter
 
 from gloc3.errors import InputError, Refused
+from gloc3.mission.examples import find_mission
 from gloc3.narrate import narrate
 from gloc3_groundstation.plans import Plan, read_plan
 from gloc3_groundstation.web import HOST, PORT, WebOptions
@@ -115,6 +116,7 @@ def station(
     plan: Plan | None = None
     opens = ""
     if mission is not None:
+        find_mission(mission)  # a name that nothing has is wrong use; what is wrong in a file is not
         try:
             plan = read_plan(mission, platform)
         except InputError as error:

@@ -7,6 +7,7 @@ import weakref
 from array import array
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import BinaryIO, Final
 
 import msgspec
@@ -167,6 +168,8 @@ class EventStore:
     def _begin_again(self) -> None:
         """Goes on in memory, with the last events."""
         kept = list(self._recent)
+        with suppress(OSError):  # what it still holds in memory does not fit either
+            self._file.close()
         self._file = io.BytesIO()
         self._reset()
         self.generation += 1

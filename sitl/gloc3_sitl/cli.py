@@ -197,7 +197,8 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
         latitude, longitude, altitude = simulator.world.home
         _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {extras.speed:g} times real time")
         for row, endpoint in zip(links, endpoints, strict=True):
-            _tell(f"{row.kind} link {row.url}, port {endpoint.local_port}")
+            port = "" if endpoint.local_port is None else f", port {endpoint.local_port}"
+            _tell(f"{row.kind} link {row.url}{port}")
         if server is not None and extras.sensor_port is not None:
             await server.open(extras.sensor_port)
             _tell(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")

@@ -8,7 +8,7 @@ from typing import Final
 import msgspec
 
 from gloc3.clock import Clock
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.platform import Platform
 from gloc3_sitl.faults import schedule_faults
 from gloc3_sitl.flight import Flight, FlightPlan
@@ -50,7 +50,7 @@ async def fly_mission(options: FlyOptions, platform: Platform, narrate: Narrate 
 
     Raises:
         InputError: the mission may not fly.
-        Refused: a fault does not fit the flight.
+        Refused: a fault does not fit the flight, or what it leaves cannot be written.
     """
     with TemporaryDirectory() as scratch:
         mission = read_mission_file(options.mission, platform, options.out or Path(scratch))
@@ -92,7 +92,12 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         "real_time_factor": round(simulated_s / total_s, 1),
     }
     if options.out is not None:
-        _write(options.out, report, flight, watch)
+        try:
+            _write(options.out, report, flight, watch)
+        except OSError as error:
+            raise Refused(f"the folder {options.out} cannot be written: {error.strerror or error}") from error
+        if flight.recorder is not None and flight.recorder.problem:
+            raise Refused(f"{options.out}: {flight.recorder.problem}")
     return report
 
 

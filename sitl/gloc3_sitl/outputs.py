@@ -18,6 +18,8 @@ FILES: Final = (
     "progress.state",
 )
 """What flights write, besides pictures."""
+PROBE_BYTES: Final = 1 << 18
+"""The folder must take so much before a flight begins, which leaves more."""
 
 _PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")
 
@@ -38,7 +40,7 @@ def make_anew(folder: Path) -> None:
                 if _PICTURE.fullmatch(path.name):
                     path.unlink()
         probe = folder / "log.mcap"
-        probe.touch()
+        probe.write_bytes(bytes(PROBE_BYTES))
         probe.unlink()
     except OSError as error:
         reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror

@@ -50,6 +50,15 @@ def test_a_full_disk_is_told(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+def test_a_disk_that_fills_up_in_a_flight_is_told_when_it_has_landed(tmp_path: Path) -> None:
+    done = shell(f"ulimit -f 280; {GLOC3} fly hop --out out", tmp_path)  # in KiB
+    assert done.returncode == 2
+    assert "mission done" in done.stderr
+    assert done.stderr.splitlines()[-1] == "gloc3 fly: out: the log cannot be written: File too large"
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "out" / "report.json").stat().st_size > 0
+
+
 def test_ctrl_c_in_a_flight_ends_with_130_and_a_whole_log(tmp_path: Path) -> None:
     with program("fly", "patrol", "--out", "out", folder=tmp_path) as fly:
         fly.await_line(lambda line: "climb running" in line)

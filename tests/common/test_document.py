@@ -128,6 +128,11 @@ def test_a_large_file_is_refused_unread(tmp_path: Path) -> None:
         load(path, dict)
 
 
+def test_what_never_ends_is_refused_too() -> None:
+    with pytest.raises(InputError, match=r"at most 1 MB are read"):
+        load_bytes(Path("/dev/zero"))
+
+
 def test_a_file_that_cannot_be_opened_is_a_finding(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read: no such file or directory"):
         load_bytes(tmp_path / "none.yaml")

@@ -133,6 +133,14 @@ def test_a_full_disk_is_told_and_the_last_events_stay() -> None:
     assert {one.platform for one in store.events(list(search))} == {"heron"}
 
 
+def test_a_disk_that_is_full_leaves_nothing_behind_that_fails_at_the_end_of_the_process() -> None:
+    file = Path("/dev/full").open("r+b")  # noqa: SIM115 - the store closes it
+    store = filled(3, file)
+    store.flush()
+    assert store.problem == "events cannot be written: No space left on device"
+    assert file.closed
+
+
 @pytest.mark.parametrize("name", ["all.csv", "all.jsonl"])
 def test_what_fits_is_written_to_a_file_that_other_programs_read(name: str, tmp_path: Path) -> None:
     store = filled(5000)

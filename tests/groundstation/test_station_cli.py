@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.errors import Refused
+from gloc3.errors import InputError, Refused
 from gloc3_groundstation.cli import app
 
 
@@ -30,6 +30,11 @@ def run(*arguments: str) -> object:
 def test_wrong_use_is_refused_with_the_reason(arguments: list[str], reason: str) -> None:
     with pytest.raises(Refused, match=reason):
         run(*arguments)
+
+
+def test_a_mission_of_a_name_that_nothing_has_is_wrong_use() -> None:
+    with pytest.raises(InputError, match="no such mission"):
+        run("--headless", "--mission", "nope")
 
 
 def test_a_mission_that_does_not_pass_the_check_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

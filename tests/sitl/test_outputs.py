@@ -1,5 +1,7 @@
 """The folder of a flight: an earlier flight's files go, everything else stays."""
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,15 @@ def test_what_an_earlier_flight_left_goes_and_what_is_somebody_elses_stays(tmp_p
 def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
     make_anew(tmp_path / "a" / "b")
     assert (tmp_path / "a" / "b").is_dir()
+
+
+def test_a_disk_that_is_full_is_told_before_anything_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write(_path: Path, _data: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", write)
+    with pytest.raises(Refused, match="cannot be written: No space left on device"):
+        make_anew(tmp_path / "out")
 
 
 @pytest.mark.parametrize("name", ["file", "file/below", "/proc/none"])

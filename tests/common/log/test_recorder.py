@@ -294,7 +294,9 @@ def test_a_full_disk_ends_the_log_and_not_the_flight() -> None:
 
 
 @pytest.mark.parametrize("size", [600, 1500, 3000])
-def test_topics_that_begin_when_the_disk_is_full_already_harm_nobody(size: int, caplog: pytest.LogCaptureFixture) -> None:
+def test_topics_that_begin_when_the_disk_is_full_already_harm_nobody(
+    size: int, caplog: pytest.LogCaptureFixture
+) -> None:
     log = LogInMemory()
     recorder = log.recorder = Recorder(FullDisk(size), Clock(log.loop), TopicTable(TOPICS), {})
     exchange = LocalExchange()

@@ -47,8 +47,9 @@ class Studio:
         self._grains = Grains(world.file.dust, seed)
         random = np.random.Generator(np.random.PCG64([seed, self._stream]))
         shape = (model.height + _NOISE_SPAN, model.width + _NOISE_SPAN)
-        noise = random.standard_normal(shape, np.float32) * imager.noise_grey
-        self._noise = np.round(noise).astype(np.int16) if imager.noise_grey > 0.0 else None
+        noise = np.round(random.standard_normal(shape, np.float32) * imager.noise_grey)
+        self._brighter = np.clip(noise, 0, 255).astype(np.uint8)
+        self._darker = np.clip(-noise, 0, 255).astype(np.uint8)
 
     def scene(self, eyes: list[Place], body: Place | None, t_s: float) -> Image:
         """What falls on the sensor, grey values, rows by columns.
@@ -75,14 +76,14 @@ class Studio:
 
     def developed(self, scene: Image, t_s: float) -> Image:
         """The picture of a scene, with the noise of its time."""
-        if self._noise is None:
+        if self._imager.noise_grey == 0.0:
             return scene
         moment = max(0, round(t_s * 1e6))
         down, across = np.random.Generator(np.random.PCG64([self._seed, self._stream, moment])).integers(
             0, _NOISE_SPAN, 2
         )
-        cut = self._noise[down : down + self._model.height, across : across + self._model.width]
-        noisy: Image = self._cv2.add(scene, cut, dtype=self._cv2.CV_8U)
+        cut = np.s_[down : down + self._model.height, across : across + self._model.width]
+        noisy: Image = self._cv2.subtract(self._cv2.add(scene, self._brighter[cut]), self._darker[cut])
         return noisy
 
     def _drawn(self, canvas: Canvas, renderer: Renderer, view: View, light: Light) -> Image:

@@ -7,10 +7,14 @@ ICRA 2002). The mean of the error is always zero: what an update finds is given 
 """
 
 from collections.abc import Callable
+from math import inf
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
+
+from gloc3.frames import Vector3
 
 Matrix = NDArray[np.float64]
 
@@ -24,15 +28,13 @@ SIZE: Final = 16
 CLONE: Final = 6
 
 
-def skew(vector: Matrix | tuple[float, float, float]) -> Matrix:
+def skew(vector: Vector3) -> Matrix:
     """The matrix of the cross product: `skew(a) @ b == a x b`."""
     x, y, z = vector
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
-def past_pose(
-    age_s: float, ned_from_frd: Matrix, velocity_change_m_s: Matrix, way_m: Matrix, out: Matrix | None = None
-) -> Matrix:
+def past_pose(age_s: float, ned_from_frd: Matrix, velocity_change_m_s: Vector3, way_m: Vector3) -> Matrix:
     """How the error of a pose that is `age_s` old follows from the error now, shape (6, 16).
 
     Args:
@@ -40,14 +42,14 @@ def past_pose(
         ned_from_frd: the attitude in the meantime, (3, 3).
         velocity_change_m_s: integral of the specific force since then, in NED.
         way_m: integral of that integral.
-        out: where to write it.
     """
-    jacobian = np.zeros((CLONE, SIZE)) if out is None else out
+    jacobian = np.zeros((CLONE, SIZE))
     jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 2] = 1.0
     jacobian[3, 6] = jacobian[4, 7] = jacobian[5, 8] = 1.0
     if age_s > 1e-6:
         jacobian[0, 3] = jacobian[1, 4] = jacobian[2, 5] = -age_s
-        jacobian[0:3, ROTATION] = skew(way_m - age_s * velocity_change_m_s)
+        (x, y, z), (u, v, w) = way_m, velocity_change_m_s
+        jacobian[0:3, ROTATION] = skew((x - age_s * u, y - age_s * v, z - age_s * w))
         jacobian[0:3, ACCELEROMETER] = (-0.5 * age_s * age_s) * ned_from_frd
         jacobian[3:6, GYROSCOPE] = age_s * ned_from_frd
     return jacobian
@@ -84,7 +86,7 @@ class ErrorState:
         self,
         duration_s: float,
         ned_from_frd: Matrix,
-        force_ned_m_s2: Matrix,
+        force_ned_m_s2: Vector3,
         noise: tuple[float, float, float, float],
         floor_m2: float,
     ) -> None:
@@ -98,14 +100,13 @@ class ErrorState:
             floor_m2: what the floor's level gains in variance.
         """
         dt = duration_s
-        lever = skew(force_ned_m_s2)
+        lever, turned = -dt * skew(force_ned_m_s2), -dt * ned_from_frd
         transition = _UNCHANGED.copy()
         transition[0, 3] = transition[1, 4] = transition[2, 5] = dt
-        transition[POSITION, ROTATION] = (-0.5 * dt * dt) * lever
-        transition[VELOCITY, ROTATION] = -dt * lever
-        transition[POSITION, ACCELEROMETER] = (-0.5 * dt * dt) * ned_from_frd
-        transition[VELOCITY, ACCELEROMETER] = -dt * ned_from_frd
-        transition[ROTATION, GYROSCOPE] = -dt * ned_from_frd
+        transition[POSITION, ROTATION] = 0.5 * dt * lever
+        transition[VELOCITY, ROTATION] = lever
+        transition[POSITION, ACCELEROMETER] = 0.5 * dt * turned
+        transition[VELOCITY, ACCELEROMETER] = transition[ROTATION, GYROSCOPE] = turned
         gyroscope, accelerometer, gyroscope_walk, accelerometer_walk = noise
         q = accelerometer * accelerometer * dt
         growth = np.zeros((SIZE, SIZE))
@@ -162,8 +163,8 @@ class ErrorState:
 
     def test(self, residual: Matrix, rows: Matrix, noise: Matrix) -> float:
         """Normalised innovation squared of a residual (m,) with its Jacobian (m, size) and covariance (m, m)."""
-        spread = rows @ self.covariance @ rows.T + noise
-        return float(residual @ np.linalg.solve(spread, residual))
+        _, solved, trouble = dposv(rows @ self.covariance @ rows.T + noise, residual)
+        return float(residual @ solved) if trouble == 0 else inf
 
     def update(self, residual: Matrix, rows: Matrix, noise: Matrix) -> Matrix:
         """Takes a measurement in; gives the error that was found, shape (size,)."""

@@ -67,7 +67,7 @@ class Estimate:
             settings.accelerometer_walk,
         )
         self._predicted_s = 0.0
-        self._force_s = np.zeros(3)
+        self._force_s: Vector3 = (0.0, 0.0, 0.0)
         self._way_m = 0.0
         self._is_blind = False
 
@@ -93,7 +93,7 @@ class Estimate:
         self.floor_down_m = None
         self._offset = (0.0, 0.0, 0.0)
         self._predicted_s = state.t_s
-        self._force_s[:] = 0.0
+        self._force_s = (0.0, 0.0, 0.0)
         self._way_m = 0.0
 
     # --- time ---
@@ -107,7 +107,8 @@ class Estimate:
             self._is_blind = is_blind
         self.inertial.move(rate, force, t_s)
         fn, fe, fd = self.inertial.force_ned_m_s2
-        self._force_s += (fn * duration_s, fe * duration_s, fd * duration_s)
+        x, y, z = self._force_s
+        self._force_s = (x + fn * duration_s, y + fe * duration_s, z + fd * duration_s)
         vn, ve, _ = self.inertial.now.velocity_ned_m_s
         self._way_m += sqrt(vn * vn + ve * ve) * duration_s
         if self._settings.blend_s > 0.0:
@@ -137,9 +138,11 @@ class Estimate:
         noise = (*_BLIND, *self._noise[2:]) if self._is_blind else self._noise
         attitude = matrix_of(self.inertial.now.ned_from_frd)
         floor_m2 = self._settings.floor_walk**2 * self._way_m
-        self.errors.predict(duration_s, attitude, self._force_s / duration_s, noise, floor_m2)
+        x, y, z = self._force_s
+        mean = (x / duration_s, y / duration_s, z / duration_s)
+        self.errors.predict(duration_s, attitude, mean, noise, floor_m2)
         self._predicted_s = self.t_s
-        self._force_s[:] = 0.0
+        self._force_s = (0.0, 0.0, 0.0)
         self._way_m = 0.0
 
     def past(self, t_s: float) -> Past:
@@ -147,12 +150,12 @@ class Estimate:
         state, now = self.inertial.at(t_s), self.inertial.now
         age_s = now.t_s - t_s
         if age_s < 1e-6:
-            return Past(now, past_pose(0.0, _NONE, _NONE, _NONE))
+            return Past(now, past_pose(0.0, _UNTURNED, _NONE, _NONE))
         (vn, ve, vd), (un, ue, ud) = now.velocity_ned_m_s, state.velocity_ned_m_s
         (pn, pe, pd), (qn, qe, qd) = now.position_ned_m, state.position_ned_m
         fall = GRAVITY_M_S2 * age_s
-        change = np.array((vn - un, ve - ue, vd - ud - fall))
-        way = np.array((pn - qn - un * age_s, pe - qe - ue * age_s, pd - qd - ud * age_s - 0.5 * fall * age_s))
+        change = (vn - un, ve - ue, vd - ud - fall)
+        way = (pn - qn - un * age_s, pe - qe - ue * age_s, pd - qd - ud * age_s - 0.5 * fall * age_s)
         jacobian = past_pose(age_s, matrix_of(now.ned_from_frd), change, way)
         if not self._is_blind:
             return Past(state, jacobian)
@@ -263,9 +266,10 @@ class Estimate:
 
 def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Quaternion:
     """An attitude turned by a small rotation vector in NED."""
-    a, b, c = (0.5 * value for value in rotation_rad)
-    return normalize(multiply((1.0, a, b, c), attitude))
+    a, b, c = rotation_rad
+    return normalize(multiply((1.0, 0.5 * a, 0.5 * b, 0.5 * c), attitude))
 
 
-_NONE: Final = np.zeros(3)
+_NONE: Final[Vector3] = (0.0, 0.0, 0.0)
+_UNTURNED: Final = np.eye(3)
 _AT_REST: Final = np.eye(3) * 0.01**2

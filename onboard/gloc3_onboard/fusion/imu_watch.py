@@ -92,7 +92,8 @@ class ImuWatch:
     def _feel(self, force: Vector3, gap_s: float) -> None:
         """Notes a change that a sample now and then does not follow."""
         assert self._last is not None
-        change = min(hypot(*(now - was for now, was in zip(force, self._last[1], strict=True))), _FASTEST[1])
+        (x, y, z), (u, v, w) = force, self._last[1]
+        change = min(hypot(x - u, y - v, z - w), _FASTEST[1])
         if change > _JOLT_M_S2:
             self._jolt_m_s += 0.5 * change * gap_s
 

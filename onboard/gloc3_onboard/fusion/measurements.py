@@ -4,6 +4,7 @@ from math import isfinite
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf
 
 from gloc3.frames import Quaternion, Vector3, conjugate, multiply, rotate, rotate_back, to_rotation_vector
 from gloc3_onboard.fusion.error_state import Matrix, skew
@@ -44,11 +45,16 @@ def matrix_of(a_from_b: Quaternion) -> Matrix:
     )
 
 
-def heading_gradient(ned_from_frd: Quaternion) -> Matrix:
-    """How the heading of the forward axis follows a small rotation vector in NED, (3,)."""
+def heading_gradient(ned_from_frd: Quaternion) -> Vector3:
+    """How the heading of the forward axis follows a small rotation vector in NED."""
     forward = rotate(ned_from_frd, (1.0, 0.0, 0.0))
     across = max(forward[0] * forward[0] + forward[1] * forward[1], 1e-6)
-    return np.array((-forward[2] * forward[0] / across, -forward[2] * forward[1] / across, 1.0))
+    return (-forward[2] * forward[0] / across, -forward[2] * forward[1] / across, 1.0)
+
+
+def _outer(a: Vector3, b: Vector3) -> Matrix:
+    (x, y, z), (u, v, w) = a, b
+    return np.array(((x * u, x * v, x * w), (y * u, y * v, y * w), (z * u, z * v, z * w)))
 
 
 def relative(
@@ -79,16 +85,15 @@ def relative(
     residual = np.array(
         (told[0][0] - expected[0], told[0][1] - expected[1], told[0][2] - expected[2], *rotation), dtype=np.float64
     )
-    back = matrix_of(axes).T
-    body = matrix_of(attitude).T
+    back, body = matrix_of(conjugate(axes)), matrix_of(conjugate(attitude))
     by_pose, by_reference = np.zeros((6, 6)), np.zeros((6, 6))
     by_pose[:3, :3] = back
     by_pose[3:, 3:] = body
     by_reference[:3, :3] = -back
     if is_level:
         gradient = heading_gradient(attitude_then)
-        by_reference[:3, 3:] = np.outer(back @ (-way[1], way[0], 0.0), -gradient)
-        by_reference[3:, 3:] = np.outer(-body[:, 2], gradient)
+        by_reference[:3, 3:] = _outer(rotate_back(axes, (way[1], -way[0], 0.0)), gradient)
+        by_reference[3:, 3:] = _outer(rotate_back(attitude, (0.0, 0.0, -1.0)), gradient)
     else:
         by_reference[:3, 3:] = back @ skew(way)
         by_reference[3:, 3:] = -body
@@ -109,19 +114,20 @@ def place(
 
 
 def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | None:
-    """The covariance of a message with at least the variances of `floor`; None where it is none at all."""
+    """The covariance of a message with at least the variances of `floor`; None where it is none at all.
+
+    One that is not positive definite is left with its variances alone: its correlations cannot be believed.
+    """
     if len(numbers) != rows * rows or not all(map(isfinite, numbers)):
         return None
     given = np.array(numbers).reshape(rows, rows)
-    diagonal = given.diagonal()
+    covariance: Matrix = 0.5 * (given + given.T)
+    diagonal = covariance.diagonal()
     if diagonal.min() < 0.0:
         return None
-    covariance: Matrix = 0.5 * (given + given.T) + np.diag(np.maximum(floor - diagonal, 0.0))
-    try:
-        np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError:  # no covariance: its correlations cannot be believed
-        covariance = np.diag(covariance.diagonal())
-    return covariance
+    covariance.reshape(-1)[:: rows + 1] = np.maximum(diagonal, floor)
+    _, trouble = dpotrf(covariance)
+    return np.diag(covariance.diagonal()) if trouble else covariance
 
 
 def _told(measured: Measured) -> Measured | None:
@@ -136,7 +142,7 @@ def _told(measured: Measured) -> Measured | None:
         if not kept.size:
             return None
         by_reference = None if measured.by_reference is None else measured.by_reference[kept]
-        return Measured(measured.residual[kept], measured.by_pose[kept], by_reference, noise[np.ix_(kept, kept)])
+        return Measured(measured.residual[kept], measured.by_pose[kept], by_reference, noise[kept][:, kept])
     values, vectors = np.linalg.eigh(noise)
     known = values < UNKNOWN_FROM
     if not known.any():

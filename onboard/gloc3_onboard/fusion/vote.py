@@ -127,7 +127,10 @@ class Vote:
 
     def record(self, source: str) -> Record:
         """That of a source."""
-        return self.records.setdefault(source, Record())
+        record = self.records.get(source)
+        if record is None:
+            record = self.records[source] = Record()
+        return record
 
     def look(self, voters: Mapping[str, bool], position: Vector3, heading_std_rad: float, now_s: float) -> Verdict:
         """Takes the vote.

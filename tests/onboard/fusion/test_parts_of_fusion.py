@@ -126,7 +126,7 @@ def test_the_error_of_a_past_pose_follows_from_the_error_now() -> None:
     change = np.subtract(state.velocity_ned_m_s, then.velocity_ned_m_s) - (0, 0, 9.80665 * 0.2)
     way = np.subtract(state.position_ned_m, then.position_ned_m)
     way = way - np.multiply(then.velocity_ned_m_s, 0.2) - (0, 0, 9.80665 * 0.02)
-    jacobian = past_pose(0.2, matrix_of(state.ned_from_frd), change, way)
+    jacobian = past_pose(0.2, matrix_of(state.ned_from_frd), tuple(change.tolist()), tuple(way.tolist()))
     assert (jacobian @ now).tolist() == pytest.approx(difference(wrong.at(0.0), then).tolist(), abs=5e-7)
 
 

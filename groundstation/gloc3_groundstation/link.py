@@ -13,12 +13,11 @@ from gloc3.link.codec import Encoder, Frame, Parser, enums, shape
 from gloc3.link.heartbeat import Heartbeat, Peer, Peers
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
-from gloc3.link.signing import Signing, Verdict, timestamp
+from gloc3.link.signed_only import SignedOnly
+from gloc3.link.signing import Signing, timestamp
 from gloc3.topics import TopicTable
 
 STATION_COMPONENT: Final = 190
-REFUSED_AGAIN_S: Final = 60.0
-"""So often a person is told how many frames were dropped for their signature."""
 
 Tap = Callable[[bytes], None]
 """Is given every frame of a link, in and out, as it is."""
@@ -82,7 +81,7 @@ class Link:
         self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
         self._own = own
         self._has_told_of_double = False
-        self._refused_s: dict[Verdict, float] = {}
+        self._signed_only = SignedOnly(signing, told)
         end = TunnelEndpoint(Role.STATION, str(system), own, boot, topics, budget or LinkBudget())
         self._tunnel = MavlinkExchange(end, loop, self._send_message)
         self._tunnel.listen(self._happened)
@@ -94,8 +93,7 @@ class Link:
         now_s = self._loop.time()
         for frame in self._parser.receive(data):
             self._tap(frame.raw)
-            if self._signing is not None and not (verdict := self._signing.verify(frame)).is_good:
-                self._refuse(frame, verdict, now_s)
+            if not self._signed_only.passes(frame, now_s):
                 continue
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
@@ -186,20 +184,6 @@ class Link:
             self._told(happening.text)
         elif isinstance(happening, Undelivered):
             self._undelivered(happening)
-
-    def _refuse(self, frame: Frame, verdict: Verdict, now_s: float) -> None:
-        """Tells of a frame that is dropped for its signature, but not of each."""
-        if self._signing is None or now_s < self._refused_s.get(verdict, float("-inf")):
-            return
-        self._refused_s[verdict] = now_s + REFUSED_AGAIN_S
-        count, who = self._signing.verdicts[verdict], f"{frame.system}/{frame.component}"
-        so_far = f"{count} so far" if count > 1 else "and so will others be"
-        hint = {
-            Verdict.UNSIGNED: "; is signing switched on there?",
-            Verdict.FORGED: "; has it another key?",
-            Verdict.REPEATED: "; is its clock right?",
-        }
-        self._told(f"a frame from {who} is dropped ({verdict}), {so_far}{hint.get(verdict, '')}")
 
     def _is_doubled(self) -> None:
         if not self._has_told_of_double:

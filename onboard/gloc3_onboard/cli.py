@@ -39,6 +39,7 @@ def onboard(
     device: Annotated[list[str] | None, Parameter(negative=())] = None,
     out: Path | None = None,
     system_id: int = 1,
+    signing_key: Path | None = None,
     quiet: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
     """Run the onboard companion process.
@@ -51,10 +52,14 @@ def onboard(
             again. It goes before what the platform file says. docs/sensors.md lists the URLs.
         out: Folder for the log, pictures and state; default: gloc3-PLATFORM here.
         system_id: The vehicle's MAVLink system; this process is component 191 of it.
+        signing_key: A file with the MAVLink signing key of the links to ground stations, which nobody else may read: 64
+            hexadecimal digits, or `passphrase: ...`; the stations have the same. Then frames without its signature are
+            dropped and told.
         quiet: No narration on stderr.
     """
     if not 1 <= system_id <= MOST_SYSTEM_ID:
         raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
+    from gloc3.link.signing_key import read_signing_key
     from gloc3_onboard.process import ProcessOptions, run
 
     options = ProcessOptions(
@@ -65,5 +70,6 @@ def onboard(
         out=out,
         system_id=system_id,
         is_quiet=quiet,
+        signing_key=None if signing_key is None else read_signing_key(signing_key.expanduser()),
     )
     return asyncio.run(run(options))

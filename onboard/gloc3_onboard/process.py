@@ -14,6 +14,7 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
 from gloc3.platform import Platform, find_platform, load_platform
@@ -52,6 +53,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     out: Path | None = None
     system_id: int = 1
     is_quiet: bool = False
+    signing_key: bytes | None = None
+    """Of the links to ground stations; None for links that are not signed."""
 
 
 async def run(options: ProcessOptions) -> int:
@@ -114,7 +117,7 @@ class OnboardProcess:
         """Opens the links and the log, and brings the components up."""
         platform, options = self._platform, self._options
         await self._open_link(options.autopilot, self._autopilot)
-        for url in options.stations:
+        for number, url in enumerate(options.stations):
             link = StationLink(
                 platform.platform,
                 options.system_id,
@@ -123,6 +126,7 @@ class OnboardProcess:
                 self._topics,
                 self._random.getrandbits(32),
                 budget_of(url),
+                self._signing(number),
             )
             self._stations.append(link)
             await self._open_link(url, link)
@@ -186,6 +190,11 @@ class OnboardProcess:
 
     def _log_problem(self) -> str:
         return self._recorder.problem if self._recorder is not None else ""
+
+    def _signing(self, number: int) -> Signing | None:
+        """What signs the link of this number, where there is a key."""
+        key = self._options.signing_key
+        return None if key is None else Signing(key, link_id=number & 0xFF, now=timestamp(self._clock.utc_s()))
 
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
         endpoint = await open_endpoint(url, self._loop, link.receive)

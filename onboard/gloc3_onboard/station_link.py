@@ -5,16 +5,19 @@ from collections.abc import Callable
 from typing import Final
 
 from gloc3.ci import Health, StationHeard, Summary
+from gloc3.clock import Clock
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening
+from gloc3.exchange.tunnel.happenings import Happening, Trouble
 from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, MavlinkMessage, Parser
-from gloc3.messages import Envelope
+from gloc3.link.signed_only import SignedOnly
+from gloc3.link.signing import Signing, timestamp
+from gloc3.messages import Envelope, Event, Severity
 from gloc3.supervision import HEARTBEAT_STATE
 from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import COMPANION, ByteLink
@@ -73,7 +76,7 @@ class StationLink:
         topics: the topics that are known.
         boot: a random number for this start of the process.
         budget: what the link carries.
-        tell: takes what happens on the link.
+        signing: signs all that is sent, and judges all that is heard; None on a link without a key.
     """
 
     def __init__(
@@ -85,13 +88,16 @@ class StationLink:
         topics: TopicTable,
         boot: int,
         budget: LinkBudget = RADIO,
-        tell: Callable[[Happening], None] | None = None,
+        signing: Signing | None = None,
     ) -> None:
         self._loop = loop
+        self._signing = signing
+        self._signed_only = SignedOnly(signing, self._warn)
+        self._utc_offset_s = Clock(loop).utc_offset_s
         self._endpoint: ByteLink | None = None
         self._parser = Parser()
         own = Address(system_id, COMPANION)
-        self._encoder = Encoder(*own)
+        self._encoder = Encoder(*own, signing)
         tunnel = TunnelEndpoint(Role.PLATFORM, platform, own, boot, topics, budget)
         self._exchange = MavlinkExchange(tunnel, loop, self.send)
         self._tunnel_id = codec.shape("TUNNEL").id
@@ -101,8 +107,8 @@ class StationLink:
         self._publisher = Publisher(exchange, platform, "station_link", boot)
         self._heard_topic = f"{platform}/ci/heard"
         self._heard_s: dict[str, float] = {}
-        if tell is not None:
-            self._exchange.listen(tell)
+        self._event_topic = f"{platform}/components/station_link/event"
+        self._exchange.listen(self._happened)
 
     def open(self, endpoint: ByteLink) -> None:
         """Begins to talk over an endpoint, whose owner passes what it hears to `receive`."""
@@ -118,11 +124,15 @@ class StationLink:
     def send(self, message: MavlinkMessage) -> None:
         """Sends one message as the companion."""
         if self._endpoint is not None:
+            if self._signing is not None:
+                self._signing.advance(timestamp(self._loop.time() + self._utc_offset_s))
             self._endpoint.send(self._encoder.encode(message))
 
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard."""
         for frame in self._parser.receive(data):
+            if not self._signed_only.passes(frame, self._loop.time()):
+                continue
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
@@ -132,6 +142,15 @@ class StationLink:
                 message = frame.decode()
                 if message is not None and message.type == GROUND_STATION:
                     self._hear(frame.sender)
+
+    def _happened(self, happening: Happening) -> None:
+        """What a person should know of the link is an event as any other: logged, and told to the stations."""
+        if isinstance(happening, Trouble):
+            self._warn(happening.text)
+
+    def _warn(self, text: str) -> None:
+        event = Event(severity=Severity.WARNING, text=text)
+        self._publisher.publish(self._event_topic, event, self._loop.time())
 
     def _hear(self, sender: Address) -> None:
         """A station is known by its MAVLink system."""

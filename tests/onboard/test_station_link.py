@@ -1,0 +1,120 @@
+"""The link to stations: what is told of it becomes an event, and with a key nothing else is taken or sent."""
+
+import asyncio
+from random import Random
+
+import pytest
+
+from gloc3.ci import CiRequest, Hello
+from gloc3.clock import Clock, run_virtual
+from gloc3.exchange import LocalExchange, Publisher
+from gloc3.link.codec import Encoder, message
+from gloc3.link.memory import MemoryLink
+from gloc3.link.signing import Signing, timestamp
+from gloc3.messages import Envelope, Event
+from gloc3.topics import TopicTable
+from gloc3_groundstation.link import Link
+from gloc3_onboard.station_link import StationLink
+
+TOPICS = TopicTable.installed()
+KEY, OTHER = bytes(range(32)), bytes(32)
+
+
+class Ends:
+    """A platform and a station at the ends of one link, in virtual time."""
+
+    def __init__(self, platform_key: bytes | None, station_key: bytes | None) -> None:
+        self.loop = asyncio.get_running_loop()
+        self.memory = MemoryLink(self.loop, Random(3))
+        self.here, self.there = LocalExchange(), LocalExchange()
+        self.requests: list[Envelope[CiRequest]] = []
+        self.events: list[str] = []
+        self.told: list[str] = []
+        self.here.subscribe("heron/ci/request", self.requests.append)
+        self.here.subscribe("heron/components/station_link/event", self._take)
+        platform_signing, station_signing = self._signing(platform_key), self._signing(station_key)
+        self.platform = StationLink("heron", 1, self.loop, self.here, TOPICS, 7, signing=platform_signing)
+        self.memory.b.on_data = self.platform.receive
+        self.platform.open(self.memory.b)
+        self.station = Link(
+            self.memory.a.send,
+            loop=self.loop,
+            exchange=self.there,
+            topics=TOPICS,
+            system=255,
+            boot=8,
+            told=self.told.append,
+            signing=station_signing,
+        )
+        self.memory.a.on_data = self.station.receive
+
+    def _signing(self, key: bytes | None) -> Signing | None:
+        return None if key is None else Signing(key, link_id=0, now=timestamp(Clock(self.loop).utc_offset_s))
+
+    def _take(self, envelope: Envelope[Event]) -> None:
+        self.events.append(envelope.payload.text)
+
+    async def ask(self) -> None:
+        """Has the station greet the platform for ten seconds, and ask for something in the middle."""
+        await asyncio.sleep(5.0)
+        request = CiRequest(sender="255", boot=8, sequence=0, body=Hello())
+        Publisher(self.there, "station", "client", 8).publish("heron/ci/request", request, self.loop.time())
+        await asyncio.sleep(5.0)
+
+    def close(self) -> None:
+        self.station.close()
+        self.platform.close()
+
+
+@pytest.mark.parametrize(
+    ("platform_key", "station_key", "is_heard"),
+    [(None, None, True), (KEY, KEY, True), (KEY, None, False), (None, KEY, False), (KEY, OTHER, False)],
+    ids=["no key", "one key", "only onboard", "only at the station", "two keys"],
+)
+def test_stations_are_taken_by_their_key(platform_key: bytes | None, station_key: bytes | None, is_heard: bool) -> None:
+    async def play() -> None:
+        ends = Ends(platform_key, station_key)
+        await ends.ask()
+        is_seen = is_heard or station_key is None  # who has no key still hears what is signed
+        assert [name for name, _ in ends.station.platforms()] == (["heron"] if is_seen else [])
+        assert len(ends.requests) == is_heard
+        refused = {None: "not signed", OTHER: "the signature is wrong"}.get(station_key, "")
+        if platform_key is not None and not is_heard:
+            assert ends.events[0].startswith(f"a frame from 255/190 is dropped ({refused})")
+        else:
+            assert ends.events == []
+        ends.close()
+
+    run_virtual(play())
+
+
+def test_what_a_person_should_know_of_the_link_is_an_event_of_the_platform() -> None:
+    async def play() -> None:
+        ends = Ends(None, None)
+        await asyncio.sleep(2.0)
+        twin = Link(
+            ends.memory.a.send,
+            loop=ends.loop,
+            exchange=LocalExchange(),
+            topics=TOPICS,
+            system=255,
+            boot=99,
+            told=lambda _: None,
+        )
+        await asyncio.sleep(10.0)
+        assert any("255" in text for text in ends.events), "a second station of the same id"
+        twin.close()
+        ends.close()
+
+    run_virtual(play())
+
+
+def test_garbage_on_a_signed_link_harms_nobody() -> None:
+    async def play() -> None:
+        ends = Ends(KEY, KEY)
+        ends.platform.receive(bytes(range(256)) + Encoder(9, 1).encode(message("HEARTBEAT", type=6))[:-3])
+        await ends.ask()
+        assert len(ends.requests) == 1
+        ends.close()
+
+    run_virtual(play())

@@ -21,6 +21,8 @@ LOSS_BAD: Final = 0.5
 """Share of the status that is lost from which the link is worth an alert."""
 SETTLE_S: Final = 5.0
 """A platform that is new or has restarted is given this long before its link, and what is still missing, is judged."""
+ANSWERED_S: Final = 10.0
+"""So long a refusal of what the operator asked for is shown."""
 LINK: Final = "link"
 """What a vehicle that is not heard is known by."""
 SAID: Final = "event "
@@ -113,7 +115,7 @@ def update(alerts: Alerts, fleet: Fleet, now_s: float) -> Alerts:
     for key, cause in standing.items():
         found[key] = _standing(found.get(key), cause, now_s)
     for event in fleet.events_after(alerts.events_seen):
-        if event.severity > Severity.WARNING or _is_answer(event):
+        if event.severity > Severity.WARNING or is_answer(event):
             continue
         if (event.platform, f"component {event.source}") not in standing:
             alert = _said(found.get((event.platform, _what(event))), event)
@@ -246,9 +248,19 @@ def _what(event: FleetEvent) -> str:
     return f"{SAID}{event.source}: {event.text}"
 
 
-def _is_answer(event: FleetEvent) -> bool:
+def is_answer(event: FleetEvent) -> bool:
     """Whether it only answers what this station's operator has just asked for: a refusal."""
-    return not event.source and bool(event.platform) and event.severity is Severity.ERROR
+    return not event.source and event.severity is Severity.ERROR
+
+
+def answer(fleet: Fleet, now_s: float) -> FleetEvent | None:
+    """The refusal that the operator has to be shown now; None where there was none lately."""
+    for event in reversed(fleet.events):
+        if now_s - event.heard_s >= ANSWERED_S:
+            return None
+        if is_answer(event):
+            return event
+    return None
 
 
 def _sorted(alerts: Iterable[Alert]) -> list[Alert]:

@@ -58,4 +58,4 @@ class EventsDesk:
         self._kept = after.event_count
         if self.store.problem and not self._has_told:
             self._has_told = True
-            self._station.note("", Severity.ERROR, self.store.problem)
+            self._station.note("", Severity.WARNING, self.store.problem)

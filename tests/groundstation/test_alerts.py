@@ -122,6 +122,7 @@ def test_warnings_that_are_said_again_are_counted_and_go_when_they_are_acknowled
 
 def test_a_refusal_of_what_the_operator_asked_for_is_an_answer_and_no_alert() -> None:
     fleet = reducers.note(fleet_of(), "heron", Severity.ERROR, "start: pose is faulty", 100.0)
+    fleet = reducers.note(fleet, "", Severity.ERROR, "export: 'events.csv' is there already", 100.0)
     assert update(Alerts(), fleet, 100.0).all == {}
     fleet = reducers.note(fleet, "", Severity.WARNING, "another station has this id", 100.0)
     assert told(update(Alerts(), fleet, 100.0)) == [(Severity.WARNING, "another station has this id")]

@@ -119,6 +119,15 @@ def test_the_worst_alert_stands_above_every_screen() -> None:
     assert alert_line(view(PLATFORM), 80) == ()
 
 
+def test_a_refusal_stands_above_every_screen_for_a_while() -> None:
+    now = view(flying(battery_percent=9))
+    fleet = reducers.note(now.fleet, "heron", Severity.ERROR, "start: the autopilot does not answer", now.now_s)
+    refused = now._replace(fleet=fleet)
+    assert text_of(alert_line(refused, 80)) == " ✗ heron: start: the autopilot does not answer"
+    later = refused._replace(now_s=now.now_s + alerts.ANSWERED_S)
+    assert text_of(alert_line(later, 80)).startswith(" critical: heron: battery")
+
+
 def test_each_vehicle_has_a_line_in_columns() -> None:
     egret = replace(PLATFORM, name="egret", mission=None)
     both = view(PLATFORM, egret)

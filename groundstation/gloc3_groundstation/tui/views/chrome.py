@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from gloc3.messages import Severity
 from gloc3_groundstation import wording
-from gloc3_groundstation.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT
+from gloc3_groundstation.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT, answer
 from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, fitted, spread, text_of
 from gloc3_groundstation.tui.view import View
 
@@ -130,7 +130,11 @@ def tab_at(tabs: Sequence[Tab], width: int, column: int) -> Tab | None:
 
 
 def alert_line(view: View, width: int) -> Line:
-    """The worst alert that nobody has acknowledged; empty without one."""
+    """Why the operator was refused just now, else the worst alert that nobody has acknowledged; empty without either."""
+    refusal = answer(view.fleet, view.now_s)
+    if refusal is not None:
+        whose = f"{refusal.platform}: " if refusal.platform else ""
+        return (Span(cut(f" ✗ {whose}{' '.join(refusal.text.split())}", width), Tone.BAD),)
     pending = view.alerts.pending
     if not pending:
         return EMPTY

@@ -4,7 +4,7 @@ from unittest.mock import patch
 
 import pytest
 from textual.command import CommandPalette
-from textual.widgets import Input, OptionList
+from textual.widgets import ContentSwitcher, Input, OptionList
 
 from gloc3.ci import ControlState, Emergency, EmergencyVerb, LoadMission, Steer, Verb
 from gloc3_groundstation.configuration import Configuration, LastSession
@@ -12,11 +12,11 @@ from gloc3_groundstation.flights import End
 from gloc3_groundstation.tui.help import HelpScreen
 from gloc3_groundstation.tui.lines import text_of
 from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import Question
+from gloc3_groundstation.tui.questions import AskFor, Question
 from gloc3_groundstation.tui.screens.table import SCREENS
 
 from .scripted_platform import ScriptedPlatform, refused
-from .station_scene import scene
+from .station_scene import Scene, scene
 
 pytestmark = pytest.mark.thorough
 
@@ -178,6 +178,23 @@ async def test_the_palette_offers_what_can_be_done_now() -> None:
         await here.press("enter")
         await here.wait(lambda: here.app.theme == "daylight")
         assert here.app.configuration().theme == "daylight"
+        await choose(here, "export")
+        await here.wait(lambda: isinstance(here.app.screen, AskFor) and here.app.current_mode == "events")
+        await here.press("escape")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        await choose(here, "logs: list")
+        await here.wait(lambda: here.app.current_mode == "services")
+        await here.wait(lambda: here.app.screen.query_one(ContentSwitcher).current == "logs")
+
+
+async def choose(here: Scene, query: str) -> None:
+    """Takes the first that the command palette finds."""
+    await here.press("ctrl+p")
+    await here.shows(CommandPalette)
+    here.app.screen.query_one(Input).value = query
+    await here.wait(lambda: here.app.screen.query_one(OptionList).option_count > 0)
+    await here.pilot.pause(0.1)
+    await here.press("enter")
 
 
 async def test_the_vehicle_key_looks_at_the_next_and_what_was_in_view_is_kept_for_next_time() -> None:

@@ -30,7 +30,7 @@ from gloc3_groundstation.tui.questions import (
     EmergencyQuestion,
     Question,
 )
-from gloc3_groundstation.tui.screen import LookAt, StationScreen
+from gloc3_groundstation.tui.screen import LookAt, Offer, StationScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import THEMES, offer_themes
@@ -198,6 +198,12 @@ class StationApp(App[End | None]):
     def action_go(self, name: str) -> None:
         """Shows a screen."""
         self.switch_mode(name)
+
+    async def take_up(self, name: str, offer: Offer) -> None:
+        """Shows a screen and does there what was offered."""
+        await self.switch_mode(name)
+        if self.base is not None:
+            await self.base.take_up(offer)
 
     def action_help(self) -> None:
         """Explains the screen in view and its keys."""

@@ -1,4 +1,4 @@
-"""The command palette: every screen, every action on the vehicle in view, every vehicle and every theme, by name."""
+"""The command palette: all screens with what their keys do, what can be asked of the vehicle in view, vehicles, themes."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -25,17 +25,17 @@ MOVES = {
 
 
 class StationCommands(Provider):
-    """Offers what can be done now; nothing that would be refused."""
+    """Offers what can be done now, and what the keys of the other screens do, which are shown then."""
 
     async def discover(self) -> Hits:
-        """All of it, in order."""
+        """What can be done now, in order."""
         for command in self._commands():
             yield DiscoveryHit(command.title, command.run, help=command.help)
 
     async def search(self, query: str) -> Hits:
         """What fits some letters."""
         matcher = self.matcher(query)
-        for command in self._commands():
+        for command in (*self._commands(), *self._elsewhere()):
             score = matcher.match(command.title)
             if score > 0:
                 yield Hit(score, matcher.highlight(command.title), command.run, help=command.help)
@@ -63,6 +63,14 @@ class StationCommands(Provider):
             yield Command(f"Theme: {theme}", said, partial(setattr, app, "theme", theme))
         yield Command("Help", "the screen in view and its keys", app.action_help)
         yield Command("Quit", "asks while a vehicle is armed in our control", app.action_leave)
+
+    def _elsewhere(self) -> Iterator[Command]:
+        """What the keys of the screens do that are not shown."""
+        app = cast("StationApp", self.app)
+        for row in SCREENS:
+            if row.name != app.current_mode:
+                for offer in row.screen.offers(row.title):
+                    yield Command(offer.title, offer.help, partial(app.take_up, row.name, offer))
 
     def _keys(self, screen: StationScreen) -> Iterator[Command]:
         """The screen's own keys, by their names."""

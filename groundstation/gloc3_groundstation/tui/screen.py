@@ -1,10 +1,11 @@
 """The base of all screens: title, screens and alert above, keys below, and between them what the screen itself shows."""
 
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from typing import Any, ClassVar, Final, NamedTuple
 
 from textual import on
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.containers import Container
 from textual.events import Click, Resize, ScreenResume
 from textual.message import Message
@@ -38,6 +39,28 @@ class Command(NamedTuple):
     title: str
     help: str
     run: Callable[[], Any]
+
+
+class Offer(NamedTuple):
+    """A key of a screen that is not shown, for the command palette."""
+
+    title: str
+    help: str
+    action: str
+    part: str = ""
+    """Of the screen, that has to be shown first."""
+
+
+def offers(title: str, bindings: Iterable[BindingType], part: str = "") -> Iterator[Offer]:
+    """What those of some keys do that are told, by name."""
+    for binding in bindings:
+        if isinstance(binding, Binding) and is_told(binding):
+            yield Offer(f"{title}: {binding.description}", binding.tooltip, binding.action, part)
+
+
+def is_told(binding: Binding) -> bool:
+    """Whether a key does something of the screen itself that has a name worth finding."""
+    return bool(binding.show or binding.tooltip) and not binding.action.startswith(("screen.", "app."))
 
 
 class LookAt(Message):
@@ -92,6 +115,16 @@ class StationScreen(Screen[None]):
     def commands(self) -> Iterable[Command]:
         """What the command palette offers on this screen beyond its keys."""
         return ()
+
+    @classmethod
+    def offers(cls, title: str) -> Iterable[Offer]:
+        """What the command palette offers of this screen while another one is shown."""
+        return offers(title, cls.BINDINGS)
+
+    async def take_up(self, offer: Offer) -> None:
+        """Does what was offered, now that the screen is shown."""
+        self.look_again()
+        await self.run_action(offer.action)
 
     # --- what it may call ---
 

@@ -1,6 +1,7 @@
 """The vehicle services: parameters, plans, logs, files, calibration and message rates of the vehicle in view."""
 
 from collections.abc import Iterable
+from functools import partial
 from typing import ClassVar, Final
 
 from textual.app import ComposeResult
@@ -11,7 +12,7 @@ from textual.widgets import ContentSwitcher, Input
 from gloc3_groundstation.service_jobs import Service
 from gloc3_groundstation.services_desk import reached
 from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.screen import Command, StationScreen
+from gloc3_groundstation.tui.screen import Command, Offer, StationScreen, offers
 from gloc3_groundstation.tui.services.calibration import CalibrationPane
 from gloc3_groundstation.tui.services.files import FilesPane
 from gloc3_groundstation.tui.services.logs import LogsPane
@@ -98,8 +99,26 @@ class ServicesScreen(StationScreen):
         job.show(lines)
 
     def commands(self) -> Iterable[Command]:
-        """The keys of the pane that is shown."""
-        return self.pane.commands()
+        """The keys of the pane that is shown, then those of the others."""
+        yield from self.pane.commands()
+        for offer in self.offers(self.row.title):
+            if offer.part and offer.part != self.pane.service:
+                yield Command(offer.title, offer.help, partial(self.take_up, offer))
+
+    @classmethod
+    def offers(cls, title: str) -> Iterable[Offer]:
+        """Its own keys, and those of its panes."""
+        yield from offers(title, cls.BINDINGS)
+        for pane in PANES:
+            yield from offers(pane.service, pane.BINDINGS, pane.service)
+
+    async def take_up(self, offer: Offer) -> None:
+        """Does what was offered, in the pane that it belongs to."""
+        if not offer.part:
+            await super().take_up(offer)
+            return
+        self._turn_to(Service(offer.part))
+        await self.pane.run_action(offer.action)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leaves the arrows to a line that is being typed."""
@@ -115,8 +134,10 @@ class ServicesScreen(StationScreen):
     def action_service(self, step: int) -> None:
         """Looks at the next service."""
         order = list(Service)
-        chosen = order[(order.index(self.pane.service) + step) % len(order)]
-        self.query_one(ContentSwitcher).current = ServicePane.name_of(chosen)
+        self._turn_to(order[(order.index(self.pane.service) + step) % len(order)])
+
+    def _turn_to(self, service: Service) -> None:
+        self.query_one(ContentSwitcher).current = ServicePane.name_of(service)
         self.look_again()
         self.pane.list.focus()
 

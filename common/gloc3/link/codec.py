@@ -54,7 +54,7 @@ def _describe(number: int) -> Shape | None:
         types["param_value"] = "uint32_t"
     columns = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
     fields = [Field(name, types[name], count) for name, count in columns]
-    return Shape(kind.msgname, number, kind.crc_extra, fields)
+    return Shape(kind.msgname, number, kind.crc_extra, fields, kind.instance_field)
 
 
 class _Shapes(dict[int, Shape | None]):

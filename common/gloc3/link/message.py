@@ -95,6 +95,7 @@ class Shape:
         "crc_extra",
         "fields",
         "id",
+        "instance",
         "message",
         "name",
         "size",
@@ -102,7 +103,9 @@ class Shape:
         "target_system_at",
     )
 
-    def __init__(self, name: str, number: int, crc_extra: int, fields: Sequence[Field]) -> None:
+    def __init__(
+        self, name: str, number: int, crc_extra: int, fields: Sequence[Field], instance: str | None = None
+    ) -> None:
         self.name = name
         self.id = number
         self.crc_extra = bytes([crc_extra])
@@ -115,6 +118,8 @@ class Shape:
         self._writers = tuple((index, _writer(name, field)) for index, field in arrays)
         self.target_system_at = self._offset("target_system", "target")
         self.target_component_at = self._offset("target_component")
+        self.instance = self._slice(instance)
+        """Where the payload says which of several senders of this message it is, such as a battery's number."""
         self.message = cast(
             "type[MavlinkMessage]",
             msgspec.defstruct(
@@ -172,6 +177,16 @@ class Shape:
                 return offset
             offset += struct.calcsize("<" + field.code)
         return -1
+
+    def _slice(self, name: str | None) -> slice:
+        """The bytes of a field in the payload; none without a name."""
+        offset = 0
+        for field in self.fields:
+            size = struct.calcsize("<" + field.code)
+            if field.name == name:
+                return slice(offset, offset + size)
+            offset += size
+        return slice(0)
 
     def _explain(self, message: MavlinkMessage) -> str:
         """Which field could not be encoded."""

@@ -76,6 +76,11 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
         """The component that it is addressed to; 0 for all, or when the message has no address."""
         return self._byte(self.shape.target_component_at) if self.shape is not None else 0
 
+    @property
+    def instance(self) -> bytes:
+        """Which of several such senders of one component it is, where the message says so; otherwise empty."""
+        return b"" if self.shape is None else self.payload[self.shape.instance].rstrip(b"\0")
+
     def decode(self) -> MavlinkMessage | None:
         """The message, or None for one that the dialect does not know."""
         return None if self.shape is None else self.shape.decode(self.raw, self.start, self.length)

@@ -14,6 +14,7 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.link.router import Router
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
@@ -25,6 +26,7 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.rig import PlatformRig
+from gloc3_onboard.routing import RoutedLink
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.sources.asked import source_urls
@@ -93,8 +95,10 @@ class OnboardProcess:
         self._random = SystemRandom()
         self._out = options.out or Path(f"gloc3-{platform.platform}")
         self._endpoints: list[Endpoint] = []
+        self._routed: list[RoutedLink] = []
         self._stations: list[StationLink] = []
         self._autopilot = AutopilotLink(loop, self._clock, options.system_id, self.say)
+        self._router = Router(self._autopilot.own, self._system_restarted)
         self._recorder: Recorder | None = None
         folder = find_platform(options.platform).parent
         self._rig = PlatformRig(platform, folder)
@@ -153,6 +157,8 @@ class OnboardProcess:
         self._autopilot.close()
         for station in self._stations:
             station.close()
+        for routed in self._routed:
+            routed.close()
         for endpoint in self._endpoints:
             await endpoint.close()
         if self._recorder is not None:
@@ -164,6 +170,9 @@ class OnboardProcess:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
             self._narrator.say(f"onboard: {text}")
+
+    def _system_restarted(self, system: int) -> None:
+        self.say(Severity.NOTICE, f"MAVLink system {system} has restarted: its routes are learned anew")
 
     def _narrate(self, envelope: Envelope[Event]) -> None:
         event = envelope.payload
@@ -197,9 +206,12 @@ class OnboardProcess:
         return None if key is None else Signing(key, link_id=number & 0xFF, now=timestamp(self._clock.utc_s()))
 
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
-        endpoint = await open_endpoint(url, self._loop, link.receive)
+        routed = RoutedLink(url, self._router, self._loop, link.take)
+        endpoint = await open_endpoint(url, self._loop, routed.receive)
         self._endpoints.append(endpoint)
-        link.open(endpoint)
+        self._routed.append(routed)
+        routed.open(endpoint)
+        link.open(routed)
 
     def _look_at_links(self) -> None:
         """Tells of links that lead nowhere, and when that changes."""

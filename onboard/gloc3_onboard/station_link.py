@@ -1,7 +1,7 @@
 """A MAVLink link to stations: our exchanger's topics in TUNNEL frames, and the heartbeat of component 191."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from gloc3.ci import Health, StationHeard, Summary
@@ -14,7 +14,7 @@ from gloc3.exchange.tunnel.happenings import Happening, Trouble
 from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.link import codec
-from gloc3.link.codec import Address, Encoder, MavlinkMessage, Parser
+from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
 from gloc3.link.signed_only import SignedOnly
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event, Severity
@@ -130,9 +130,13 @@ class StationLink:
 
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard."""
-        for frame in self._parser.receive(data):
-            if not self._signed_only.passes(frame, self._loop.time()):
-                continue
+        self.take(self._parser.receive(data))
+
+    def take(self, frames: Iterable[Frame]) -> list[Frame]:
+        """Takes in frames that somebody else has found; those that are what they say they are, to be passed on."""
+        now_s = self._loop.time()
+        genuine = [frame for frame in frames if self._signed_only.passes(frame, now_s)]
+        for frame in genuine:
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
@@ -142,6 +146,7 @@ class StationLink:
                 message = frame.decode()
                 if message is not None and message.type == GROUND_STATION:
                     self._hear(frame.sender)
+        return genuine
 
     def _happened(self, happening: Happening) -> None:
         """What a person should know of the link is an event as any other: logged, and told to the stations."""

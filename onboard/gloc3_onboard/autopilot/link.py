@@ -11,7 +11,7 @@ from typing import Final, Protocol
 from gloc3.clock import Clock
 from gloc3.frames import Vector3
 from gloc3.link import codec
-from gloc3.link.codec import Address, Encoder, Parser
+from gloc3.link.codec import Address, Encoder, Frame, Parser
 from gloc3.link.command import CommandClient
 from gloc3.link.heartbeat import PeerChange, Peers
 from gloc3.link.mission_client import MissionClient, Transfer
@@ -121,8 +121,12 @@ class AutopilotLink:
 
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard."""
+        self.take(self._parser.receive(data))
+
+    def take(self, frames: Sequence[Frame]) -> Sequence[Frame]:
+        """Takes in frames that somebody else has found; all may be passed on."""
         now_s, is_settled = self._loop.time(), True
-        for frame in self._parser.receive(data):
+        for frame in frames:
             self.frames_received += 1
             if self._node.receive(frame, now_s):
                 is_settled = False
@@ -135,6 +139,7 @@ class AutopilotLink:
         if not is_settled:
             self._settle(now_s)
         self._tell()
+        return frames
 
     def send_message(self, message: codec.MavlinkMessage) -> None:
         """Sends one message as the companion."""

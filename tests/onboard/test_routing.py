@@ -1,0 +1,45 @@
+"""An unmodified mavsdk client behind the onboard process reaches the autopilot and the companion over one link."""
+
+import socket
+from pathlib import Path
+
+import pytest
+from mavsdk.plugins.param import Param
+from tests.commands.programs import program
+from tests.sitl.mavsdk_client import Client, item
+
+from gloc3_sitl.demo import free_ports
+
+pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
+
+WAYPOINT, TAKE_OFF = 16, 22
+
+
+def test_stations_of_others_reach_the_autopilot_through_the_onboard_process(tmp_path: Path) -> None:
+    companion, first, second = free_ports(3, socket.SOCK_DGRAM)
+    stations = [word for port in (first, second) for word in ("--station", f"udpin://127.0.0.1:{port}")]
+    with (
+        program("sitl", "--link", f"companion=udpout://127.0.0.1:{companion}", folder=tmp_path),
+        program(
+            *("onboard", "pelican_rtk", "--autopilot", f"udpin://127.0.0.1:{companion}"),
+            *(*stations, "--out", "out"),
+            folder=tmp_path,
+        ) as onboard,
+    ):
+        onboard.await_line(lambda line: "components; log in" in line)
+        items = [item(0, TAKE_OFF), *(item(seq, WAYPOINT, north_m=float(seq)) for seq in range(1, 40))]
+        one, other = Client(first), Client(second)
+        try:
+            one.await_armable()
+            one.mission.upload_mission(items)
+            read = other.mission.download_mission()
+            assert [(row.command, row.x, row.y) for row in read] == [(row.command, row.x, row.y) for row in items]
+            written, wanted = Param(other.system), Param(one.system)
+            written.set_param_float("MPC_XY_VEL_MAX", 7.5)
+            assert wanted.get_param_float("MPC_XY_VEL_MAX") == 7.5
+            for plugin in (written, wanted):
+                plugin.destroy()
+            assert {191, 1} <= set(one.system.component_ids()), "companion and autopilot, as one vehicle"
+        finally:
+            one.close()
+            other.close()

@@ -54,7 +54,7 @@ async def route(into: str, out: str) -> None:
     loop = asyncio.get_running_loop()
     router = Router(Address(1, 191))
     for url in (into, out):
-        link = RoutedLink(url, router, loop, lambda _: None)
+        link = RoutedLink(url, router, loop, lambda frames: frames)
         link.open(await open_endpoint(url, loop, link.receive))
     await asyncio.Event().wait()
 

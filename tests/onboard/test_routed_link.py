@@ -1,6 +1,7 @@
 """A link of the onboard process: listened to, routed, and paced on a serial line."""
 
 import asyncio
+from collections.abc import Callable
 
 from gloc3.clock import run_virtual
 from gloc3.link.codec import Encoder, Frame, Parser, message
@@ -8,7 +9,7 @@ from gloc3.link.message import Address
 from gloc3.link.router import Router
 from gloc3_onboard.routing import RoutedLink
 
-AUTOPILOT, STATION, OWN = Encoder(1, 1), Encoder(255, 190), Encoder(1, 191)
+AUTOPILOT, STATION, OWN, FORGER = Encoder(1, 1), Encoder(255, 190), Encoder(1, 191), Encoder(77, 190)
 
 
 class Wire:
@@ -36,7 +37,15 @@ class Wire:
 def links(loop: asyncio.AbstractEventLoop, *urls: str) -> tuple[list[RoutedLink], list[Wire], list[list[Frame]]]:
     router = Router(Address(1, 191))
     heard: list[list[Frame]] = [[] for _ in urls]
-    routed = [RoutedLink(url, router, loop, heard[number].extend) for number, url in enumerate(urls)]
+
+    def listener(into: list[Frame]) -> Callable[[list[Frame]], list[Frame]]:
+        def listen(frames: list[Frame]) -> list[Frame]:
+            into.extend(frames)
+            return [frame for frame in frames if frame.system != FORGER.address.system]
+
+        return listen
+
+    routed = [RoutedLink(url, router, loop, listener(into)) for url, into in zip(urls, heard, strict=True)]
     wires = [Wire(loop) for _ in urls]
     for link, wire in zip(routed, wires, strict=True):
         link.open(wire)
@@ -80,6 +89,16 @@ def test_what_is_forwarded_and_what_is_ours_share_a_radio_and_ours_hardly_waits(
         assert max(delays) < 0.15
         radio.close()
         autopilot.close()
+
+    run_virtual(work())
+
+
+def test_what_the_listener_takes_for_forged_is_not_passed_on() -> None:
+    async def work() -> None:
+        (station, _), wires, heard = links(asyncio.get_running_loop(), "udpin://0.0.0.0:14550", "udpin://0.0.0.0:14540")
+        station.receive(FORGER.encode(message("COMMAND_LONG", command=400)) + STATION.encode(message("HEARTBEAT")))
+        assert len(heard[0]) == 2
+        assert wires[1].names() == ["HEARTBEAT"]
 
     run_virtual(work())
 

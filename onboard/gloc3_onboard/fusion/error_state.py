@@ -12,7 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 
 from gloc3.frames import Vector3
 
@@ -163,6 +162,8 @@ class ErrorState:
 
     def test(self, residual: Matrix, rows: Matrix, noise: Matrix) -> float:
         """Normalised innovation squared of a residual (m,) with its Jacobian (m, size) and covariance (m, m)."""
+        from scipy.linalg.lapack import dposv
+
         _, solved, trouble = dposv(rows @ self.covariance @ rows.T + noise, residual)
         return float(residual @ solved) if trouble == 0 else inf
 

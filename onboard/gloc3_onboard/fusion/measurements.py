@@ -4,7 +4,6 @@ from math import isfinite
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf
 
 from gloc3.frames import Quaternion, Vector3, conjugate, multiply, rotate, rotate_back, to_rotation_vector
 from gloc3_onboard.fusion.error_state import Matrix, skew
@@ -126,6 +125,8 @@ def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | No
     if diagonal.min() < 0.0:
         return None
     covariance.reshape(-1)[:: rows + 1] = np.maximum(diagonal, floor)
+    from scipy.linalg.lapack import dpotrf  # loaded only by vehicles that fuse
+
     _, trouble = dpotrf(covariance)
     return np.diag(covariance.diagonal()) if trouble else covariance
 

@@ -3,6 +3,7 @@
 import sys
 from typing import NamedTuple
 
+from gloc3.opencv import load_opencv
 from gloc3.watch import Preview
 
 
@@ -21,7 +22,7 @@ def is_loaded() -> bool:
 
 def load() -> None:
     """Loads what unpacks them, which takes a while."""
-    import cv2  # noqa: F401
+    load_opencv()
 
 
 def unpack_picture(preview: Preview, room: tuple[int, int] | None = None) -> Picture | None:
@@ -33,9 +34,9 @@ def unpack_picture(preview: Preview, room: tuple[int, int] | None = None) -> Pic
     """
     if not preview.data:
         return None
-    import cv2
     import numpy as np
 
+    cv2 = load_opencv()
     pixels = cv2.imdecode(np.frombuffer(preview.data, np.uint8), cv2.IMREAD_GRAYSCALE)
     if pixels is None:
         return None

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from gloc3.clock import Clock
 from gloc3.errors import Refused
+from gloc3.opencv import load_opencv
 from gloc3.trajectory import Trajectory
 from gloc3_onboard.datasets.laser_log import LaserLog
 from gloc3_onboard.datasets.laser_logs import read_laser_log
@@ -54,9 +55,7 @@ def laser(
 
 def run_laser(log: LaserLog, *, wheels: bool) -> tuple[Trajectory, Cost]:
     """The odometer's trajectory of a log, and what it took."""
-    import cv2
-
-    cv2.setNumThreads(1)
+    load_opencv()
     odometer = LaserOdometer()
     poses: list[Planar] = []
     costs_ms: list[float] = []

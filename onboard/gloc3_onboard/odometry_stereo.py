@@ -52,11 +52,8 @@ def run_stereo(given: StereoSet) -> tuple[Trajectory, Cost]:
     Raises:
         Refused: the cameras do not make a pair, or there are no pictures.
     """
-    import cv2
-
     from gloc3_onboard.vision.stereo_odometry import MotionChain, StereoOdometer
 
-    cv2.setNumThreads(1)
     odometer, chain, notes = StereoOdometer(given.left, given.right), MotionChain(), _Notes()
     poses = []
     for record in given.pairs:
@@ -74,11 +71,8 @@ def run_mono(given: MonoSet) -> tuple[Trajectory, Cost]:
     Raises:
         Refused: there are no pictures.
     """
-    import cv2
-
     from gloc3_onboard.vision.mono_motion import MonoTracker
 
-    cv2.setNumThreads(1)
     tracker, notes = MonoTracker(given.camera), _Notes()
     position, rotation = np.zeros(3), np.eye(3)
     poses = []

@@ -12,6 +12,7 @@ import msgspec
 
 from gloc3.camera_model import CameraModel
 from gloc3.log.recording import CAMERAS, POSES
+from gloc3.opencv import load_opencv
 from gloc3_onboard.devices import Rig
 from gloc3_onboard.drivers.image_recorder import Picture
 
@@ -124,9 +125,9 @@ class PictureFolder:
 
     def write(self, picture: Picture) -> None:
         """Writes a picture with its pose; raises `OSError` where that fails."""
-        import cv2
         import numpy as np
 
+        cv2 = load_opencv()
         self._folder.mkdir(parents=True, exist_ok=True)
         image = picture.image
         pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)

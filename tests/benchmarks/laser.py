@@ -3,11 +3,11 @@
 import time
 from math import pi
 
-import cv2
 import numpy as np
 from tests.benchmarks.parts import best_us, yardstick
 from tests.onboard.scan_matching.rays import HOLD, Scanner, flight
 
+from gloc3.opencv import load_opencv
 from gloc3_onboard.obstacle_field import Detour, ObstacleField
 from gloc3_onboard.scan_matching.laser_odometer import LaserOdometer
 from gloc3_onboard.scan_matching.planar import Planar
@@ -49,7 +49,7 @@ def detours() -> int:
 
 def run() -> list[str]:
     """The costs, and each as a multiple of a plain Python loop's step."""
-    cv2.setNumThreads(1)
+    load_opencv()
     unit = best_us(yardstick)
     costs = np.array(odometer_ms())
     lines = [

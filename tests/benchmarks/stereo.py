@@ -2,7 +2,6 @@
 
 import time
 
-import cv2
 import numpy as np
 from tests.onboard.vision.flights import Pair, fly, inspection
 
@@ -18,7 +17,6 @@ BAR_MS = 6.0
 
 def costs_ms(pairs: list[Pair]) -> tuple[list[float], list[float]]:
     """Of features, and of motions, for each pair, once warmed up."""
-    cv2.setNumThreads(1)
     rig = StereoRig(FRONT_LEFT, FRONT_RIGHT)
     matcher, motion = FeatureMatcher(rig), StereoMotion(rig)
     found: tuple[list[float], list[float]] = [], []

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gloc3.opencv import load_opencv
 from gloc3_sitl.record_cli import lap
 from gloc3_sitl.sequences.smooth_flight import SmoothFlight
 from gloc3_sitl.truth import Truth
@@ -30,9 +31,7 @@ def costs_ms(look: Callable[[Truth], object], truths: list[Truth]) -> tuple[floa
 
 def remap_ms() -> float:
     """One remap of a picture of the same size, to compare machines and moments by."""
-    import cv2
-
-    cv2.setNumThreads(1)
+    cv2 = load_opencv()
     rows, columns = np.mgrid[0:480, 0:640].astype(np.float32)
     coarse, fine = cv2.convertMaps(columns * 0.98 + 3.0, rows * 0.97 + 4.0, cv2.CV_16SC2)
     picture = np.random.default_rng(1).integers(0, 255, (480, 640)).astype(np.uint8)

@@ -6,12 +6,12 @@ from functools import partial
 from math import degrees, radians
 from typing import Any, Final
 
-import cv2
 import msgspec
 import numpy as np
 from tests.evidence.laser_matchers import Run, constant_drive, peers, plain_drive, plain_match, zero_drive
 from tests.evidence.page import ROOT, Bar, Figure, Progress
 
+from gloc3.opencv import load_opencv
 from gloc3.trajectory_metrics import Alignment, evaluate
 from gloc3_onboard.datasets.laser_log import LaserLog
 from gloc3_onboard.datasets.laser_logs import read_laser_log
@@ -58,7 +58,7 @@ def _found(target: Any, source: Array) -> Planar:
 
 def converge(distance_m: float, turn_deg: float, step: int = 1, with_peers: bool = True) -> dict[str, Any]:
     """Each scan against itself displaced: part within 10 mm and 0.5 degrees and mean milliseconds, by matcher."""
-    cv2.setNumThreads(1)
+    load_opencv()
     log, random = read_laser_log(DATA / "mbicp"), np.random.default_rng(1)
     truths: list[Planar] = []
     pairs: list[Array] = []
@@ -125,7 +125,7 @@ def convergence(progress: Progress) -> list[Figure]:
 
 def drive(log: LaserLog, guesses: Sequence[Planar | None]) -> Run:
     """The odometer on a log, three times; the costs of the quickest, for the machine may have had other work."""
-    cv2.setNumThreads(1)
+    load_opencv()
     runs = []
     for _ in range(3):
         odometer, run = LaserOdometer(), Run([], [])

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.log.recording import Recording, Taken
+from gloc3.opencv import load_opencv
 from gloc3.wall_coverage import Coverage
 
 Picture = NDArray[np.uint8]
@@ -33,8 +34,7 @@ def chosen(recording: Recording) -> list[tuple[int, Taken]]:
 
 def contact_sheet(recording: Recording) -> bytes | None:
     """The pictures side by side with number and time, as PNG; None where there are none."""
-    import cv2
-
+    cv2 = load_opencv()
     taken = chosen(recording)
     if not taken:
         return None
@@ -52,8 +52,7 @@ def contact_sheet(recording: Recording) -> bytes | None:
 
 def coverage_map(coverage: Coverage) -> bytes:
     """How often each cell of a wall was seen, a pixel a cell, as PNG in the colours of `SHADES`."""
-    import cv2
-
+    cv2 = load_opencv()
     palette = np.array([[int(shade[i : i + 2], 16) for i in (5, 3, 1)] for shade in SHADES], np.uint8)
     return _png(cv2, palette[np.minimum(coverage.times, len(SHADES) - 1)])
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from gloc3.camera_model import CameraModel
 from gloc3.errors import Finding, InputError
 from gloc3.frames import Quaternion, normalize
+from gloc3.opencv import load_opencv
 from gloc3_onboard.calibration.reader import read_calibration
 from gloc3_onboard.vision.recent import RecentAttitudes, RecentHeights
 
@@ -39,8 +40,7 @@ class GroundFrame(NamedTuple):
 
     def pixels(self) -> NDArray[np.uint8]:
         """The picture, (rows, columns); an empty one where the file cannot be read."""
-        import cv2
-
+        cv2 = load_opencv()
         data = np.frombuffer(self.file.read_bytes(), np.uint8) if self.file.is_file() else np.zeros(0, np.uint8)
         found: Any = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
         return found if found is not None else np.zeros((0, 0), np.uint8)

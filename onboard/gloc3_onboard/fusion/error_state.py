@@ -59,7 +59,9 @@ class ErrorState:
 
     def __init__(self) -> None:
         from filterpy.kalman import predict, update
+        from scipy.linalg.lapack import dposv
 
+        self._solve: Callable[..., Any] = dposv
         self._predict: Callable[..., Any] = predict
         self._update: Callable[..., Any] = update
         self.covariance: Matrix = np.eye(SIZE)
@@ -162,9 +164,7 @@ class ErrorState:
 
     def test(self, residual: Matrix, rows: Matrix, noise: Matrix) -> float:
         """Normalised innovation squared of a residual (m,) with its Jacobian (m, size) and covariance (m, m)."""
-        from scipy.linalg.lapack import dposv
-
-        _, solved, trouble = dposv(rows @ self.covariance @ rows.T + noise, residual)
+        _, solved, trouble = self._solve(rows @ self.covariance @ rows.T + noise, residual)
         return float(residual @ solved) if trouble == 0 else inf
 
     def update(self, residual: Matrix, rows: Matrix, noise: Matrix) -> Matrix:

@@ -62,7 +62,6 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         self._begin()
 
     def _begin(self) -> None:
-        import cv2
         import numpy as np
 
         from gloc3_onboard.vision.feature_message import message_of
@@ -76,7 +75,6 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
                 raise Refused(f"there is no calibration of a camera {name!r}")
         assert left is not None
         assert right is not None
-        cv2.setNumThreads(1)  # the same pictures give the same features, and other cores have other work
         options = MatcherOptions(cell_px=given.cell_px, nearest_m=given.nearest_m, may_repeat=given.may_repeat)
         self._np, self._message_of = np, message_of
         self._matcher = FeatureMatcher(StereoRig(left, right), options)

@@ -7,6 +7,7 @@ from typing import Annotated, Final
 from gloc3.component import DataProcessor
 from gloc3.frames import Vector3, from_euler, to_euler
 from gloc3.messages import Envelope
+from gloc3.opencv import load_opencv
 from gloc3.perception import UNKNOWN_VARIANCE, LaserScan, Odometry
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
@@ -58,10 +59,9 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
 
     def initialize(self, settings: LaserOdometrySettings) -> None:
         """Adopts the settings and loads what the odometer needs."""
-        import cv2
         import scipy.spatial
 
-        cv2.setNumThreads(1)
+        load_opencv()
         assert scipy.spatial.cKDTree
         self._settings = settings
         self._begin()

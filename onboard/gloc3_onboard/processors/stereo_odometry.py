@@ -60,8 +60,6 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         self._begin()
 
     def _begin(self) -> None:
-        import cv2
-
         from gloc3_onboard.vision.feature_message import features_of, odometry_of
         from gloc3_onboard.vision.stereo_motion import MotionOptions, StereoMotion
         from gloc3_onboard.vision.stereo_rig import StereoRig
@@ -73,7 +71,6 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
                 raise Refused(f"there is no calibration of a camera {name!r}")
         assert left is not None
         assert right is not None
-        cv2.setNumThreads(1)
         options = MotionOptions(
             ray_px=given.ray_px,
             disparity_px=given.disparity_px,

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gloc3.opencv import load_opencv
 from gloc3_onboard.scan_matching.planar import Array, Planar
 
 POINTS: Final = 90
@@ -73,8 +74,7 @@ def _spread(points: Array, cell_m: float) -> Array:
 
 def _raster(feet: Array, guess: Planar, cell_m: float, reach: int) -> tuple[NDArray[np.uint8], Array]:
     """The map as a picture: bright at its walls, less so beside them; and the place of its first cell."""
-    import cv2
-
+    cv2 = load_opencv()
     center = np.array((guess.x_m, guess.y_m))
     near = feet[np.max(np.abs(feet - center), axis=1) < FARTHEST_M + 2.0]
     if not len(near):

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
+from gloc3.opencv import load_opencv
 from gloc3.vehicle import Image
 
 
 def load_picture(path: Path, camera: str) -> Image:
     """One picture; it may take some milliseconds. One that is not there is a frame that is not valid."""
-    import cv2
-
+    cv2 = load_opencv()
     pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
     if pixels is None:
         why = "cannot be read" if path.is_file() else "is missing"

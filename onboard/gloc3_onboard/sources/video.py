@@ -9,6 +9,7 @@ from stat import S_ISCHR
 from typing import Any, Final
 
 from gloc3.errors import Gloc3Error
+from gloc3.opencv import load_opencv
 from gloc3.vehicle import Image
 from gloc3_onboard.devices import StampedImage
 from gloc3_onboard.sources.threaded import ThreadedSource
@@ -63,8 +64,7 @@ class VideoCamera(ThreadedSource[StampedImage]):
     @contextmanager
     def connect(self) -> Iterator[Iterator[StampedImage | None]]:
         """Opens the capture."""
-        import cv2
-
+        cv2 = load_opencv()
         logging = cv2.utils.logging
         logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # what goes wrong is told in our own words
         capture = self._capture(cv2)

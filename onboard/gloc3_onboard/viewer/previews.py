@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, Final
 
+from gloc3.opencv import load_opencv
 from gloc3.vehicle import Image
 from gloc3.watch import Preview
 
@@ -17,8 +18,9 @@ Shrink = Callable[[Image, int, int, int], Preview]
 @cache
 def load_shrinker() -> Shrink:
     """The function that makes previews; the first call loads OpenCV, which takes a while."""
-    import cv2
     import numpy as np
+
+    cv2 = load_opencv()
 
     def shrink(image: Image, width: int, height: int, quality: int) -> Preview:
         size = fit((image.width, image.height), (width, height))

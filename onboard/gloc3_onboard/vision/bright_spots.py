@@ -1,9 +1,11 @@
 """Bright spots in a dark picture, such as a lamp on a vehicle: where they are, to a fraction of a pixel."""
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gloc3.opencv import load_opencv
 
 Picture = NDArray[np.uint8]
 
@@ -37,9 +39,7 @@ class SpotFinder:
     """
 
     def __init__(self, threshold_grey: int, most_area_px: int) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._threshold_grey, self._most_area_px = threshold_grey, most_area_px
 
     def find(self, picture: Picture) -> list[Spot]:

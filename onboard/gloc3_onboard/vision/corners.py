@@ -1,10 +1,11 @@
 """Corners that are worth tracking, spread over the picture: the best of each cell of a grid."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gloc3.opencv import load_opencv
 from gloc3_onboard.vision.picture import Picture
 
 Pixels = NDArray[np.float32]
@@ -23,9 +24,7 @@ class GridCorners:
     """
 
     def __init__(self, cell_px: int = 40, least: float = 4.0, margin_px: int = 14) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._cell = cell_px // _HALF
         self._least = least
         self._margin = margin_px // _HALF

@@ -1,7 +1,7 @@
 """How far a vehicle has moved over the ground, by a camera that looks down, its attitude and its height."""
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gloc3.camera_geometry import matrix, project, unproject
 from gloc3.camera_model import CameraModel
 from gloc3.frames import Quaternion, Vector3
+from gloc3.opencv import load_opencv
 from gloc3.perception import Odometry
 from gloc3_onboard.vision import ground_plane
 from gloc3_onboard.vision.ground_height import GroundHeight
@@ -100,10 +101,8 @@ class GroundOdometer:
     """
 
     def __init__(self, camera: CameraModel, settings: GroundSettings | None = None) -> None:
-        import cv2
-
         settings = settings or GroundSettings()
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self.camera: Final = camera
         self.settings: Final = settings
         self._tracks = GroundTracks(camera.width, camera.height)

@@ -1,10 +1,11 @@
 """Patches followed from one picture into another (Lucas and Kanade 1981; in pyramids: Bouguet 2000)."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gloc3.opencv import load_opencv
 from gloc3_onboard.vision.corners import Pixels
 from gloc3_onboard.vision.picture import Picture
 
@@ -23,12 +24,10 @@ class PatchTracker:
     """
 
     def __init__(self, window_px: int = 17, error_max: float = 0.55) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._window = (window_px, window_px)
         self._error_max = error_max
-        self._criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, _ITERATIONS, _PRECISION_PX)
+        self._criteria = (self._cv2.TERM_CRITERIA_COUNT | self._cv2.TERM_CRITERIA_EPS, _ITERATIONS, _PRECISION_PX)
 
     def contrast(self, picture: Picture, points: Pixels) -> Pixels:
         """Mean difference of the patches' grey values from the middle grey of an evened picture, (n,)."""

@@ -1,12 +1,13 @@
 """How one camera turned and which way it went, from picture to picture; how far it went a single camera cannot tell."""
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from gloc3.camera_geometry import Array, matrix, unproject
 from gloc3.camera_model import CameraModel
+from gloc3.opencv import load_opencv
 from gloc3_onboard.vision.corners import GridCorners
 from gloc3_onboard.vision.lucas_kanade import PatchTracker
 from gloc3_onboard.vision.picture import LightEvener, Picture, problem
@@ -42,9 +43,7 @@ class MonoTracker:
     """Pictures of one calibrated camera in, turns and directions out."""
 
     def __init__(self, camera: CameraModel) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._camera = camera
         self._focal_px = float(np.mean(camera.focal_px))
         self._frd_from_rdf = matrix(camera.frd_from_rdf)

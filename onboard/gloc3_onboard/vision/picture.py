@@ -1,11 +1,12 @@
 """Pictures before anything is looked for in them: whether they show anything, and their light evened out."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.camera_model import CameraModel
+from gloc3.opencv import load_opencv
 
 Picture = NDArray[np.uint8]
 """Grey values, rows by columns."""
@@ -44,9 +45,7 @@ class LightEvener:
     """
 
     def __init__(self, box_px: int = 41) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._box = (box_px, box_px)
         greys = np.log1p(np.arange(256) / _LOG_FROM)
         self._table = np.round(greys * (255.0 / greys[-1])).astype(np.uint8)

@@ -4,6 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gloc3.opencv import load_opencv
 from gloc3_onboard.vision.corners import Pixels
 from gloc3_onboard.vision.lucas_kanade import PatchTracker
 from gloc3_onboard.vision.picture import Picture
@@ -31,9 +32,7 @@ class StereoMatcher:
     """
 
     def __init__(self, rig: StereoRig, nearest_m: float, tracker: PatchTracker) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._rig = rig
         self._tracker = tracker
         most_px = rig.baseline_m / nearest_m * rig.focal_px

@@ -1,12 +1,13 @@
 """How a stereo camera moved, from matched points: against a key frame, which lasts as long as enough of it is seen."""
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.camera_geometry import Array
+from gloc3.opencv import load_opencv
 from gloc3.perception import UNKNOWN_VARIANCE
 from gloc3_onboard.vision.features import FeatureSet
 from gloc3_onboard.vision.pose_fit import Noise, Points, PoseFit, fit_pose
@@ -83,9 +84,7 @@ class StereoMotion:
     """Estimates the motion of a stereo pair from features; holds the key frame."""
 
     def __init__(self, rig: StereoRig, options: MotionOptions | None = None) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._rig = rig
         self._options = options or MotionOptions()
         self._noise = Noise(

@@ -9,6 +9,7 @@ import numpy as np
 from gloc3.camera_geometry import matrix
 from gloc3.camera_model import CameraModel, Lens
 from gloc3.frames import Quaternion, multiply, normalize, rotate_back
+from gloc3.opencv import load_opencv
 from gloc3_sitl.sensors import imu
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
@@ -68,8 +69,7 @@ def stamp_ns(t_s: float) -> int:
 
 
 def _write_pictures(folder: Path, camera: Camera, truths: list[Truth]) -> None:
-    import cv2
-
+    cv2 = load_opencv()
     (folder / "data").mkdir(parents=True, exist_ok=True)
     rows = ["#timestamp [ns],filename"]
     for moment in truths:

@@ -9,6 +9,7 @@ import numpy as np
 
 from gloc3.camera_geometry import matrix
 from gloc3.camera_model import CameraModel
+from gloc3.opencv import load_opencv
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
@@ -40,8 +41,7 @@ def write_kitti(
     Returns:
         How many frames there are.
     """
-    import cv2
-
+    cv2 = load_opencv()
     x, y, z = model.position_frd_m
     right = msgspec.structs.replace(model, position_frd_m=(x, y + rig.BASELINE_M, z))
     cameras = [Camera(world, side, Imager(name=name), seed) for side, name in ((model, "image_0"), (right, "image_1"))]

@@ -4,6 +4,7 @@ from functools import lru_cache
 from math import log2
 from typing import Any, Final
 
+from gloc3.opencv import load_opencv
 from gloc3_sitl.world.model import Marker, Texture
 from gloc3_sitl.world.texture import MARKER_CELLS, MARKER_PIXELS_PER_CELL, Image, paint, paint_marker
 
@@ -61,15 +62,13 @@ class Cloth:
 @lru_cache(maxsize=24)
 def cloth_of(texture: Texture) -> Cloth:
     """The cloth of a texture, one for all cameras of the process."""
-    import cv2
-
+    cv2 = load_opencv()
     return Cloth(cv2, paint(texture), texture.resolution_px_m)
 
 
 @lru_cache(maxsize=4)
 def cloth_of_marker(marker: Marker) -> Cloth:
     """The tag with its white border."""
-    import cv2
-
+    cv2 = load_opencv()
     side_m = marker.size_m * MARKER_CELLS / 6.0
     return Cloth(cv2, paint_marker(marker), MARKER_CELLS * MARKER_PIXELS_PER_CELL / side_m, is_repeated=False)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gloc3.camera_geometry import unproject
 from gloc3.camera_model import CameraModel, Lens
+from gloc3.opencv import load_opencv
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.patches import Pinhole
 from gloc3_sitl.world.texture import Image
@@ -43,9 +44,7 @@ class Optics:
     """The canvases of a camera, and how they become its picture; what the lens cannot show stays black."""
 
     def __init__(self, model: CameraModel) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._model = model
         self.canvases: Final = self._canvases()
         """What has to be drawn for a picture."""

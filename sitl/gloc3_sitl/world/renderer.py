@@ -1,10 +1,11 @@
 """Draws a world's rectangles as a pinhole camera sees them: homographies, from far to near."""
 
 from math import floor
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from gloc3.opencv import load_opencv
 from gloc3_sitl.world.cloth import RIM_PX, Level
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.light import Light
@@ -20,9 +21,7 @@ class Renderer:
     """Draws one world in grey."""
 
     def __init__(self, sheets: Sheets, pinhole: Pinhole) -> None:
-        import cv2
-
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._sheets, self._pinhole = sheets, pinhole
         self._viewer = Viewer(sheets, pinhole)
 

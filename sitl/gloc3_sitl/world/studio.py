@@ -1,12 +1,13 @@
 """Takes the pictures of one camera: draws the scene, blurs it, bends it as the lens does, exposes it, adds noise."""
 
-from typing import Any, Final
+from typing import Final
 from zlib import crc32
 
 import numpy as np
 
 from gloc3.camera_geometry import matrix
 from gloc3.camera_model import CameraModel
+from gloc3.opencv import load_opencv
 from gloc3_sitl.world.grains import Grains
 from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.light import Light
@@ -34,10 +35,7 @@ class Studio:
     """
 
     def __init__(self, world: World, model: CameraModel, imager: Imager, exposure: Exposure, seed: int) -> None:
-        import cv2
-
-        cv2.setNumThreads(1)  # a picture is small, and other cores have other work
-        self._cv2: Any = cv2
+        self._cv2 = load_opencv()
         self._world, self._model = world, model
         self._imager, self._exposure = imager, exposure
         self._seed, self._stream = seed, crc32(imager.name.encode())

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gloc3.opencv import load_opencv
 from gloc3_sitl.world.model import Marker, Texture
 
 Image = NDArray[np.uint8]
@@ -23,8 +24,7 @@ MARKER_CELLS = 8
 @lru_cache(maxsize=24)
 def paint(texture: Texture) -> Image:
     """Make a texture, once for all cameras; it repeats without a seam at its edges."""
-    import cv2
-
+    cv2 = load_opencv()
     random = np.random.Generator(np.random.PCG64(texture.seed))
     width = round(texture.size_m[0] * texture.resolution_px_m)
     height = round(texture.size_m[1] * texture.resolution_px_m)
@@ -149,8 +149,7 @@ def _speckles(cv2: Any, random: np.random.Generator, image: Image, texture: Text
 
 def paint_marker(marker: Marker) -> Image:
     """The tag with its white border."""
-    import cv2
-
+    cv2 = load_opencv()
     cell = MARKER_PIXELS_PER_CELL
     image = np.full((MARKER_CELLS * cell, MARKER_CELLS * cell), 255, np.uint8)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

@@ -4,7 +4,6 @@ import time
 from collections import Counter
 from collections.abc import Iterable
 
-import cv2
 import numpy as np
 from tests.onboard.vision.flights import Pair
 
@@ -27,7 +26,6 @@ class Trial:
         pairs: Iterable[Pair],
         models: tuple[CameraModel, CameraModel] = (FRONT_LEFT, FRONT_RIGHT),
     ) -> None:
-        cv2.setNumThreads(1)
         self.costs_ms: list[float] = []
         self.squares: list[float] = []
         """Squared errors of the motions since their key frames, by their covariances; 6 is honest."""

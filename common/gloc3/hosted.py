@@ -50,7 +50,8 @@ class HostedComponent:
         self._loop = context.loop
         self._base = f"{context.platform}/components/{row.name}/"
         self._publisher = Publisher(context.exchange, context.platform, row.name, self._new_boot())
-        self._outlets = Outlets(row, type(component), context.platform)
+        self._outlets = Outlets(row, type(component), context.platform, context.topics)
+        self._working_since_s = 0.0
         self._mailbox = Mailbox(list(type(component).inputs.values()))
         self._logger = DataLogger(type(component), row.log)
         self._cycler = Cycler(
@@ -154,6 +155,8 @@ class HostedComponent:
             self._publisher.restart(self._new_boot())
             self._mailbox.clear()
         self._cycler.is_quiet = row.to is State.QUIET
+        if row.to is State.WORKING:
+            self._working_since_s = self._loop.time()
         if row.to not in OPERATING:
             self._cycler.stop()
         elif was not in OPERATING:
@@ -190,9 +193,10 @@ class HostedComponent:
             self._publisher.publish(self._base + "internal", InternalState(items=job.logged), self._loop.time())
 
     def _publish_results(self, results: list[Routed]) -> None:
-        publish = self._publisher.publish
+        publish, now_s = self._publisher.publish, self._loop.time()
         for result in results:
             outlet = result.outlet
+            outlet.reported_s = now_s
             for topic in outlet.topics:
                 publish(
                     topic.replace(KEY, result.key) if outlet.is_keyed else topic,
@@ -291,12 +295,14 @@ class HostedComponent:
 
     def status(self) -> ComponentStatus:
         """The component's health as it is now."""
+        is_working, rate_hz = self.state is State.WORKING, self._cycler.nominal_rate_hz
         return health_report(
             self.row,
             self.component.kind,
             self.state,
             self.errors,
             self._cycler.statistics,
-            nominal_rate_hz=self._cycler.nominal_rate_hz,
+            nominal_rate_hz=rate_hz,
             dropped=self._mailbox.dropped,
+            silent=self._outlets.silent(self._loop.time(), self._working_since_s, rate_hz) if is_working else [],
         )

@@ -136,6 +136,8 @@ class ComponentStatus(Message, frozen=True):
     """Messages that did not fit the component's bounded input queues."""
     is_required: bool = False
     standby_for: str = ""
+    silent: list[str] = []
+    """Topics (without the platform's name) on which it has reported nothing for so long that they count as silent."""
 
 
 class Event(Message, frozen=True):

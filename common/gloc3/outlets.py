@@ -10,6 +10,7 @@ from gloc3.deployment import ComponentRow
 from gloc3.errors import Misuse
 from gloc3.messages import Message
 from gloc3.ports import Actuation, Output, Report, Result
+from gloc3.topics import TopicTable
 
 KEY: Final = "{key}"
 
@@ -17,7 +18,7 @@ KEY: Final = "{key}"
 class Outlet:
     """An output of one hosted component, bound to its topics."""
 
-    __slots__ = ("frame", "is_keyed", "message", "port", "topics")
+    __slots__ = ("frame", "is_keyed", "message", "port", "reported_s", "topics")
 
     def __init__(self, port: Output[Any], topics: tuple[str, ...]) -> None:
         self.port = port.name
@@ -25,6 +26,8 @@ class Outlet:
         self.frame = port.frame
         self.topics = topics
         self.is_keyed = any(KEY in topic for topic in topics)
+        self.reported_s = -math.inf
+        """When something was reported last."""
 
     def takes(self, key: object) -> bool:
         """Whether a key fits: it stands for one level of a topic, at the end of a topic for any number of levels."""
@@ -44,9 +47,16 @@ class Routed(msgspec.Struct, frozen=True, gc=False):
 
 
 class Outlets:
-    """The outputs of one hosted component."""
+    """The outputs of one hosted component.
 
-    def __init__(self, row: ComponentRow, component: type[Component[Any]], platform: str) -> None:
+    Args:
+        row: its row of the deployment.
+        component: its class.
+        platform: the platform's name.
+        topics: tells when a topic counts as silent.
+    """
+
+    def __init__(self, row: ComponentRow, component: type[Component[Any]], platform: str, topics: TopicTable) -> None:
         self._class_name = component.__name__
         self._by_port = {
             name: Outlet(port, tuple(f"{platform}/{topic}" for topic in row.topics(name)))
@@ -57,6 +67,29 @@ class Outlets:
         self._by_type = {
             outlet.message: outlet for outlet in outlets if types.count(outlet.message) == 1 and not outlet.is_keyed
         }
+
+        self._speaking = [
+            (outlet, topic.partition("/")[2], known)
+            for outlet in outlets
+            for topic in outlet.topics
+            if not outlet.is_keyed and (known := topics.row(topic)) is not None and known.rate_hz
+        ]
+        """The outlets of topics that are expected to speak all the time."""
+
+    def silent(self, now_s: float, since_s: float, rate_hz: float) -> list[str]:
+        """The topics, without the platform's name, on which nothing was reported for too long.
+
+        Args:
+            now_s: seconds since boot of the clock host.
+            since_s: since when it could have reported something.
+            rate_hz: how often it works; a topic cannot speak more often. 0 where that is not known.
+        """
+        return [
+            topic
+            for outlet, topic, row in self._speaking
+            if now_s - max(outlet.reported_s, since_s)
+            > row.silent_after / (min(row.rate_hz, rate_hz) if rate_hz else row.rate_hz)
+        ]
 
     def route(self, result: Result, cycle_s: float) -> Routed | Actuation:
         """Finds the outlet of something that `work()` returned.

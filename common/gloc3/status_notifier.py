@@ -48,6 +48,7 @@ def health_report(
     *,
     nominal_rate_hz: float,
     dropped: int,
+    silent: list[str],
 ) -> ComponentStatus:
     """What a component's status message says."""
     last = errors.last
@@ -68,4 +69,5 @@ def health_report(
         dropped=dropped,
         is_required=row.required,
         standby_for=row.standby_for or "",
+        silent=silent,
     )

@@ -1,15 +1,27 @@
 """Which capabilities can be used now: their component is working, and what they need is alive (DESIGN §6)."""
 
 from collections.abc import Iterable
-from typing import Final
+from typing import Final, NamedTuple
 
 from gloc3.platform import Platform
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.facts import VehicleFacts
 
 
+class _Seen(NamedTuple):
+    """What the last answer rests on."""
+
+    working: frozenset[str]
+    silent: frozenset[tuple[str, str]]
+    is_pose_fresh: bool
+    is_connected: bool
+
+
 class Availability:
-    """Follows each capability's needs: components, other capabilities, and the vehicle's pose and autopilot."""
+    """Follows each capability's needs: components, topics, capabilities, and the vehicle's pose and autopilot.
+
+    A topic is there while a component that provides it works, and speaks on it.
+    """
 
     def __init__(self, platform: Platform) -> None:
         self._platform: Final = platform
@@ -23,23 +35,25 @@ class Availability:
             for name, row in platform.capabilities.items()
         }
         """Of each capability: what it needs, and the components of which one must work for it."""
-        self._seen: tuple[frozenset[str], bool, bool] | None = None
+        self._seen: _Seen | None = None
         self._missing: dict[str, tuple[str, ...]] = {}
 
     def missing(self, book: ComponentBook, facts: VehicleFacts, now_s: float) -> dict[str, tuple[str, ...]]:
         """Capability to what it lacks, for those that cannot be used."""
-        seen = (book.working(now_s), facts.is_pose_fresh(now_s), facts.is_connected)
+        seen = _Seen(book.working(now_s), book.silent, facts.is_pose_fresh(now_s), facts.is_connected)
         if seen != self._seen:
             self._seen = seen
-            self._missing = dict(self._find(*seen))
+            self._missing = dict(self._find(seen))
         return self._missing
 
-    def _find(
-        self, working: frozenset[str], is_pose_fresh: bool, is_connected: bool
-    ) -> Iterable[tuple[str, tuple[str, ...]]]:
-        facts = {"pose": is_pose_fresh, "autopilot": is_connected}
+    def _find(self, seen: _Seen) -> Iterable[tuple[str, tuple[str, ...]]]:
+        facts = {"pose": seen.is_pose_fresh, "autopilot": seen.is_connected}
+
+        def is_alive(need: str, who: frozenset[str]) -> bool:
+            return facts.get(need, any(one in seen.working and (one, need) not in seen.silent for one in who))
+
         for name, needs in self._needs.items():
-            lacks = tuple(need for need, who in needs.items() if not facts.get(need, not working.isdisjoint(who)))
+            lacks = tuple(need for need, who in needs.items() if not is_alive(need, who))
             if lacks:
                 yield name, lacks
 

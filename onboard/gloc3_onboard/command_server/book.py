@@ -33,6 +33,8 @@ class ComponentBook:
         """The components whose count of errors has changed since it was last asked for."""
         self._table = 0
         """Grows with each change of the table, so that indices are never read by an older one."""
+        self.silent: frozenset[tuple[str, str]] = frozenset()
+        """Components that work, each with a topic on which it has reported nothing for too long."""
 
     def hear(self, status: ComponentStatus, now_s: float) -> None:
         """Takes a status in; of a component that is not in the deployment nothing is kept."""
@@ -44,6 +46,9 @@ class ComponentBook:
                 self._table += 1
             if status.errors != self._told_errors.get(status.name, 0):
                 self._troubled[status.name] = None
+            if status.silent != (before.silent if before is not None else []):
+                others = {pair for pair in self.silent if pair[0] != status.name}
+                self.silent = frozenset(others | {(status.name, topic) for topic in status.silent})
             self._status[status.name] = status
             self._heard_s[status.name] = now_s
             if status.state in OPERATING:

@@ -11,6 +11,7 @@ from gloc3.function_desk import FunctionJob
 from gloc3.gate import Gate
 from gloc3.method_job import MethodJob
 from gloc3.outlets import Outlets
+from gloc3.topics import TopicTable
 
 from .specimen import Diary, Driver, Scale, Scaled, row
 
@@ -30,7 +31,7 @@ class Scene:
 
     def cycle_job(self) -> CycleJob:
         """Runs a cycle."""
-        return CycleJob(self.driver, Outlets(row(), Driver, "p"), self.gate, None)
+        return CycleJob(self.driver, Outlets(row(), Driver, "p", TopicTable()), self.gate, None)
 
     def function_job(self) -> FunctionJob:
         """Runs a function."""

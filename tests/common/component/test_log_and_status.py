@@ -1,13 +1,20 @@
 """The data logger and the status notifier under the host."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
+from gloc3.component import SensorSampler
+from gloc3.deployment import ComponentRow
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus, Severity
+from gloc3.ports import Inbox, Output, Result
+from gloc3.settings import NoSettings
 from gloc3.testing import Bench
+from gloc3.topics import TopicRow, TopicTable
+from gloc3.vehicle import HeightAboveGround
 
 from .specimen import Diary, Specimen, row
 
@@ -119,6 +126,51 @@ def test_status_says_what_the_row_says() -> None:
         status = bench.last("components/specimen/status")
         assert (status.name, status.kind, status.is_required, status.standby_for) == ("specimen", "DP", True, "other")
         assert (status.nominal_rate_hz, status.state) == (10.0, State.QUIET)
+
+
+class Speaker(SensorSampler[NoSettings]):
+    """Speaks while it has something to say."""
+
+    height = Output(HeightAboveGround)
+
+    def __init__(self) -> None:
+        self.has_words = True
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        return [HeightAboveGround(height_m=1.0, is_valid=True)] if self.has_words else []
+
+
+@pytest.mark.parametrize(("topic", "silent_s"), [("height", 0.5), ("slow", 10.0), ("now_and_then", None)])
+def test_status_names_the_topics_on_which_a_working_component_has_fallen_silent(
+    topic: str, silent_s: float | None
+) -> None:
+    rows = {"height": 20.0, "slow": 50.0, "now_and_then": 0.0}
+    topics = TopicTable({name: TopicRow(HeightAboveGround, rate_hz) for name, rate_hz in rows.items()})
+    rate_hz = 1.0 if topic == "slow" else 20.0
+    line = ComponentRow(
+        name="speaker", class_name="x:Speaker", rate_hz=rate_hz, ports={"height": topic}, status_period_s=0.1
+    )
+    with Bench(topics=topics) as bench:
+        speaker = Speaker()
+        bench.host(line, lambda: speaker)
+
+        def silent() -> list[str]:
+            return list(bench.last("components/speaker/status").silent)
+
+        bench.run(15.0)
+        assert silent() == []
+        speaker.has_words = False
+        bench.run(0.8 * silent_s if silent_s else 60.0)
+        assert silent() == []
+        if silent_s:
+            bench.run(0.4 * silent_s + 0.2)
+            assert silent() == [topic]
+            bench.command("speaker", "goquiet")
+            assert silent() == [], "who is told to be quiet is not silent by itself"
+            bench.command("speaker", "resume")
+            speaker.has_words = True
+            bench.run(2.0)
+            assert silent() == []
 
 
 def test_every_transition_is_told_as_an_event() -> None:

@@ -2,6 +2,8 @@
 
 import math
 
+from msgspec.structs import replace
+
 from gloc3.messages import Envelope, Source
 from gloc3.watch import TopicActivity, TopicEntry
 from gloc3_groundstation.tui.lines import Line, Tone, text_of
@@ -9,6 +11,7 @@ from gloc3_groundstation.tui.views.sensors import (
     field_rows,
     no_topics_lines,
     plot_lines,
+    preview_line,
     scan_lines,
     sight_line,
     topic_rows,
@@ -16,7 +19,7 @@ from gloc3_groundstation.tui.views.sensors import (
 )
 from gloc3_groundstation.watches import Sight
 
-from .looked_at import TOPICS, pose
+from .looked_at import TOPICS, pose, preview
 
 ACTIVITY = TopicActivity(rates=[50, 200, 20, 200, 200, 0, 0, 200, 50], ages=[1, 0, 3, 0, 0, 62, -1, 0, 1])
 
@@ -89,6 +92,13 @@ def test_a_row_of_numbers_is_drawn_in_a_strip_each_with_its_range() -> None:
     assert texts[3].split()[:2] == ["y", "99.000"]
     assert texts[5].split()[0] == "0.000"
     assert dots(lines) > 200
+
+
+def test_a_preview_tells_its_size_and_one_without_a_picture_nothing() -> None:
+    shown = preview(1.0)
+    told = preview_line(shown)
+    assert told.startswith(f"{shown.camera}: {shown.width}×{shown.height} of ")
+    assert preview_line(replace(shown, width=0, height=0, full_width=0, full_height=0, data=b"")) == ""
 
 
 def test_numbers_that_are_none_do_not_stop_a_plot() -> None:

@@ -81,6 +81,7 @@ def test_a_title_without_room_leaves_the_least_important_out() -> None:
         ["heron", "HOLD", "ARMED", "bat", "97", "%", "link", "ok", "00:10"],
         ["heron", "ARMED", "link", "ok", "00:10"],
     ]
+    assert text_of(title_line(view(flying()), 46)).split() == ["heron", "HOLD", "ARMED", "bat", "97", "%", "link", "ok"]
 
 
 def test_a_silent_link_is_the_loudest_thing_in_the_title() -> None:

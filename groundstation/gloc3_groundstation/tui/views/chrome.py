@@ -6,9 +6,12 @@ from typing import Final, NamedTuple
 from gloc3.messages import Severity
 from gloc3_groundstation import wording
 from gloc3_groundstation.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT, answer
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, fitted, spread, text_of
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, fitted, joined, spread, text_of
 from gloc3_groundstation.tui.view import View
 
+BATTERY_RANK: Final = 3
+"""In the title; what has a lower number is left out after the battery, the time of day before it."""
+GAP: Final = "   "
 SPACIOUS: Final = 100
 """From this width on the screens' names stand apart from their keys."""
 
@@ -50,12 +53,15 @@ def title_line(view: View, width: int) -> Line:
         parts.append((2, _span(f"{was}{vehicle.mode or 'mode unknown'}", Tone.TEXT, is_stale)))
         armed = "ARMED" if vehicle.is_armed else "disarmed"
         parts.append((1, _span(armed, Tone.BUSY if vehicle.is_armed else Tone.DIM, is_stale)))
-        parts.append((3, _span(*battery(vehicle.battery_percent), is_stale)))
+        parts.append((BATTERY_RANK, _span(*battery(vehicle.battery_percent), is_stale)))
     parts.append((1, link(view)))
     held = control(view)
     parts.append((1 if held.tone is Tone.WARN and view.is_in_control else 4, held))
     room = width - len(text_of((*alerts, *clock))) - 2
-    return spread(fitted(parts, room), (*alerts, *clock), width)
+    needed = len(text_of(joined([span for rank, span in parts if rank <= BATTERY_RANK], GAP)))
+    if room < needed <= room + len(text_of(clock)):
+        clock, room = (), room + len(text_of(clock))
+    return spread(fitted(parts, room, GAP), (*alerts, *clock), width)
 
 
 def battery(percent: int) -> tuple[str, Tone]:

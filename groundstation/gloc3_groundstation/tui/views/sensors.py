@@ -99,7 +99,9 @@ def field_rows(message: Any, width: int, is_old: bool = False) -> list[tuple[str
 
 
 def preview_line(preview: Preview) -> str:
-    """What a preview shows."""
+    """What a preview shows; empty for one without a picture."""
+    if not preview.width:
+        return ""
     return f"{preview.camera}: {preview.width}×{preview.height} of {preview.full_width}×{preview.full_height}"
 
 

@@ -121,7 +121,8 @@ class StationApp(App[End | None]):
 
     def configuration(self) -> Configuration:
         """What is to be found again next time."""
-        screen = self.base.row.name if self.base is not None else self._configuration.session.screen
+        is_shown = self.current_mode in {row.name for row in SCREENS}  # also when the screens have gone, at the end
+        screen = self.current_mode if is_shown else self._configuration.session.screen
         theme = self._configuration.theme if self._is_monochrome else cast("ThemeName", self.theme)
         last = self._configuration.session
         session = replace(last, platform=self._in_view.name, screen=screen, missions=self.desk.missions.recent)

@@ -107,10 +107,11 @@ class Desk:
         return self.plan is not None and self._streamed.get(platform.name) == (platform.boot, self.plan.text)
 
     def mission_to_start(self, platform: PlatformSnapshot) -> str:
-        """What the mission calls itself that a start would fly: the one at hand, else the one aboard."""
+        """What the mission calls itself that a start would fly: the one at hand, else, and that is said, the one aboard."""
         if self.plan is not None:
             return self.plan.title
-        return platform.mission.value.name if platform.mission is not None else ""
+        name = platform.mission.value.name if platform.mission is not None else ""
+        return name if self.missions.draft is None else f"{name}, as it is aboard (the one at hand has errors),"
 
     async def make(self, name: str, move: Move) -> None:
         """Asks a platform for something."""

@@ -136,6 +136,22 @@ async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_
         assert here.app.configuration().session.missions == (str(file),)
 
 
+async def test_while_the_mission_at_hand_has_errors_a_start_says_that_it_is_the_one_aboard(tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    file.write_text(INSPECTION.replace("after: [depart]", "after: [nowhere]"))
+    async with scene(None) as here:
+        here.platform.mission = MissionSummary(name="cargo hold inspection", digest="0", state="waiting")
+        here.platform.speak()
+        await here.go("3")
+        await open_typed(here, str(file))
+        await here.until("findings", "no task 'nowhere' here")
+        await here.press("escape", "s")
+        await here.shows(Question)
+        asked = here.app.screen
+        assert isinstance(asked, Question)
+        assert "as it is aboard (the one at hand has errors), on heron?" in asked._question
+
+
 async def test_a_file_that_another_program_changed_is_overwritten_only_with_another_word(tmp_path: Path) -> None:
     file = tmp_path / "m.yaml"
     file.write_text(INSPECTION)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 from gloc3.errors import Refused
+from gloc3.link.routing import Routes
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
 """The loop wakes for a burst, not for each datagram; the kernel keeps the rest of it here."""
@@ -66,11 +67,11 @@ class _UdpEndpoint:
             except OSError as error:  # nobody listens there (any more); the next one may be heard again
                 self.problem = str(error)
                 continue
-            if self._is_welcome(sender):
+            if self._is_welcome(sender, data):
                 self.bytes_received += len(data)
                 self._on_data(data)
 
-    def _is_welcome(self, sender: SocketAddress) -> bool:
+    def _is_welcome(self, sender: SocketAddress, data: bytes) -> bool:
         raise NotImplementedError
 
     def _send_to(self, data: bytes, address: SocketAddress) -> None:
@@ -86,13 +87,14 @@ class _UdpEndpoint:
 
 
 class UdpServerEndpoint(_UdpEndpoint):
-    """Listens; sends to everyone that it has heard from lately."""
+    """Listens; sends to everyone that it has heard from lately, and what is meant for one system to that one alone."""
 
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         super().__init__(url, loop, on_data)
         self.strangers_refused = 0
         """Datagrams of those for whom there was no room."""
         self._heard_s: dict[SocketAddress, float] = {}
+        self._routes = Routes()
 
     @classmethod
     async def open(
@@ -126,9 +128,9 @@ class UdpServerEndpoint(_UdpEndpoint):
         return bool(self.peers)
 
     def send(self, data: bytes) -> None:
-        """Sends one datagram to each peer."""
-        self._forget_silent()
-        for peer in self._heard_s:
+        """Sends one datagram to each peer that it is for."""
+        peers = self.peers
+        for peer in self._routes.ways(peers, data) if len(peers) > 1 else peers:
             self._send_to(data, peer)
 
     def _forget_silent(self) -> None:
@@ -136,14 +138,16 @@ class UdpServerEndpoint(_UdpEndpoint):
         silent = [peer for peer, heard_s in self._heard_s.items() if heard_s < oldest_s]
         for peer in silent:
             del self._heard_s[peer]
+            self._routes.forget(peer)
 
-    def _is_welcome(self, sender: SocketAddress) -> bool:
+    def _is_welcome(self, sender: SocketAddress, data: bytes) -> bool:
         if sender not in self._heard_s and len(self._heard_s) >= MOST_PEERS:
             self._forget_silent()
             if len(self._heard_s) >= MOST_PEERS:
                 self.strangers_refused += 1
                 return False
         self._heard_s[sender] = self._loop.time()
+        self._routes.learn(sender, data)
         return True
 
 
@@ -185,7 +189,8 @@ class UdpClientEndpoint(_UdpEndpoint):
         """Sends one datagram."""
         self._send_to(data, self._address)
 
-    def _is_welcome(self, sender: SocketAddress) -> bool:
+    def _is_welcome(self, sender: SocketAddress, data: bytes) -> bool:
+        del data
         return bool(sender[0] == self._address[0])
 
 

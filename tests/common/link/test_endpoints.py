@@ -11,6 +11,8 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.link import codec, udp
 from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.link.routing import systems_in
+from gloc3.link.signing import Signing
 from gloc3.link.udp import UdpServerEndpoint
 
 pytestmark = pytest.mark.sockets
@@ -58,6 +60,31 @@ async def test_udp_listener_answers_everyone_it_has_heard_from(opener: Opener) -
     await until(lambda: all(answers == [FRAMES[2]] for _, answers in clients))
     assert server.is_datagram
     assert server.is_connected
+
+
+async def test_udp_listener_sends_what_is_for_one_system_to_those_who_were_heard_as_it(opener: Opener) -> None:
+    server, heard = await opener("udpin://127.0.0.1:0")
+    clients = [await opener(f"udpout://127.0.0.1:{server.local_port}") for _ in range(3)]
+    for system, (client, _) in zip((7, 8, 8), clients, strict=True):
+        client.send(codec.Encoder(system, 1).encode(codec.message("ATTITUDE")))
+    await until(lambda: len(heard) == 3)
+    encoder = codec.Encoder(255, 190)
+    for_7, for_8, for_9, for_all = (
+        encoder.encode(codec.message("COMMAND_LONG", command=400, target_system=target)) for target in (7, 8, 9, 0)
+    )
+    for frames in (for_7, for_8, for_9, for_all, for_7 + for_8):
+        server.send(frames)
+    own = [[for_7, for_9, for_all, for_7 + for_8], *2 * [[for_8, for_9, for_all, for_7 + for_8]]]
+    await until(lambda: [answers for _, answers in clients] == own)
+
+
+def test_the_systems_behind_a_peer_are_read_off_its_datagrams() -> None:
+    key = Signing(bytes(32), link_id=1, now=1)
+    signed = codec.Encoder(5, 1, key).encode(codec.message("ATTITUDE"))
+    old = bytes((0xFE, 9, 0, 6, 1, 0)) + bytes(11)
+    assert list(systems_in(signed + old + FRAMES[0])) == [5, 6, 1]
+    assert list(systems_in(b"\x00" * 40)) == []
+    assert list(systems_in(FRAMES[0][:3])) == []
 
 
 async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_ones(

@@ -18,6 +18,8 @@ from gloc3_groundstation.preview_size import PreviewSize
 
 HISTORY: Final = 600
 """Samples of a topic that are kept for plots."""
+BURST_S: Final = 0.1
+"""Samples that come closer together say nothing of a rate."""
 TOPICS_KEPT: Final = 12
 """Topics of a platform that are remembered when nobody looks at them any more."""
 
@@ -53,14 +55,15 @@ class _Track:
         self.heard_s = float("-inf")
         self.source_rate_hz = 0.0
         self.problem = ""
-        self.arrivals_s: deque[float] = deque(maxlen=20)
+        self.arrivals_s: deque[tuple[float, float]] = deque(maxlen=20)
+        """When samples came, and their own time."""
         self.numbers: deque[tuple[float, Mapping[str, tuple[float, ...]]]] = deque(maxlen=HISTORY)
         self.preview_size = PreviewSize()
 
     def take(self, envelope: Envelope[Any], source_rate_hz: float, now_s: float) -> None:
         """A message has come."""
         self.envelope, self.heard_s, self.source_rate_hz, self.problem = envelope, now_s, source_rate_hz, ""
-        self.arrivals_s.append(now_s)
+        self.arrivals_s.append((now_s, envelope.t_s))
         if isinstance(envelope.payload, Preview):
             self.preview_size.came(now_s)
             return
@@ -69,11 +72,12 @@ class _Track:
         self.numbers.append((envelope.t_s, numbers_of(envelope.payload)))
 
     def rate_hz(self, now_s: float) -> float:
-        """Arrivals a second of late."""
+        """Arrivals a second of late; what a link held back and brings at once counts over the time that it is of."""
         times = self.arrivals_s
         if len(times) < 2:
             return 0.0
-        return (len(times) - 1) / max(1e-3, times[-1] - times[0], now_s - times[0] - 2.0)
+        (first_s, first_t_s), (last_s, last_t_s) = times[0], times[-1]
+        return (len(times) - 1) / max(BURST_S, last_s - first_s, last_t_s - first_t_s, now_s - first_s - 2.0)
 
 
 class _Platform:

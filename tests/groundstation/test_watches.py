@@ -102,6 +102,16 @@ def test_a_sample_is_the_message_as_it_was_published_and_its_numbers_are_kept_fo
     assert watches.sight("heron", "height", now_s + 20.0).rate_hz < 2.0, "what does not come any more has no rate"
 
 
+def test_samples_that_a_link_held_back_and_brings_at_once_have_the_rate_at_which_they_were_taken(
+    watches: Watches,
+) -> None:
+    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.due(0.0)
+    for step in range(30):
+        watches.receive(sample("height", height(1.0), 0.2 * step), 6.0 + 1e-5 * step)
+    assert watches.sight("heron", "height", 6.1).rate_hz == pytest.approx(5.0, abs=0.1)
+
+
 def test_a_sample_that_comes_by_two_links_counts_once(watches: Watches) -> None:
     watches.look("screen", "heron", [Want("height")], 0.0)
     watches.due(0.0)

@@ -1,5 +1,6 @@
 """Folders and mission files, for the one who looks for a mission to open."""
 
+import re
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -16,6 +17,16 @@ KINDS: Final = {
     **dict.fromkeys(MISSION_SUFFIXES, "mission"),
     **dict.fromkeys(PLAN_SUFFIXES, "QGroundControl plan"),
     **dict.fromkeys(WPL_SUFFIXES, "waypoints"),
+}
+
+LOOKED_AT: Final = 1 << 16
+"""Bytes of a file in which it shows whether it may be a mission."""
+_BEGINS: Final = {
+    **dict.fromkeys(
+        MISSION_SUFFIXES,
+        re.compile(rb"^(\xef\xbb\xbf)?(\{\s*)?[\"']?(mission|tasks)[\"']?\s*:", re.IGNORECASE | re.MULTILINE).search,
+    ),
+    **dict.fromkeys({*WPL_SUFFIXES} - {".waypoints"}, re.compile(rb"(\xef\xbb\xbf)?\s*QGC\s+WPL", re.IGNORECASE).match),
 }
 
 
@@ -98,11 +109,23 @@ def _entries(folder: Path) -> Iterator[Entry]:
         try:
             if path.is_dir():
                 yield Entry(group=Group.FOLDER, name=path.name, path=str(path), kind="folder")
-            elif path.suffix in KINDS and path.is_file():
+            elif path.suffix in KINDS and path.is_file() and _may_be_mission(path):
                 size = path.stat().st_size
                 yield Entry(group=Group.FOLDER, name=path.name, path=str(path), kind=KINDS[path.suffix], size=size)
         except OSError:
             continue
+
+
+def _may_be_mission(path: Path) -> bool:
+    """False for what plainly is none: many a file has a suffix that a mission may have. Who types its path opens it."""
+    begins = _BEGINS.get(path.suffix)
+    if begins is None:
+        return True
+    try:
+        with path.open("rb") as file:
+            return begins(file.read(LOOKED_AT)) is not None
+    except OSError:  # opening it says why
+        return True
 
 
 def _is_file(path: Path) -> bool:

@@ -6,11 +6,25 @@ from gloc3_groundstation.missions.files import Group, listing, matching, start_e
 
 
 def test_a_folder_lists_folders_then_missions_and_nothing_else(tmp_path: Path) -> None:
-    for name in ("b.yaml", "A.plan", "wp.waypoints", ".hidden.yaml", "notes.md"):
-        (tmp_path / name).write_text("x" * 3000)
+    texts = {
+        "b.yaml": f"# {'x' * 2984}\nmission: b",
+        "c.yml": "{'mission': c, tasks: {}}",
+        "wrong.yaml": "misson: a word is wrong\ntasks:\n",
+        "A.plan": "x" * 3000,
+        "wp.waypoints": "x",
+        "old.txt": "\ufeffQGC WPL 110\n",
+        ".hidden.yaml": "mission: b",
+        "notes.md": "mission: b",
+        "requirements.txt": "textual==1.0\nmission: none",
+        "hold.yaml": "world: hold\nfor:\n  mission: b\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
     (tmp_path / "sub").mkdir()
     found = listing(tmp_path)
-    assert [entry.name for entry in found.entries] == ["..", "sub", "A.plan", "b.yaml", "wp.waypoints"]
+    assert [entry.name for entry in found.entries] == [
+        *("..", "sub", "A.plan", "b.yaml", "c.yml", "old.txt", "wp.waypoints", "wrong.yaml")
+    ]
     assert [entry.kind for entry in found.entries][1:3] == ["folder", "QGroundControl plan"]
     assert found.entries[2].size == 3000
     assert [entry.name for entry in matching(found.entries, "B")] == ["b.yaml", "sub"]

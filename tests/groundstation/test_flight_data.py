@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from gloc3_groundstation.mapping.history import Series
 from gloc3_groundstation.mapping.tracks import Channel
-from gloc3_groundstation.tui.lines import Line, Tone, text_of
+from gloc3_groundstation.tui.lines import Line, Span, Tone, text_of
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.charts import Curve, Scale, Window, chart_lines, duration, round_scale, window_at
 from gloc3_groundstation.tui.views.flight_data import (
@@ -19,7 +19,7 @@ from gloc3_groundstation.tui.views.flight_data import (
     charts_title,
     shown_charts,
 )
-from gloc3_groundstation.tui.views.horizon import EIGHTHS, horizon_lines
+from gloc3_groundstation.tui.views.horizon import EIGHTHS, VEHICLE, horizon_lines
 
 from .test_track_history import Followed
 
@@ -67,6 +67,13 @@ def test_the_nose_up_sinks_the_horizon_and_a_roll_to_the_right_lifts_it_on_the_l
     rolled = ground(horizon_lines(20.0, 0.0, 20, 8))
     assert rolled[0] < 4.0 < rolled[-1]
     assert ground(horizon_lines(0.0, 90.0, 20, 8))[0] == 0.0
+
+
+def test_near_level_nothing_jumps_beside_the_vehicle() -> None:
+    middle = {
+        horizon_lines(roll, pitch, 21, 7)[3][1:-1] for roll in (-0.5, 0.0, 0.5) for pitch in (-2.0, -0.1, 0.0, 0.1)
+    }
+    assert middle == {(Span(VEHICLE, Tone.STRONG),)}
 
 
 def test_upside_down_the_ground_is_above() -> None:

@@ -34,8 +34,6 @@ class Tone(StrEnum):
     SIXTH = "sixth"
     GROUND = "ground"
     """Below the horizon."""
-    ON_GROUND = "on-ground"
-    """A sign before the ground."""
 
 
 class Span(NamedTuple):

@@ -1,4 +1,7 @@
-"""A small artificial horizon: the ground in eighths of a cell, the vehicle in the middle."""
+"""A small artificial horizon: the ground in eighths of a cell, the vehicle in the middle.
+
+The vehicle's own cells show no ground: they could do so in whole cells only, and would jump where all else glides.
+"""
 
 from math import cos, radians, tan
 from typing import Final
@@ -29,13 +32,10 @@ def horizon_lines(roll_deg: float, pitch_deg: float, width: int, height: int, *,
     sunk = pitch_deg / DEGREES_PER_LINE / max(0.1, cos(radians(turn)))
     middle = height / 2.0 + (-sunk if is_inverted else sunk)
     edges = [middle - slope * (column + 0.5 - width / 2.0) for column in range(width)]
-    tone, over = (Tone.STALE, Tone.STALE) if is_stale else (Tone.GROUND, Tone.ON_GROUND)
+    tone, over = (Tone.STALE, Tone.STALE) if is_stale else (Tone.GROUND, Tone.STRONG)
     rows: list[list[str]] = []
-    is_ground: list[bool] = []
     for row in range(height):
         shares = [max(0.0, min(1.0, edge - row if is_inverted else row + 1.0 - edge)) for edge in edges]
-        if row == height // 2:
-            is_ground = [share >= 0.5 for share in shares]
         if is_inverted:  # blocks grow from below only: the ground above is drawn in whole cells
             rows.append(["█" if share >= 0.5 else " " for share in shares])
         else:
@@ -44,11 +44,8 @@ def horizon_lines(roll_deg: float, pitch_deg: float, width: int, height: int, *,
     found: list[Line] = []
     for number, cells in enumerate(rows):
         if number == height // 2:
-            sign = [
-                Span(letter, over if is_ground[at + n] else Tone.STALE if is_stale else Tone.STRONG)
-                for n, letter in enumerate(VEHICLE)
-            ]
-            found.append((Span("".join(cells[:at]), tone), *sign, Span("".join(cells[at + len(VEHICLE) :]), tone)))
+            left, right = "".join(cells[:at]), "".join(cells[at + len(VEHICLE) :])
+            found.append((Span(left, tone), Span(VEHICLE, over), Span(right, tone)))
         else:
             found.append((Span("".join(cells), tone),))
     return found

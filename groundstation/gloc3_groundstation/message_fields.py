@@ -5,6 +5,8 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
+from gloc3_groundstation.counting import counted
+
 UNITS: Final[Mapping[str, str]] = {
     "_rad_s2": "rad/s²",
     "_rad_s": "rad/s",
@@ -87,7 +89,7 @@ def _short(value: Any) -> Any:
         return f"{len(value):,} bytes"
     if isinstance(value, list | tuple):
         if len(value) > LONG or any(isinstance(item, dict | list | tuple) for item in value):
-            return f"{len(value)} items"
+            return counted(len(value), "item")
         return list(value)
     return value
 

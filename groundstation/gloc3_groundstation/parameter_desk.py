@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gloc3.errors import Refused
+from gloc3_groundstation.counting import counted
 from gloc3_groundstation.service_jobs import Begin, Service
 from gloc3_groundstation.services.parameter_table import DiffKind, ParameterDiff, ParameterTable
 from gloc3_groundstation.services.parameters import ParameterService, WriteReport
@@ -48,7 +49,7 @@ class ParameterDesk:
 
         async def work(tell: OnProgress) -> str:
             table = await self._service.fetch(tell)
-            return f"{len(table)} parameters"
+            return counted(len(table), "parameter")
 
         self._begin(Service.PARAMETERS, "listing the parameters", work)
 
@@ -96,7 +97,7 @@ class ParameterDesk:
                 raise Refused(words)
             return words
 
-        self._begin(Service.PARAMETERS, f"writing {len(changes)} parameters", work, is_change=True)
+        self._begin(Service.PARAMETERS, f"writing {counted(len(changes), 'parameter')}", work, is_change=True)
 
     def close_comparison(self) -> None:
         """Looks at the parameters again; nothing is written."""
@@ -123,7 +124,7 @@ class ParameterDesk:
 
 def told(report: WriteReport, file: str) -> str:
     """What became of a file's values, in a sentence."""
-    words = f"{file}: {len(report.written)} parameters set and read back"
+    words = f"{file}: {counted(len(report.written), 'parameter')} set and read back"
     if report.needs_restart:
         words += f"; restart the vehicle for {', '.join(report.needs_restart)}"
     if report.refused:

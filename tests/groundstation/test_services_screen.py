@@ -119,7 +119,7 @@ async def test_a_file_is_compared_first_and_only_what_is_not_left_out_is_written
         await here.press("down", "enter")
         await here.until("parameters_list", "leave  NAV_DLL_ACT")
         await here.press("w")
-        await here.until("job", "new.parm: 1 parameters set and read back")
+        await here.until("job", "new.parm: 1 parameter set and read back")
         table = here.services.vehicle(NAME).parameters.table
         assert (table["MPC_XY_VEL_MAX"].value, table["NAV_DLL_ACT"].value) == (8, 0)
         await here.press("s")

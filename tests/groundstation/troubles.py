@@ -207,7 +207,7 @@ TROUBLES = (
     Trouble(
         "a parameter file that is none",
         lambda: refused(load_parameter_file, "hello\nworld\n"),
-        "are not understood",
+        "is not understood",
         "a name and a value",
     ),
     Trouble(

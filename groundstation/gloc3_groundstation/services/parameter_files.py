@@ -19,6 +19,7 @@ from gloc3.document import load_bytes
 from gloc3.errors import Finding, InputError
 from gloc3.link.message import Address
 from gloc3.link.parameter import LONGEST_NAME, Parameter, ParameterType
+from gloc3_groundstation.counting import counted
 
 MAX_BYTES: Final = 5_000_000
 MOST_FINDINGS: Final = 20
@@ -159,7 +160,7 @@ class _Reader:
         else:
             column = words[min(2, len(words) - 1)][1]
             hint = "a name and a value, or QGroundControl's five columns"
-            self._find(number, column, f"{len(words)} columns are not understood", hint)
+            self._find(number, column, f"a line of {counted(len(words), 'column')} is not understood", hint)
 
     def _add(
         self, number: int, name: tuple[str, int], value: tuple[str, int], kind: tuple[str, int] | None = None

@@ -14,6 +14,7 @@ import msgspec
 from gloc3.errors import Refused
 from gloc3.link.plan import PlanItem, PlanType
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3_groundstation.counting import counted
 from gloc3_groundstation.services.facts import Firmware
 
 DO_JUMP: Final = 177
@@ -107,7 +108,9 @@ def differences(
     """What matters of the difference between two plans; home is the vehicle's own business."""
     rows: list[PlanDifference] = []
     if len(wanted) != len(found):
-        rows.append(PlanDifference(kind=kind, number=0, text=f"{len(wanted)} items are wanted, {len(found)} are there"))
+        rows.append(
+            PlanDifference(kind=kind, number=0, text=f"{counted(len(wanted), 'item')} wanted, {len(found)} there")
+        )
     for number, (left, right) in enumerate(zip(wanted, found, strict=False)):
         if number == 0 and kind is PlanType.MISSION and firmware is Firmware.ARDUPILOT:
             continue

@@ -16,6 +16,7 @@ from gloc3.link.plan import PlanItem, PlanResult, PlanType
 from gloc3.link.version import Capability
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
 from gloc3.mission.formats.items import Plan
+from gloc3_groundstation.counting import counted
 from gloc3_groundstation.services.facts import FactsService, VehicleFacts
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
@@ -106,7 +107,7 @@ class PlanService:
                     raise Refused(f"the vehicle takes no {_NAMES[kind]}")
                 continue
             what = f"uploading the {_NAMES[kind]}"
-            tell(what, 0.0, f"{len(items)} items")
+            tell(what, 0.0, counted(len(items), "item"))
             if items:
                 try:
                     await self._mavsdk.upload(kind, items, lambda fraction, what=what: tell(what, fraction))  # type: ignore[misc]

@@ -96,7 +96,7 @@ def _rows(path: Path, columns: int, convert: Callable[[list[str]], T]) -> list[t
             continue
         try:
             if len(row) < columns:
-                raise ValueError(f"{len(row)} columns, where {columns} belong")
+                raise ValueError(f"{len(row)} of {columns} columns")
             found.append((int(row[0]) * 1e-9, convert(row)))
         except ValueError as error:
             raise InputError([Finding(file=path.name, line=line, message=str(error))]) from error

@@ -84,7 +84,7 @@ def _rows(path: Path, columns: int, *, are_numbers: bool = False) -> Iterator[tu
                 continue
             try:
                 if len(row) < columns:
-                    raise ValueError(f"{len(row)} columns, where {columns} belong")
+                    raise ValueError(f"{len(row)} of {columns} columns")
                 stamp_s = int(row[0]) * 1e-9
                 if are_numbers:
                     [float(value) for value in row[1:columns]]

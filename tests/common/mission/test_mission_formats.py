@@ -251,6 +251,7 @@ def test_what_a_mission_cannot_express_is_told(items: list[MavItem], reason: str
     [
         ("", "f:1:1: this is no file of waypoints (its first line is 'QGC WPL 110')"),
         ("QGC WPL 100\n", "f:1:1: WPL version 100 is not known, only 110 (save it as version 110)"),
+        ("QGC WPL 110\n0\n", "f:2:1: 1 column, but an item has 12 (index, current, frame"),
         ("QGC WPL 110\n0 1 3\n", "f:2:1: 3 columns, but an item has 12 (index, current, frame"),
         ("QGC WPL 110\n1 0 3 16 0 0 0 0 1 2 3 1\n", "f:2:1: item 1 stands where item 0 is expected"),
         ("QGC WPL 110\n0 0 3 16 0 0 0 x 1 2 3 1\n", "f:2:1: 'x' is no number"),

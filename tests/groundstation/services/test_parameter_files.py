@@ -61,9 +61,12 @@ def test_the_files_of_three_programs_are_read() -> None:
         ("A 1_0\n", "a.params:1:3: '1_0' is no number that a parameter can hold"),
         (
             "A,1,5\n",
-            "a.params:1:5: 3 columns are not understood (a name and a value, or QGroundControl's five columns)",
+            "a.params:1:5: a line of 3 columns is not understood (a name and a value, or QGroundControl's five columns)",
         ),
-        ("A\n", "a.params:1:1: 1 columns are not understood (a name and a value, or QGroundControl's five columns)"),
+        (
+            "A\n",
+            "a.params:1:1: a line of 1 column is not understood (a name and a value, or QGroundControl's five columns)",
+        ),
         ("1\t1\tA\t1.5\t6\n", "a.params:1:7: 1.5 is not whole, but A is an integer"),
         ("1\t1\tA\t1\t12\n", "a.params:1:9: '12' is no type of a parameter (1 to 6, or 9 for a float)"),
         ("A 1\nA 2\n", "a.params:2:1: A stands here again, with another value than in line 1 (take one of them out)"),

@@ -114,7 +114,7 @@ def test_what_a_vehicle_keeps_in_its_own_way_is_none() -> None:
 
 def test_a_missing_item_is_a_difference() -> None:
     (found,) = differences([PlanItem(command=16)], [], PlanType.RALLY, Firmware.PX4)
-    assert str(found) == "rally item 0: 1 items are wanted, 0 are there"
+    assert str(found) == "rally item 0: 1 item wanted, 0 there"
 
 
 values = st.floats(-180.0, 180.0, width=32)

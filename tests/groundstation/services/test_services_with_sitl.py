@@ -134,7 +134,7 @@ async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple
         assert (await services.plans.download()).summary == "4 items, 1 fence area, 1 rally point"
         await services.plans.clear(PlanType.FENCE)
         (difference,) = await services.plans.verify(PLAN)
-        assert str(difference) == "fence item 0: 1 items are wanted, 0 are there"
+        assert str(difference) == "fence item 0: 1 item wanted, 0 there"
         assert await services.plans.upload(Plan(entries=(), raw={})) == ()
         assert (await services.plans.download()).summary == "0 items, 0 fence areas, 0 rally points"
 

@@ -7,6 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
+from gloc3_groundstation.counting import counted
 from gloc3_groundstation.parameter_desk import judge
 from gloc3_groundstation.service_jobs import Service
 from gloc3_groundstation.services.parameter_table import ParameterRow, ParameterTable
@@ -171,7 +172,7 @@ class ParametersPane(ServicePane):
         if desk is None or desk.diff is None:
             return
         count = len(desk.diff.changes(desk.left_out))
-        self.confirm_if_armed(f"Write {count} parameters in flight?", "write them", desk.write)
+        self.confirm_if_armed(f"Write {counted(count, 'parameter')} in flight?", "write them", desk.write)
 
     def action_save(self) -> None:
         """Saves all."""

@@ -5,6 +5,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
+from gloc3_groundstation.counting import counted
 from gloc3_groundstation.services.parameter_table import (
     DiffKind,
     DiffRow,
@@ -79,7 +80,7 @@ def parameters_title(table: ParameterTable, shown: int, text: str, only: Only) -
     if not table.is_complete:
         return "parameters: not fetched"
     changed = sum(row.is_changed for row in table)
-    parts = [f"{shown} of {len(table)} parameters" if shown != len(table) else f"{len(table)} parameters"]
+    parts = [f"{shown} of {len(table)} parameters" if shown != len(table) else counted(len(table), "parameter")]
     if text:
         parts.append(f"for {text!r}")
     if only:

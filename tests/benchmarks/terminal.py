@@ -12,7 +12,7 @@ import sys
 import tempfile
 import termios
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import quantiles
@@ -43,22 +43,19 @@ class Cost(NamedTuple):
     heard_hz: float
     """Summaries of a vehicle that arrive a second."""
     memory_mb: float
+    echo_s: list[float]
+    """In between: what a program takes that only echoes a key. It tells how quiet the machine was."""
 
 
-class Terminal:
-    """A station on a pty, read as a terminal does."""
+ECHO = "import os, tty; tty.setraw(0)\nwhile True: os.write(1, os.read(0, 1))"
 
-    def __init__(self, port: int, folder: str) -> None:
+
+class Pty:
+    """A program on a pty, read as a terminal does."""
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
         self._master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", *SIZE, 0, 0))
-        command = [sys.executable, "-m", "gloc3", "station", "--link", f"udpin://127.0.0.1:{port}"]
-        environment = {
-            **os.environ,
-            "TERM": "xterm-256color",
-            "COLORTERM": "truecolor",
-            "XDG_STATE_HOME": folder,
-            "XDG_CONFIG_HOME": folder,
-        }
         self.process = subprocess.Popen(
             command, stdin=slave, stdout=slave, stderr=slave, env=environment, start_new_session=True
         )
@@ -87,6 +84,21 @@ class Terminal:
                 raise TimeoutError(f"{key!r} shows nothing")
             seen += self.read(1.0)
         return time.perf_counter() - begin_s
+
+    def close(self) -> None:
+        """Ends it as a closed window does."""
+        self.process.terminate()
+        self.process.wait(10.0)
+        os.close(self._master)
+
+
+class Terminal(Pty):
+    """A station."""
+
+    def __init__(self, port: int, folder: str) -> None:
+        own = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "XDG_STATE_HOME": folder, "XDG_CONFIG_HOME": folder}
+        command = [sys.executable, "-m", "gloc3", "station", "--link", f"udpin://127.0.0.1:{port}"]
+        super().__init__(command, {**os.environ, **own})
 
     def usage(self) -> tuple[float, float]:
         """Processor seconds so far, and resident memory in MB."""
@@ -129,7 +141,7 @@ def measure(vehicles: int, parts: int, rate_hz: float) -> Cost:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     with tempfile.TemporaryDirectory() as folder:
-        terminal = Terminal(port, folder)
+        terminal, echo = Terminal(port, folder), Pty([sys.executable, "-c", ECHO])
         try:
             terminal.read_for(2.0)
             with loaded(port, vehicles, parts, rate_hz):
@@ -143,21 +155,27 @@ def measure(vehicles: int, parts: int, rate_hz: float) -> Cost:
                 written = terminal.bytes - before_bytes
                 share, presses = (after_s - before_s) / took_s, range(PRESSES if vehicles > 1 else 0)
                 next_one = [(b"v", f" {(n + 1) % vehicles + 1}/{vehicles}".encode()) for n in presses]
-                keys, _ = press_all(terminal, next_one, share)
-                screens, switch_cpu_s = press_all(terminal, [list(MARKS.items())[n % 2] for n in presses], share)
+                echoes: list[float] = []
+                keys, _ = press_all(terminal, next_one, share, echo, echoes)
+                other_screen = [list(MARKS.items())[n % 2] for n in presses]
+                screens, switch_cpu_s = press_all(terminal, other_screen, share, echo, echoes)
         finally:
+            echo.close()
             terminal.close()
         seconds = time.perf_counter() - loaded_s
         heard_hz = _summaries(Path(folder)) / seconds / max(1, vehicles)
-    return Cost(share, written / took_s, keys, screens, switch_cpu_s, heard_hz, memory_mb)
+    return Cost(share, written / took_s, keys, screens, switch_cpu_s, heard_hz, memory_mb, echoes)
 
 
-def press_all(terminal: Terminal, presses: Sequence[tuple[bytes, bytes]], share: float) -> tuple[list[float], float]:
+def press_all(
+    terminal: Terminal, presses: Sequence[tuple[bytes, bytes]], share: float, echo: Pty, echoes: list[float]
+) -> tuple[list[float], float]:
     """Seconds from each key to what it shows, and the processor time of one beyond the share that is taken anyway."""
     begin_s, before_s, times_s = time.perf_counter(), terminal.usage()[0], []
     for key, mark in presses:
         times_s.append(terminal.press(key, mark))
         terminal.read_for(PAUSE_S)
+        echoes.append(echo.press(b"x", b"x"))
     spent_s = terminal.usage()[0] - before_s - share * (time.perf_counter() - begin_s)
     return times_s, max(0.0, spent_s) / max(1, len(presses))
 
@@ -195,5 +213,6 @@ def run() -> list[str]:
             lines.append(
                 f"{'':<38} key to repaint p95 {p95_ms(cost.key_s):.0f} ms (<= 50)"
                 f"   another screen p95 {p95_ms(cost.screen_s):.0f} ms ({cost.switch_cpu_s * 1e3:.0f} ms of processor time)   {cost.heard_hz:.1f} summaries/s a vehicle"
+                f"   a mere echo p95 {p95_ms(cost.echo_s):.1f} ms"
             )
     return lines

@@ -61,6 +61,10 @@ LOADS = (
 )
 """What is heard, as the benchmark takes it, and the share of a core in percent that it may cost."""
 KEY_MS = 50.0
+SCREEN_MS = 100.0
+QUIET_MS = 5.0
+"""Where a program that only echoes a key takes longer, others are at work on the machine, and it is measured again."""
+TRIES = 2
 RADIO_SEEDS = 10
 
 
@@ -171,7 +175,7 @@ def terminal(progress: Progress, loads: Any = LOADS) -> list[Figure]:
     """Each load on a pty of 120×40, recording."""
     figures: list[Figure] = []
     for name, load, bar in loads:
-        cost = progress.part(name, partial(_measure, load))
+        cost = _measured(progress, name, load)
         progress.say(f"{name}: {100.0 * cost['share']:.1f} % of a core")
         share = 100.0 * cost["share"]
         figures += [
@@ -186,10 +190,29 @@ def terminal(progress: Progress, loads: Any = LOADS) -> list[Figure]:
             Figure(f"{name}: summaries heard a second and vehicle", f"{cost['heard_hz']:.1f}"),
             Figure(f"{name}: key press to repaint, p95, ms", f"{key_ms:.0f}", f"≤ {KEY_MS:g}", key_ms <= KEY_MS),
             Figure(f"{name}: key press to repaint, median, ms", f"{median(cost['key_s']) * 1e3:.0f}"),
-            Figure(f"{name}: key press to another screen, p95, ms", f"{screen_ms:.0f}", "≤ 100", screen_ms <= 100.0),
+            Figure(
+                f"{name}: key press to another screen, p95, ms",
+                f"{screen_ms:.0f}",
+                f"≤ {SCREEN_MS:g}",
+                screen_ms <= SCREEN_MS,
+            ),
             Figure(f"{name}: processor time of another screen, ms", f"{cost['switch_cpu_s'] * 1e3:.0f}"),
+            Figure(
+                f"{name}: meanwhile a program that only echoes a key, p95, ms", f"{bench.p95_ms(cost['echo_s']):.1f}"
+            ),
         ]
     return figures
+
+
+def _measured(progress: Progress, name: str, load: tuple[int, int, float]) -> dict[str, Any]:
+    """What it costs; of several tries that in which the machine was quietest, whatever it cost then."""
+    tries = []
+    for number in range(TRIES):
+        tries.append(progress.part(f"{name}, {number}", partial(_measure, load)))
+        if not tries[-1]["echo_s"] or bench.p95_ms(tries[-1]["echo_s"]) <= QUIET_MS:
+            break
+        progress.say(f"{name}: the machine is busy, a mere echo takes {bench.p95_ms(tries[-1]['echo_s']):.0f} ms")
+    return min(tries, key=lambda cost: bench.p95_ms(cost["echo_s"]) if cost["echo_s"] else 0.0)
 
 
 def _measure(load: tuple[int, int, float]) -> dict[str, Any]:
@@ -265,7 +288,8 @@ BARS = (
     Bar(
         "terminal-cost",
         "What the terminal costs",
-        "The station runs on a pty of 120×40, hears vehicles over UDP and records. (Wall time: on a quiet machine.)",
+        "The station runs on a pty of 120×40, hears vehicles over UDP and records. Keys are pressed and "
+        "timed until what they show has been read. (Wall time: on a quiet machine, which a program that only echoes keys tells.)",
         terminal,
         seeds="as in the benchmark",
     ),

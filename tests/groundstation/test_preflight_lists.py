@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from gloc3 import __version__
 from gloc3.exchange import LocalExchange
-from gloc3.preflight import Check, PreflightReport, Verdict
+from gloc3.preflight import Check, Group, PreflightReport, Verdict
 from gloc3_groundstation import wording
 from gloc3_groundstation.preflight_desk import CheckList, PreflightDesk, Told, station_checks
 from gloc3_groundstation.snapshots import LinkStatistics, PlatformSnapshot
@@ -120,6 +120,11 @@ def test_a_list_without_red_names_the_key_that_starts() -> None:
 def test_without_a_mission_no_key_is_offered_that_would_do_nothing() -> None:
     fine = CheckList(tuple(CHECKS), 3.0, is_asking=False, problem="")
     assert text_of(preflight_headline(HERON, fine, 80, can_start=False)).endswith("there is no mission to start now")
+    bad = fine._replace(checks=(LINK_LOSS,))
+    assert text_of(preflight_headline(HERON, bad, 80, can_start=False)).strip() == "1 line is red: the start is refused"
+    none = fine._replace(checks=(Check(Group.MISSION, "loaded", Verdict.UNKNOWN, "none is loaded", "stream one"),))
+    assert "→ open one: 3, then o" in text_of(preflight_rows(none, 80)[1].line)
+    assert "→ u streams the mission at hand" in text_of(preflight_rows(none, 80, has_plan=True)[1].line)
 
 
 def test_of_a_vehicle_without_a_companion_no_list_is_waited_for() -> None:

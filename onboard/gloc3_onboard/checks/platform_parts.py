@@ -35,7 +35,7 @@ def mission_checks(readings: Readings) -> Iterator[Check]:
     if readings.components is None:
         return
     if mission is None:
-        yield Check(Group.MISSION, "loaded", Verdict.UNKNOWN, "none is loaded", "stream one: key u")
+        yield Check(Group.MISSION, "loaded", Verdict.UNKNOWN, "none is loaded", "stream one from a station")
         return
     yield Check(Group.MISSION, "loaded", Verdict.OK, f"{mission.name!r}, checked onboard")
     if readings.fence_problem:

@@ -66,7 +66,7 @@ class PreflightScreen(StationScreen):
             return
         if view.platform.has_companion and self.is_current and self.desk.preflight.is_due(view.platform.name):
             self.do(self.desk.preflight.refresh(view.platform.name))
-        rows = [Row(*row) for row in preflight_rows(checks, panel.width - 1)]
+        rows = [Row(*row) for row in preflight_rows(checks, panel.width - 1, has_plan=view.plan is not None)]
         if not rows:
             rows = [Row(line) for line in no_list_lines(view.platform, checks.problem, panel.width - 1)]
         panel.show_rows(rows, preflight_title(checks))

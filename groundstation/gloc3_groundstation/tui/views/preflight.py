@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from gloc3.preflight import Check, Verdict, red, summary
+from msgspec.structs import replace
+
+from gloc3.preflight import Check, Group, Verdict, red, summary
 from gloc3_groundstation.preflight_desk import CheckList
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, column, cut, wrapped
@@ -18,6 +20,9 @@ SIGNS: Final[Mapping[Verdict, tuple[str, Tone]]] = {
 GROUP: Final = 11
 VERDICT: Final = 10
 NAME: Final = 20
+NOT_LOADED: Final = f"{Group.MISSION}: loaded"
+STREAM_IT: Final = "u streams the mission at hand"
+OPEN_ONE: Final = "open one: 3, then o"
 STALE_S: Final = 60.0
 """An older list is shown as what it is: old."""
 
@@ -63,11 +68,9 @@ def preflight_headline(
         return (Span(" it is armed: this is how it stands now; nothing is refused in the air", Tone.DIM),)
     if bad:
         lines = "1 line is red" if len(bad) == 1 else f"{len(bad)} lines are red"
-        return (
-            Span(f" {lines}: the start is refused", Tone.BAD),
-            Span("   o", Tone.KEY),
-            Span(" starts all the same, and is logged"),
-        )
+        refused = Span(f" {lines}: the start is refused", Tone.BAD)
+        override = Span("   o", Tone.KEY), Span(" starts all the same, and is logged")
+        return (refused, *override) if can_start else (refused,)
     if not can_start:
         return (Span(" nothing is red", Tone.GOOD), Span("   there is no mission to start now", Tone.DIM))
     return (Span(" nothing is red", Tone.GOOD), Span("   s", Tone.KEY), Span(" starts the mission"))
@@ -84,11 +87,19 @@ def no_list_lines(platform: PlatformSnapshot, problem: str, width: int) -> list[
     return [(Span(f" {text}", Tone.WARN),) for text in wrapped(problem, max(20, width - 2))] if problem else []
 
 
-def preflight_rows(checks: CheckList, width: int) -> list[CheckRow]:
-    """Every check; the group stands before its first."""
+def preflight_rows(checks: CheckList, width: int, *, has_plan: bool = False) -> list[CheckRow]:
+    """Every check; the group stands before its first.
+
+    Args:
+        checks: what is known.
+        width: columns.
+        has_plan: whether there is a mission at hand, so that the key that streams it does something.
+    """
     rows: list[CheckRow] = []
     group = ""
     for check in checks.checks:
+        if check.title == NOT_LOADED and check.verdict is Verdict.UNKNOWN:
+            check = replace(check, advice=STREAM_IT if has_plan else OPEN_ONE)
         rows += _rows(check, check.group if check.group != group else "", width)
         group = check.group
     if checks.age_s is not None and checks.age_s > STALE_S:

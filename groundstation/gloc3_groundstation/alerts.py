@@ -27,6 +27,8 @@ LINK: Final = "link"
 """What a vehicle that is not heard is known by."""
 SAID: Final = "event "
 """What an alert of a warning that was said begins with."""
+_WELL: Final = frozenset(n for n, health in enumerate(HEALTHS) if health not in (Health.FAULTY, Health.ABSENT))
+"""States of a component that are no cause."""
 KEPT: Final = 200
 """Alerts at most; the oldest that are over make room."""
 
@@ -195,8 +197,8 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
 
 
 def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterator[Cause]:
-    if platform.table is None:
-        return
+    if platform.table is None or all(line.state in _WELL for line, _ in platform.lines.values()):
+        return  # as nearly always; this is looked at for every vehicle, several times a second
     for index, row in enumerate(platform.table.rows):
         line, _ = platform.lines.get(index, (None, 0.0))
         if line is None or line.state >= len(HEALTHS):

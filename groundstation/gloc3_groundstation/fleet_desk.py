@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Awaitable, Iterable, Sequence
 from enum import StrEnum
-from itertools import zip_longest
 from typing import TYPE_CHECKING, Protocol
 
 from gloc3.ci import Control, ControlVerb, EmergencyVerb, Verb
@@ -134,8 +133,8 @@ class FleetDesk:
     def _watch_control(self, before: Fleet, after: Fleet, now_s: float) -> None:
         """Tells when another station asks for control that is here, and when it has gone."""
         own = self._station.id
-        for was, platform in zip_longest(before, after):
-            if was is platform or platform is None or platform.control is None:
+        for was, platform in after.changed_since(before):
+            if platform.control is None:
                 continue
             state, old = platform.control.value, was.control.value if was is not None and was.control else None
             if state.holder == own and state.requested_by and (old is None or old.requested_by != state.requested_by):

@@ -32,6 +32,8 @@ QUIET_LINK_S: Final = 3.0
 
 HEALTHS: Final = tuple(Health)
 KINDS: Final = tuple(Kind)
+_WORKING: Final = HEALTHS.index(Health.WORKING)
+_QUIET: Final = HEALTHS.index(Health.QUIET)
 
 
 class Timed(msgspec.Struct, Generic[M], frozen=True):
@@ -173,6 +175,18 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
         """Whether two platforms speak under its name."""
         return now_s - self.doubled_s < DOUBLED_FOR_S
 
+    def is_all_well(self, now_s: float) -> bool:
+        """Whether every component is well by what was heard just now: nearly always so, and quickly seen."""
+        rows = self.table.rows if self.table is not None else ()
+        if not 0 < len(self.lines) == len(rows):
+            return False
+        since_s = now_s - STALE_AFTER_S[Summary]
+        return all(
+            heard_s > since_s and (line.state == _WORKING or (line.state == _QUIET and bool(rows[index].standby_for)))
+            for index, (line, heard_s) in self.lines.items()
+            if index < len(rows)
+        )
+
     def components(self, now_s: float) -> tuple[ComponentSnapshot, ...]:
         """Its components in the order of the data: SS, DP, CC, AD, CI, each as in the platform file."""
         if self.table is None:
@@ -234,6 +248,15 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     def get(self, name: str) -> PlatformSnapshot | None:
         """A platform by name."""
         return self.platforms.get(name)
+
+    def changed_since(self, before: "Fleet") -> list[tuple[PlatformSnapshot | None, PlatformSnapshot]]:
+        """The platforms that are others than before, each behind what it was: told with every message, so it is quick."""
+        was, now = before.platforms, self.platforms
+        if len(was) == len(now):
+            pairs = [(old, new) for old, new in zip(was.values(), now.values(), strict=True) if old is not new]
+            if all(old.name == new.name for old, new in pairs):  # in the same order, as but after one has gone
+                return [*pairs]
+        return [(was.get(name), platform) for name, platform in now.items() if was.get(name) is not platform]
 
     def events_after(self, number: int) -> tuple[FleetEvent, ...]:
         """The kept events that came after the one of that number."""

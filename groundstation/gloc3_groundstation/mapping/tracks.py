@@ -188,13 +188,10 @@ class Tracks:
         """Takes in a change of the fleet."""
         if before.platforms is after.platforms:
             return
-        known = before.platforms
-        for name in known.keys() - after.platforms.keys():
-            self._tracks.pop(name, None)
-        for name, platform in after.platforms.items():
-            was = known.get(name)
-            if was is not platform:
-                track = self._tracks.get(name)
-                if track is None:
-                    track = self._tracks[name] = Track()
-                track.follow(was, platform)
+        for was, platform in after.changed_since(before):
+            track = self._tracks.get(platform.name)
+            if track is None:
+                track = self._tracks[platform.name] = Track()
+            track.follow(was, platform)
+        if len(self._tracks) > len(after.platforms):
+            self._tracks = {name: track for name, track in self._tracks.items() if name in after.platforms}

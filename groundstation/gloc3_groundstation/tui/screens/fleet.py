@@ -8,11 +8,12 @@ from textual.binding import Binding
 
 from gloc3.ci import ControlVerb
 from gloc3_groundstation.fleet_desk import Order
-from gloc3_groundstation.tui.lines import EMPTY, Span, Tone
+from gloc3_groundstation.tui.lines import Span, Tone
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.questions import AskFor
 from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.vehicle_rows import VehicleRows
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.fleet import (
     control_lines,
@@ -80,16 +81,15 @@ class FleetScreen(StationScreen):
         self._marked: set[str] = set()
         self._seen = ""
         self._offered: object = None
+        self._kept = VehicleRows()
 
     def look(self, view: View) -> None:
         """Fills the panels."""
         vehicles, control, links = self.query_one("#vehicles", ListPanel), self.panel("control"), self._links
         marked = self._selection(is_marked_only=True)
         self.panel("vehicles_header").show([fleet_header(vehicles.width)] if view.fleet.platforms else [()])
-        rows = [
-            Row(fleet_line(view, platform, marked, vehicles.width) if vehicles.sees(index) else EMPTY, platform.name)
-            for index, platform in enumerate(view.fleet)
-        ]
+        make = partial(fleet_line, view, marked=marked, width=vehicles.width)
+        rows = self._kept.rows(vehicles, view, make, tuple(marked))
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
         if view.platform is not None and view.platform.name != self._seen:
             self._seen = view.platform.name

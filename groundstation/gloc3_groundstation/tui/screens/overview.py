@@ -1,14 +1,16 @@
 """The overview: is everything all right?"""
 
+from functools import partial
+
 from textual import on
 from textual.app import ComposeResult
 from textual.containers import Grid
 
 from gloc3_groundstation.tui.keys import MISSION_KEYS
-from gloc3_groundstation.tui.lines import EMPTY
 from gloc3_groundstation.tui.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.vehicle_rows import VehicleRows
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.events import event_lines
 from gloc3_groundstation.tui.views.mission import mission_lines, mission_title
@@ -39,6 +41,7 @@ class OverviewScreen(StationScreen):
 
     def body(self) -> ComposeResult:
         """Vehicles; facts, mission and alerts side by side; events."""
+        self._kept = VehicleRows()
         yield Panel(id="vehicles_header", classes="plain line", can_focus=False)
         yield ListPanel(id="vehicles", classes="plain")
         with Grid(id="overview"):
@@ -52,10 +55,7 @@ class OverviewScreen(StationScreen):
         vehicles, facts, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
         alerts, events = self.panel("alerts"), self.panel("events")
         self.panel("vehicles_header").show([vehicle_header(vehicles.width)] if view.fleet.platforms else [()])
-        rows = [
-            Row(vehicle_line(view, platform, vehicles.width) if vehicles.sees(index) else EMPTY, platform.name)
-            for index, platform in enumerate(view.fleet)
-        ]
+        rows = self._kept.rows(vehicles, view, partial(vehicle_line, view, width=vehicles.width), view.alerts)
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
         if view.platform is not None and view.platform.name != self._seen:
             self._seen = view.platform.name

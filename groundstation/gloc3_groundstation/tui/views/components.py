@@ -7,7 +7,7 @@ from gloc3_groundstation import wording
 from gloc3_groundstation.component_desk import Answer
 from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.lines import Line, Span, Tone, wrapped
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, Table, table_of
 
 SLOW_PERCENT: Final = 80
 """A component that cycles slower than this share of its rate is worth a look."""
@@ -56,7 +56,7 @@ def components_title(platform: PlatformSnapshot | None, now_s: float) -> str:
 
 def components_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(COLUMNS, width).header()
+    return table_of(COLUMNS, width).header()
 
 
 def component_rows(platform: PlatformSnapshot | None, now_s: float, width: int) -> list[tuple[str, Line]]:
@@ -66,7 +66,7 @@ def component_rows(platform: PlatformSnapshot | None, now_s: float, width: int) 
         if platform is not None and not platform.has_companion:
             return [("", (Span(f" {text}", Tone.DIM),)) for text in wrapped(wording.bare(platform), width - 2)]
         return [("", (Span(" asking for the components…" if platform else " no vehicle is heard", Tone.DIM),))]
-    table = Table(COLUMNS, width)
+    table = table_of(COLUMNS, width)
     rows = []
     kind = ""
     for component in components:

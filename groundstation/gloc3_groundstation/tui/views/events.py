@@ -8,7 +8,7 @@ from gloc3_groundstation import wording
 from gloc3_groundstation.event_search import STATION, EventFilter, Search
 from gloc3_groundstation.snapshots import Fleet, FleetEvent
 from gloc3_groundstation.tui.lines import Line, Span, Tone, cut, fitted, joined, spread, text_of, wrapped
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, table_of
 from gloc3_groundstation.tui.views.chrome import tone_of
 
 SHOWN = 200
@@ -59,12 +59,12 @@ def severity_name(severity: Severity) -> str:
 
 def event_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(COLUMNS, width).header()
+    return table_of(COLUMNS, width).header()
 
 
 def event_rows(events: Sequence[FleetEvent], start_s: float, width: int) -> list[Line]:
     """One line for each event."""
-    table = Table(COLUMNS, width)
+    table = table_of(COLUMNS, width)
     rows = []
     for event in events:
         tone = tone_of(event.severity)

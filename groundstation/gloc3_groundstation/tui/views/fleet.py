@@ -6,10 +6,11 @@ from typing import Final
 from gloc3.ci import ControlVerb
 from gloc3.port_advice import port_advice
 from gloc3_groundstation import wording
+from gloc3_groundstation.counting import counted
 from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.lines import Line, Span, Tone, cut
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, table_of
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, worst_span
 
@@ -38,7 +39,7 @@ LINK_COLUMNS: Final = (
 
 def fleet_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(COLUMNS, width).header()
+    return table_of(COLUMNS, width).header()
 
 
 def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], width: int) -> Line:
@@ -46,7 +47,7 @@ def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], w
     is_in_view = view.platform is not None and platform.name == view.platform.name
     mark = ("►" if is_in_view else " ") + (" ●" if platform.name in marked else "  ")
     tone = Tone.STRONG if is_in_view else Tone.TEXT
-    return Table(COLUMNS, width).line(
+    return table_of(COLUMNS, width).line(
         [
             Span(mark, Tone.BUSY),
             Span(platform.name, tone),
@@ -61,7 +62,7 @@ def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], w
 
 def fleet_title(view: View, marked: Sequence[str]) -> str:
     """How many vehicles there are, and whom orders go to."""
-    count = wording.counted(len(view.fleet.platforms), "vehicle")
+    count = counted(len(view.fleet.platforms), "vehicle")
     if marked:
         return f"{count}: orders go to {', '.join(marked)}"
     return f"{count}: orders go to {view.platform.name}" if view.platform is not None else count
@@ -98,7 +99,7 @@ def control_lines(view: View, possible: Container[ControlVerb]) -> list[Line]:
 
 def link_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(LINK_COLUMNS, width).header()
+    return table_of(LINK_COLUMNS, width).header()
 
 
 def link_lines(link: LinkSnapshot, width: int) -> list[Line]:
@@ -114,7 +115,7 @@ def link_line(link: LinkSnapshot, width: int) -> Line:
     behind = ", ".join((*link.platforms, *link.heard)) or ("nobody is heard" if link.is_connected else "nobody yet")
     tone = Tone.TEXT if link.platforms or link.heard else Tone.DIM
     problem = link.problem.removeprefix(f"{link.url.partition('://')[2]}: ")
-    return Table(LINK_COLUMNS, width).line(
+    return table_of(LINK_COLUMNS, width).line(
         [
             Span(link.url, Tone.BAD if is_lost else Tone.TEXT),
             Span(rate(link.bytes_in_s), Tone.TEXT if link.bytes_in_s else Tone.STALE),

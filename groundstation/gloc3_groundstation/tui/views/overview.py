@@ -8,7 +8,7 @@ from gloc3.mission.states import ActionState
 from gloc3_groundstation import wording
 from gloc3_groundstation.snapshots import PlatformSnapshot, Timed
 from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, bar, wrapped
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, table_of
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.chain import SIGNS
 from gloc3_groundstation.tui.views.chrome import battery, tone_of
@@ -39,7 +39,7 @@ SLOW_TRIP_S: Final = 1.0
 
 def vehicle_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(COLUMNS, width).header()
+    return table_of(COLUMNS, width).header()
 
 
 def vehicle_line(view: View, platform: PlatformSnapshot, width: int) -> Line:
@@ -56,7 +56,7 @@ def vehicle_line(view: View, platform: PlatformSnapshot, width: int) -> Line:
         worst_span(platform, now_s),
         _alerts(view, platform),
     ]
-    return Table(COLUMNS, width).line(cells)
+    return table_of(COLUMNS, width).line(cells)
 
 
 def waiting_lines(view: View) -> list[Line]:
@@ -171,6 +171,8 @@ def link_detail(view: View, platform: PlatformSnapshot) -> Span:
 
 def worst_span(platform: PlatformSnapshot, now_s: float, *, is_brief: bool = False) -> Span:
     """The worst component, or that all are well; in brief a sign tells its state."""
+    if platform.is_all_well(now_s):
+        return Span(f"all {len(platform.lines)} well", Tone.GOOD)
     components = platform.components(now_s)
     if not platform.has_companion:
         return Span("no companion", Tone.DIM)

@@ -11,7 +11,7 @@ from gloc3_groundstation import wording
 from gloc3_groundstation.message_fields import Field, fields_of
 from gloc3_groundstation.tui.canvas import Canvas
 from gloc3_groundstation.tui.lines import Line, Span, Tone, column, cut, spread, wrapped
-from gloc3_groundstation.tui.tables import Column, Table
+from gloc3_groundstation.tui.tables import Column, table_of
 from gloc3_groundstation.watches import Sight
 
 COLUMNS: Final = (
@@ -33,7 +33,7 @@ AXES: Final = ("x", "y", "z")
 
 def topics_header(width: int) -> Line:
     """The titles of the columns."""
-    return Table(COLUMNS, width).header()
+    return table_of(COLUMNS, width).header()
 
 
 def topic_rows(
@@ -47,7 +47,7 @@ def topic_rows(
         wanted: part of a topic's name, type or source.
         width: columns.
     """
-    table, found = Table(COLUMNS, width), []
+    table, found = table_of(COLUMNS, width), []
     for index, entry in enumerate(entries):
         if not any(wanted.lower() in text.lower() for text in (entry.name, entry.type, entry.source)):
             continue

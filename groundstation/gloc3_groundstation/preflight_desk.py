@@ -138,10 +138,11 @@ def _loss(platform: PlatformSnapshot, now_s: float) -> Check:
         finding = f"nothing heard for {duration(platform.age_s(now_s))}"
         return Check(Group.LINK, "loss", Verdict.RED, finding, "find out why before anything takes off")
     loss = platform.link.loss
+    finding = f"{100.0 * loss:.0f} % of the status is lost"
     if loss > MUCH_LOSS:
         advice = "move the antenna, or another station's transmitter"
-        return Check(Group.LINK, "loss", Verdict.WARNING, f"{loss:.0%} of the status is lost", advice)
+        return Check(Group.LINK, "loss", Verdict.WARNING, finding, advice)
     if loss > LITTLE_LOSS:
         advice = "it will be worse farther away"
-        return Check(Group.LINK, "loss", Verdict.WARNING, f"{loss:.0%} of the status is lost", advice)
-    return Check(Group.LINK, "loss", Verdict.OK, f"{loss:.0%} of the status is lost")
+        return Check(Group.LINK, "loss", Verdict.WARNING, finding, advice)
+    return Check(Group.LINK, "loss", Verdict.OK, finding)

@@ -90,7 +90,7 @@ def as_lines(report: FlightReport) -> list[str]:
         lines.append(f"  path     RMS {report.path_rms_error_m:.3f} m, max {report.path_max_error_m:.3f} m")
         lines.append(f"  passed   {report.waypoints_passed} of {report.waypoints} waypoints in order within 0.3 m")
     if report.slowest_leg_share is not None:
-        lines.append(f"  speed    slowest leg at {report.slowest_leg_share:.0%} of what was asked")
+        lines.append(f"  speed    slowest leg at {100.0 * report.slowest_leg_share:.0f} % of what was asked")
     if report.images:
         lines.append(f"  images   {report.images}")
     if "total_s" in report.wall:

@@ -71,7 +71,7 @@ def test_a_low_battery_changes_nothing_where_the_mission_says_continue(flight: C
 @ONE_STYLE
 def test_no_mission_starts_on_a_low_battery(flight: Card) -> None:
     flight.begin(mission(), is_started=False, battery=0.18)
-    assert "battery (18%, " in flight.refused_steer("start")
+    assert "battery (18 %, " in flight.refused_steer("start")
     overridden = Steer(verb=Verb.START, override="it is a short hop", author="ana")
     assert "low battery" in flight.refused(overridden)  # nobody overrides the mission's own policy
 

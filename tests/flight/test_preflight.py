@@ -33,7 +33,7 @@ def test_a_vehicle_that_is_set_up_like_its_platform_file_has_no_red_or_doubtful_
     assert {check.group for check in found.values()} == {
         "autopilot", "failsafes", "sensors", "components", "mission", "computer"
     }  # fmt: skip
-    assert found["failsafes: low battery"].finding.startswith("return at 10%")
+    assert found["failsafes: low battery"].finding.startswith("return at 10 %")
 
 
 def test_a_failsafe_that_is_set_otherwise_refuses_the_start_and_says_what_to_do(flight: Card) -> None:

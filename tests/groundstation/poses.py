@@ -37,7 +37,7 @@ Pose = AsyncGenerator[str, None]
 RED = [
     LINK_LOSS,
     Check(
-        Group.SENSORS, "position", Verdict.RED, "quality 0% from nothing", "wait for a position, or check its sources"
+        Group.SENSORS, "position", Verdict.RED, "quality 0 % from nothing", "wait for a position, or check its sources"
     ),
     Check(
         Group.COMPONENTS, "driver", Verdict.RED, "faulty: the serial line has gone away", "look at it with 2, Health"

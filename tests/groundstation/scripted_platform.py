@@ -79,11 +79,11 @@ VEHICLE = VehicleSummary(
 
 CHECKS = (
     Check(Group.AUTOPILOT, "answers", Verdict.OK, "px4, mode AUTO.LOITER"),
-    Check(Group.AUTOPILOT, "battery", Verdict.OK, "97%, 12.4 V"),
+    Check(Group.AUTOPILOT, "battery", Verdict.OK, "97 %, 12.4 V"),
     Check(Group.AUTOPILOT, "firmware", Verdict.OK, "px4 1.16.0"),
     Check(Group.FAILSAFES, "link loss", Verdict.OK, "continue after 10 s (NAV_DLL_ACT 0)"),
-    Check(Group.FAILSAFES, "low battery", Verdict.OK, "return at 10% (COM_LOW_BAT_ACT 3)"),
-    Check(Group.SENSORS, "position", Verdict.OK, "quality 100% from autopilot"),
+    Check(Group.FAILSAFES, "low battery", Verdict.OK, "return at 10 % (COM_LOW_BAT_ACT 3)"),
+    Check(Group.SENSORS, "position", Verdict.OK, "quality 100 % from autopilot"),
     Check(Group.COMPONENTS, "all", Verdict.OK, "13 of 13 work, with all 10 that are required"),
     Check(Group.COMPUTER, "disk", Verdict.OK, "79.8 GB free"),
 )

@@ -79,7 +79,8 @@ def summary(figures: Figures) -> str:
     """The report in a line."""
     text = f"{figures.pictures} pictures"
     if figures.coverage is not None and figures.coverage_twice is not None:
-        text += f", {figures.coverage:.1%} of the wall seen, {figures.coverage_twice:.1%} at least twice"
+        once, twice = 100.0 * figures.coverage, 100.0 * figures.coverage_twice
+        text += f", {once:.1f} % of the wall seen, {twice:.1f} % at least twice"
     return text
 
 
@@ -127,7 +128,7 @@ def _facts(recording: Recording, figures: Figures, limits: Limits) -> str:
     if figures.coverage is not None and figures.coverage_twice is not None and figures.wall_m is not None:
         facts += [
             ("Wall", f"{figures.wall_m[0]:.2f} m wide, {figures.wall_m[1]:.2f} m high"),
-            ("Seen", f"{figures.coverage:.1%}; at least twice {figures.coverage_twice:.1%}"),
+            ("Seen", f"{100.0 * figures.coverage:.1f} %; at least twice {100.0 * figures.coverage_twice:.1f} %"),
             ("Pixel on the wall", f"{figures.pixel_mm:.1f} mm (median)" if figures.pixel_mm is not None else "none"),
             (
                 "Counts as seen",

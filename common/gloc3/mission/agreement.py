@@ -45,14 +45,15 @@ def _low_battery(mission: Mission, platform: Platform) -> Iterator[Finding]:
         yield _finding(
             mission,
             "on_low_battery",
-            f"on_low_battery is {wanted}, but at {failsafe.at:.0%} the autopilot does {theirs} by itself",
+            f"on_low_battery is {wanted}, but at {100.0 * failsafe.at:.0f} % the autopilot does {theirs} by itself",
             f"set the autopilot's failsafe to {wanted}, or say on_low_battery: {theirs}",
         )
     elif platform.power is not None and theirs not in (Policy.CONTINUE, wanted) and failsafe.at >= low:
         yield _finding(
             mission,
             "on_low_battery",
-            f"the autopilot does {theirs} at {failsafe.at:.0%} of the battery, before {wanted} at the reserve of {low:.0%}",
+            f"the autopilot does {theirs} at {100.0 * failsafe.at:.0f} % of the battery, before {wanted} at the reserve of "
+            f"{100.0 * low:.0f} %",
             "raise the platform's reserve, or lower the autopilot's threshold",
         )
 

@@ -44,7 +44,7 @@ def _energy(mission: Mission, figures: Estimate, platform: Platform | None, docu
         yield document.finding(
             ("mission",),
             f"about {figures.energy_wh:.1f} Wh are needed, but only {power.usable_wh:.1f} Wh of {power.battery_wh:g} Wh "
-            f"may be used (reserve {power.reserve:.0%})",
+            f"may be used (reserve {100.0 * power.reserve:.0f} %)",
             "make it shorter, or several missions",
         )
     reserve_wh = power.battery_wh * power.reserve

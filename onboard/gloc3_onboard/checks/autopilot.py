@@ -44,9 +44,9 @@ def _battery(readings: Readings, state: AutopilotState) -> Check:
         return Check(GROUP, "battery", Verdict.WARNING, "it does not tell what is left", advice)
     volts = f", {state.battery_v:.1f} V" if state.battery_v > 0.0 else ""
     if left < reserve:
-        finding = f"{left:.0%}{volts}, below the platform's reserve of {reserve:.0%}"
+        finding = f"{100.0 * left:.0f} %{volts}, below the platform's reserve of {100.0 * reserve:.0f} %"
         return Check(GROUP, "battery", Verdict.RED, finding, "change or charge the battery")
-    return Check(GROUP, "battery", Verdict.OK, f"{left:.0%}{volts}")
+    return Check(GROUP, "battery", Verdict.OK, f"{100.0 * left:.0f} %{volts}")
 
 
 def _firmware(readings: Readings) -> Check:

@@ -77,7 +77,7 @@ def _compared(
 def _when(limit: float | None, unit: str) -> str:
     if limit is None:
         return ""
-    return f" after {limit:g} s" if unit else f" at {limit:.0%}"
+    return f" after {limit:g} s" if unit else f" at {100.0 * limit:.0f} %"
 
 
 def _pose_lost(readings: Readings, setup: AutopilotSetup, failsafe: Failsafe) -> Check:

@@ -84,7 +84,7 @@ def _position(readings: Readings) -> Check:
         finding = pose.reason or ("it is not valid" if not pose.is_valid else "it has stopped")
         return Check(GROUP, "position", Verdict.RED, finding, "wait for the estimate, or check its sources")
     sources = f" from {', '.join(pose.sources)}" if pose.sources else ""
-    finding = f"quality {pose.quality:.0%}{sources}"
+    finding = f"quality {100.0 * pose.quality:.0f} %{sources}"
     if pose.quality < LEAST_QUALITY:
         return Check(GROUP, "position", Verdict.WARNING, finding, "wait until it is better")
     return Check(GROUP, "position", Verdict.OK, finding)

@@ -155,7 +155,7 @@ class VehicleFacts:
         if self.known_autopilot is not None:  # else it stays as it was
             left = self.known_autopilot.battery_remaining
             is_low = 0.0 <= left < self._reserve
-            yield Condition.LOW_BATTERY, is_low, f"{left:.0%} is left" if is_low else ""
+            yield Condition.LOW_BATTERY, is_low, f"{100.0 * left:.0f} % is left" if is_low else ""
         by_m = 0.0
         if fence is not None and self.pose is not None and is_airborne and is_fresh:
             by_m = -fence.clearance_m(self.pose.position_ned_m)

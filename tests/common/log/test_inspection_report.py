@@ -72,7 +72,7 @@ def test_a_run_becomes_a_page_with_figures_drawings_and_a_contact_sheet(
     write_pictures(tmp_path / "images")
     write_log(tmp_path / "log.mcap")
     assert run(tmp_path, "--wall", WALL) == 0
-    assert "3 pictures, 100.0% of the wall seen, 50.0% at least twice" in capsys.readouterr().out
+    assert "3 pictures, 100.0 % of the wall seen, 50.0 % at least twice" in capsys.readouterr().out
     figures = json.loads((tmp_path / "report/report.json").read_text())
     assert figures["flown_m"] == pytest.approx(8.0)
     assert figures["coverage"] == pytest.approx(1.0, abs=0.05)
@@ -96,7 +96,7 @@ def test_pictures_without_a_log_and_a_wall_of_a_world_file_will_do(
         "surfaces: {fore: {corner_m: [10, 8, 6], across_m: [0, -16, 0], down_m: [0, 0, -6], texture: end}}\n"
     )
     assert run(tmp_path / "images", "--wall", f"{world}#fore", "--out", tmp_path / "there") == 0
-    assert "100.0% of the wall" in capsys.readouterr().out
+    assert "100.0 % of the wall" in capsys.readouterr().out
     assert read_recording(tmp_path).pictures[1].camera == "front"
     (tmp_path / "images" / "front-00002.png").unlink()
     assert run(tmp_path, "--farthest", 4) == 0

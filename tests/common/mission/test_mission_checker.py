@@ -94,7 +94,7 @@ def test_a_good_mission_has_figures_and_no_findings(pelican: Platform) -> None:
         ("follow_waypoints", "folow_waypoints",
          "m:13:16: unknown capability 'folow_waypoints' (did you mean 'follow_waypoints'?)"),
         ("on_failure: land", "on_low_battery: continue",
-         "m:4:17: on_low_battery is continue, but at 20% the autopilot does return by itself"),
+         "m:4:17: on_low_battery is continue, but at 20 % the autopilot does return by itself"),
         ("on_failure: land", "on_pose_lost: return",
          "m:4:15: return_home needs the pose, and cannot be flown when that is lost (say on_pose_lost: land)"),
         ("down:   {land: {}, after: [home]}", "down:   {hold: {duration_s: 1}, after: [home]}",
@@ -139,7 +139,7 @@ def test_a_mission_beyond_the_battery_is_refused_with_figures(pelican: Platform)
     )
     found = told(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
     assert found == [
-        "m:1:10: about 61.6 Wh are needed, but only 53.2 Wh of 71 Wh may be used (reserve 25%) (make it shorter, or several missions)"
+        "m:1:10: about 61.6 Wh are needed, but only 53.2 Wh of 71 Wh may be used (reserve 25 %) (make it shorter, or several missions)"
     ]
 
 

@@ -20,7 +20,6 @@ from gloc3_groundstation.services.progress import OnProgress
 from gloc3_groundstation.services.rates import RateTable
 from gloc3_groundstation.services.vehicle import VehicleServices
 from gloc3_groundstation.station import Station
-from gloc3_groundstation.wording import counted
 
 __all__ = [
     "CalibrationKind",

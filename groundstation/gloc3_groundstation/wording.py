@@ -75,11 +75,6 @@ def arming(vehicle: VehicleSummary) -> str:
     return ("armed" if vehicle.is_armed else "disarmed") + (f", {landed}" if landed else "")
 
 
-def counted(count: int, what: str) -> str:
-    """`1 log`, `2 logs`."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
-
-
 def duration(seconds: float) -> str:
     """`8 s`, `3 min 05 s`, `2 h 10 min`."""
     whole = int(seconds)

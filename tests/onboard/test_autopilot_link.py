@@ -125,7 +125,8 @@ def test_a_stream_that_stays_away_is_asked_for_again_and_a_refused_one_is_not() 
         rig.autopilot.refuses[511] = CommandResult.DENIED, "no"
         rig.run(10.0)
         assert len(rig.asked(511)) == len(COMMON_STREAMS)
-        assert len([text for text in rig.said if "refuses message" in text]) == len(COMMON_STREAMS)
+        assert len([text for text in rig.said if "refuses to send" in text]) == len(COMMON_STREAMS)
+        assert any(text.startswith("the autopilot refuses to send SYS_STATUS at 2 Hz: denied") for text in rig.said)
 
 
 def test_an_autopilot_of_another_kind_is_left_alone() -> None:

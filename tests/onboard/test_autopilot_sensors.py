@@ -184,7 +184,8 @@ def test_the_simulated_autopilot_tells_its_inertial_unit_to_the_sampler(style: s
         simulator = Simulator(World.load("hold"), style=style, seed=4)
         cable = MemoryLink(bench.loop, Random(1), Conditions(latency_s=0.002))
         cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
-        link = AutopilotLink(bench.loop, Clock(bench.loop))
+        said: list[str] = []
+        link = AutopilotLink(bench.loop, Clock(bench.loop), say=lambda _, text: said.append(text))
         cable.b.on_data = link.receive
         link.open(cable.b)
         simulator.start(bench.loop)
@@ -201,6 +202,7 @@ def test_the_simulated_autopilot_tells_its_inertial_unit_to_the_sampler(style: s
         samples = [envelope for envelope in bench.envelopes if envelope.topic == "bench/imu"]
         simulator.stop()
         link.close()
+    assert [text for text in said if "refuses" in text] == [], "it is asked for nothing that it never gives"
     assert len(samples) >= 290
     assert all(envelope.payload.is_valid for envelope in samples), {envelope.payload.reason for envelope in samples}
     forces = np.array([envelope.payload.specific_force_frd_m_s2 for envelope in samples])

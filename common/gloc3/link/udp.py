@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 from gloc3.errors import Refused
-from gloc3.link.routing import Routes
+from gloc3.link.peer_routes import Routes
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
 """The loop wakes for a burst, not for each datagram; the kernel keeps the rest of it here."""

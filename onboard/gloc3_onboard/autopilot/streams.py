@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gloc3.errors import Refused
+from gloc3.link import codec
 from gloc3.link.command import CommandCall, CommandClient, CommandResult
 from gloc3.link.message import Address
 from gloc3_onboard.autopilot.style import Stream
@@ -60,7 +61,8 @@ class StreamRequests:
             self._waiting.append(stream)
             self._next_s = now_s + RETRY_S
         else:
-            self.refused.append(f"message {stream.message_id} at {stream.rate_hz:g} Hz: {call.result.words}")
+            name = codec.name_of(stream.message_id) or f"message {stream.message_id}"
+            self.refused.append(f"to send {name} at {stream.rate_hz:g} Hz: {call.result.words}")
 
     def tick(self, target: Address, now_s: float) -> None:
         """Asks for the next one."""

@@ -11,7 +11,7 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.link import codec, udp
 from gloc3.link.endpoints import Endpoint, open_endpoint
-from gloc3.link.routing import systems_in
+from gloc3.link.peer_routes import systems_in
 from gloc3.link.signing import Signing
 from gloc3.link.udp import UdpServerEndpoint
 

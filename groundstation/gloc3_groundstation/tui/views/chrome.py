@@ -36,7 +36,7 @@ class Tab(NamedTuple):
 
 def title_line(view: View, width: int) -> Line:
     """The vehicle in view: mode, armed, battery, link and control; the alerts of all vehicles; the time."""
-    clock = (Span(f"  {wording.clock(view.now_s - view.started_s)} ", Tone.DIM),)
+    clock: Line = (Span(f"  {wording.clock(view.now_s - view.started_s)} ", Tone.DIM),)
     alerts = _alerts(view)
     if view.platform is None:
         name = (Span(" GLOC3", Tone.STRONG), Span(f"   station {view.station}", Tone.DIM))

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from enum import StrEnum
+from math import isfinite
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -115,7 +116,10 @@ class Mailbox:
         self.dropped = 0
 
     def put(self, port: str, envelope: Envelope[Any]) -> None:
-        """Takes a message in, by the port's policy."""
+        """Takes a message in, by the port's policy; one whose time of validity is no number is dropped."""
+        if not isfinite(envelope.t_s):
+            self.dropped += 1
+            return
         queue = self._queues[port]
         declared = self._inputs[port]
         if len(queue) >= declared.depth:

@@ -3,6 +3,7 @@
 import sys
 
 from tests.evidence import (
+    bad_sensor_input,
     day,
     demo,
     flight,
@@ -25,6 +26,7 @@ from tests.evidence import (
 from tests.evidence.page import Bar, Progress, commit, write
 
 BARS: tuple[Bar, ...] = (
+    *bad_sensor_input.BARS,
     *day.BARS,
     *demo.BARS,
     *flight.BARS,

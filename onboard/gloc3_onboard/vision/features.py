@@ -14,6 +14,8 @@ from gloc3_onboard.vision.stereo_rig import StereoRig
 
 _GAP_S: Final = 1.0
 """After so long without a usable picture nothing is looked for again."""
+TURNED_BACK_AFTER: Final = 5
+"""After so many in a row that are not newer than the last, time itself has gone back."""
 _FEW: Final = 8
 _MATCHED_SHARE: Final = 0.4
 """With less of the points matched that were matched before a pair of pictures is held to be a bad one, at first."""
@@ -75,6 +77,7 @@ class FeatureMatcher:
         self._offset_px: Pixels = NO_PIXELS
         self._t_s = -np.inf
         self._is_poor = False
+        self._turned_back = 0
 
     def update(self, left: Picture, right: Picture, t_s: float) -> FeatureSet:
         """The points of a pair of pictures that were taken at one time.
@@ -117,7 +120,11 @@ class FeatureMatcher:
         if not np.isfinite(t_s):
             return "the time is not a number"
         if t_s <= self._t_s:
-            return "the time does not grow"
+            self._turned_back += 1
+            if self._turned_back < TURNED_BACK_AFTER:
+                return "the time does not grow"
+            self.forget()
+        self._turned_back = 0
         for name, picture, camera in (("left", left, self._rig.left), ("right", right, self._rig.right)):
             found = problem(picture, camera)
             if found:

@@ -7,6 +7,8 @@ from gloc3_onboard.vision.bright_spots import Spot
 
 CONFIRMED_AFTER: Final = 3
 """Pictures in a row with one spot that moves steadily, until it is the lamp."""
+DOUBTED_AFTER_S: Final = 0.5
+"""After so long out of sight, what is where it could be has to be seen as often again."""
 FORGOTTEN_AFTER_S: Final = 2.0
 """After so long out of sight, nothing is expected any more."""
 _LOOSE_PX: Final = 10.0
@@ -61,6 +63,9 @@ class SpotTrack:
             if not self.is_confirmed:
                 self.forget()
             return None, "a light, but not where the vehicle's could be" if spots else "no light in sight"
+        if ahead_s > DOUBTED_AFTER_S and self.is_confirmed:
+            self.forget()
+            return self._first(near, t_s)
         self._follow(near[0], ahead_s, t_s)
         return (near[0], "") if self.is_confirmed else (None, "a light appears")
 

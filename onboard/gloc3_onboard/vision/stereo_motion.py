@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gloc3.camera_geometry import Array
 from gloc3.opencv import load_opencv
 from gloc3.perception import UNKNOWN_VARIANCE
-from gloc3_onboard.vision.features import FeatureSet
+from gloc3_onboard.vision.features import TURNED_BACK_AFTER, FeatureSet
 from gloc3_onboard.vision.pose_fit import Noise, Points, PoseFit, fit_pose
 from gloc3_onboard.vision.stereo_rig import StereoRig
 
@@ -102,12 +102,19 @@ class StereoMotion:
         self._turn_s = 0.0
         self._last_s = -np.inf
         self._good_s = -np.inf
+        self._turned_back = 0
 
     def update(self, features: FeatureSet) -> Motion:
         """The motion since the key frame."""
         t_s = features.t_s
-        if features.reason or not t_s > self._last_s:
-            return self._lost(t_s, features.reason or "the time does not grow")
+        if features.reason or not np.isfinite(t_s):
+            return self._lost(t_s, features.reason or "the time is not a number")
+        if t_s <= self._last_s:
+            self._turned_back += 1
+            if self._turned_back < TURNED_BACK_AFTER:
+                return self._lost(t_s, "the time does not grow")
+            self.forget()
+        self._turned_back = 0
         left, right = self._rig.left_rays(features.pixels), self._rig.right_rays(features.right_pixels)
         seen = np.column_stack([left, left[:, 0] - right[:, 0]])
         key = self._key

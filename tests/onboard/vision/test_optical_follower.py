@@ -135,6 +135,17 @@ def test_the_loss_of_sight_is_told_and_the_lamp_is_found_again() -> None:
     assert error_m(fix, watch.count - 1) < 0.02
 
 
+def test_after_a_second_out_of_sight_one_light_is_not_the_lamp_until_it_is_seen_three_times() -> None:
+    watch = Watch()
+    watch.looks(6)
+    for number in range(10):
+        watch.look(seen(seed=100 + number))
+    x, y, z = place(watch.count)
+    assert watch.look(seen((x, y + 1.5, z))).reason.startswith("a light appears")
+    assert not watch.looks(3).is_valid
+    assert watch.looks(1).is_valid
+
+
 @pytest.mark.parametrize(
     ("picture", "reason"),
     [

@@ -6,7 +6,6 @@ of all sessions go when together they become too many.
 
 import asyncio
 import os
-import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
@@ -14,6 +13,7 @@ from typing import BinaryIO, Final, NamedTuple
 from gloc3.clock import Clock, utc_text
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import Exchange
+from gloc3.link.tlog import OVERHEAD_BYTES, is_secret, tlog_record
 from gloc3.record import Recorder
 from gloc3.topics import TopicTable
 
@@ -22,9 +22,6 @@ PART_BYTES: Final = 64 * 1024 * 1024
 KEPT_BYTES: Final = 2 * 1024 * 1024 * 1024
 """All sessions together; the oldest parts make room."""
 LOOK_EVERY_S: Final = 1.0
-
-_TIME: Final = struct.Struct(">Q")
-"""Before each frame of a `.tlog`: microseconds since 1970, as MAVProxy, pymavlink and Mission Planner write them."""
 
 
 class Limits(NamedTuple):
@@ -82,17 +79,16 @@ class Recording:
         self._begin_mcap()
 
     def frame(self, raw: bytes) -> None:
-        """Records a MAVLink frame of any link, in or out."""
-        if self._tlog.closed:
+        """Records a MAVLink frame of any link, in or out, unless it carries a key."""
+        if self._tlog.closed or is_secret(raw):
             return
-        now_us = round((self._clock.now_s() + self._clock.utc_offset_s) * 1e6)
         try:
-            self._tlog.write(_TIME.pack(now_us) + raw)
+            self._tlog.write(tlog_record(raw, self._clock.now_s() + self._clock.utc_offset_s))
         except OSError as error:
             self._fail(f"{self._tlog_path.name} cannot be written: {error.strerror or error}")
             self._close_tlog()
             return
-        self._tlog_bytes += len(raw) + _TIME.size
+        self._tlog_bytes += len(raw) + OVERHEAD_BYTES
 
     def close(self) -> None:
         """Finishes the logs."""

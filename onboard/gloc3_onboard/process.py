@@ -4,7 +4,7 @@ import asyncio
 import signal
 from pathlib import Path
 from random import SystemRandom
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import msgspec
 
@@ -35,6 +35,7 @@ from gloc3_onboard.sources.url import Sensor
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
 from gloc3_onboard.taps import ExchangeTaps
+from gloc3_onboard.traffic import Traffic
 from gloc3_onboard.viewer.catalogue import Catalogue
 
 DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
@@ -100,6 +101,7 @@ class OnboardProcess:
         self._autopilot = AutopilotLink(loop, self._clock, options.system_id, self.say)
         self._router = Router(self._autopilot.own, self._system_restarted)
         self._recorder: Recorder | None = None
+        self._traffic: Traffic | None = None
         folder = find_platform(options.platform).parent
         self._rig = PlatformRig(platform, folder)
         for warning in self._rig.warnings:
@@ -161,6 +163,8 @@ class OnboardProcess:
             routed.close()
         for endpoint in self._endpoints:
             await endpoint.close()
+        if self._traffic is not None:
+            self._traffic.close()
         if self._recorder is not None:
             self._recorder.write_requested_path(self._path.points_ned_m)
             self._recorder.close()
@@ -170,6 +174,14 @@ class OnboardProcess:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
             self._narrator.say(f"onboard: {text}")
+
+    def _keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+        """Keeps a MAVLink frame, once there is a log."""
+        if self._traffic is not None:
+            self._traffic.keep(link, direction, frame)
+
+    def _lament(self, text: str) -> None:
+        self.say(Severity.WARNING, text)
 
     def _system_restarted(self, system: int) -> None:
         self.say(Severity.NOTICE, f"MAVLink system {system} has restarted: its routes are learned anew")
@@ -195,6 +207,7 @@ class OnboardProcess:
         file = find_platform(self._options.platform).read_bytes()
         self._recorder.attach_file(PLATFORM_FILE, "application/yaml", file)
         self._recorder.attach(self.exchange, self._loop)
+        self._traffic = Traffic(path.with_suffix(".tlog"), self._recorder, self._clock, self._loop, self._lament)
         return path
 
     def _log_problem(self) -> str:
@@ -206,7 +219,7 @@ class OnboardProcess:
         return None if key is None else Signing(key, link_id=number & 0xFF, now=timestamp(self._clock.utc_s()))
 
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
-        routed = RoutedLink(url, self._router, self._loop, link.take)
+        routed = RoutedLink(url, self._router, self._loop, link.take, self._keep)
         endpoint = await open_endpoint(url, self._loop, routed.receive)
         self._endpoints.append(endpoint)
         self._routed.append(routed)

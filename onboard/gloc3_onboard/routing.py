@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Iterable
-from typing import Final
+from typing import Final, Literal
 
 from gloc3.link.codec import Frame, Parser
 from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
@@ -13,6 +13,14 @@ BITS_PER_BYTE: Final = 10.0
 """On a serial line, with start and stop bits."""
 
 
+Keep = Callable[[str, Literal["in", "out"], bytes], None]
+"""Takes a link's URL, a direction, and a frame."""
+
+
+def _keep_nothing(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
+    """For links whose traffic nobody wants."""
+
+
 class RoutedLink:
     """One link: what it hears goes to a listener and to the other links, what is sent shares its line.
 
@@ -21,6 +29,7 @@ class RoutedLink:
         router: the other links.
         loop: the process's loop.
         listener: gets every frame that is heard, and gives those that may be passed on.
+        keep: gets each frame that is heard, or is sent as our own, for a log.
     """
 
     is_datagram = True
@@ -32,8 +41,10 @@ class RoutedLink:
         router: Router,
         loop: asyncio.AbstractEventLoop,
         listener: Callable[[list[Frame]], Iterable[Frame]],
+        keep: Keep = _keep_nothing,
     ) -> None:
         self._loop, self._router, self._listener = loop, router, listener
+        self._url, self._keep = url, keep
         self._parser = Parser()
         self._own = Parser(is_datagram=True)
         self._endpoint: Endpoint | None = None
@@ -57,11 +68,15 @@ class RoutedLink:
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard."""
         now_s, route, link = self._loop.time(), self._router.route, self.routed
-        for frame in self._listener(self._parser.receive(data)):
+        frames = self._parser.receive(data)
+        for frame in frames:
+            self._keep(self._url, "in", frame.raw)
+        for frame in self._listener(frames):
             route(link, frame, now_s)
 
     def send(self, data: bytes) -> None:
-        """Sends frames of our own."""
+        """Sends a frame of our own."""
+        self._keep(self._url, "out", data)
         for frame in self._own.receive(data):
             self._forward(frame)
 

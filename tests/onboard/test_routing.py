@@ -1,13 +1,17 @@
 """An unmodified mavsdk client behind the onboard process reaches the autopilot and the companion over one link."""
 
 import socket
+import time
 from pathlib import Path
 
 import pytest
 from mavsdk.plugins.param import Param
+from pymavlink import mavutil
 from tests.commands.programs import program
 from tests.sitl.mavsdk_client import Client, item
 
+from gloc3.link.codec import Frame, Parser
+from gloc3.log.reader import LogReader
 from gloc3_sitl.demo import free_ports
 
 pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
@@ -43,3 +47,21 @@ def test_stations_of_others_reach_the_autopilot_through_the_onboard_process(tmp_
         finally:
             one.close()
             other.close()
+        onboard.interrupt()
+        assert onboard.end() == 0, onboard.text
+    kept = read_back(tmp_path / "out" / "log.tlog")
+    assert {(1, 1), (1, 191), (245, 190)} <= {(frame.system, frame.component) for frame in kept}
+    with LogReader(tmp_path / "out" / "log.mcap") as reader:
+        logged = list(reader.frames())
+    assert [frame.data for frame in logged] == [frame.raw for frame in kept], "both logs hold the same frames"
+    assert {frame.direction for frame in logged} == {"in", "out"}
+
+
+def read_back(path: Path) -> list[Frame]:
+    """The frames of a `.tlog`, read by pymavlink, which refuses what is no frame."""
+    source = mavutil.mavlogfile(str(path))
+    raw = []
+    while (found := source.recv_msg()) is not None:
+        assert abs(found._timestamp - time.time()) < 120.0
+        raw.append(bytes(found.get_msgbuf()))
+    return Parser().receive(b"".join(raw))

@@ -15,6 +15,7 @@ import msgspec
 
 from gloc3.link.message import Address
 from gloc3.link.parser import Frame
+from gloc3.link.tlog import SETUP_SIGNING
 
 MOST_ADDRESSES: Final = 256
 """So many senders a link may have; a flood of invented ones finds no room, and costs nobody else's."""
@@ -46,7 +47,7 @@ class LinkCounts(msgspec.Struct):
     unroutable: int = 0
     """Frames for an address that has been heard nowhere else."""
     refused: int = 0
-    """Frames of senders for whom there was no room."""
+    """Frames of senders for whom there was no room, and keys: nobody passes these on."""
 
 
 class _Sender(msgspec.Struct, gc=False):
@@ -121,7 +122,7 @@ class Router:
         if key == self._own or self._has_returned(source, raw, now_s):
             counts.returned += 1
             return
-        if not self._learn(source, key, frame, now_s):
+        if frame.message_id == SETUP_SIGNING or not self._learn(source, key, frame, now_s):
             counts.refused += 1
             return
         system, component = frame.target_system, frame.target_component

@@ -93,6 +93,12 @@ def test_frames_pass_byte_for_byte_signed_unknown_and_old_ones_too(net: Net) -> 
         assert net.out["wifi"][-1].raw == raw
 
 
+def test_a_signing_key_is_passed_on_to_nobody(net: Net) -> None:
+    setup = {"target_system": 1, "target_component": 1, "secret_key": bytes(range(32)), "initial_timestamp": 1}
+    assert net.say("radio", STATION, "SETUP_SIGNING", **setup) == {}
+    assert net.links["radio"].counts.refused == 1
+
+
 def test_a_frame_that_comes_back_by_another_link_goes_nowhere(net: Net) -> None:
     raw = AUTOPILOT.encode(message("ATTITUDE", yaw=1.0))
     assert net.hear("serial", raw) == {"radio": 1, "wifi": 1}

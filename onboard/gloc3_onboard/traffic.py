@@ -1,0 +1,81 @@
+"""Keeps every MAVLink frame that the onboard process hears or sends: in the data log, and as a `.tlog` beside it."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Literal
+
+from gloc3.clock import Clock
+from gloc3.errors import Refused
+from gloc3.link.tlog import is_secret, tlog_record
+from gloc3.record import Recorder
+
+FLUSH_S: Final = 1.0
+
+
+class Traffic:
+    """The frames of all links of one run.
+
+    Args:
+        path: of the `.tlog`.
+        recorder: the data log; frames go to its channels `mavlink/LINK/in` and `mavlink/LINK/out`.
+        clock: of the process.
+        loop: wakes it to write what is in memory.
+        warn: told once when the disk takes no more.
+
+    Raises:
+        Refused: the file cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        recorder: Recorder,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        warn: Callable[[str], None],
+    ) -> None:
+        try:
+            self._file = path.open("wb")
+        except OSError as error:
+            raise Refused(f"{path} cannot be written: {error.strerror or error}") from error
+        self._path, self._recorder, self._clock, self._loop, self._warn = path, recorder, clock, loop, warn
+        self._timer = loop.call_later(FLUSH_S, self._flush)
+
+    def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+        """Keeps one frame, unless it carries a key."""
+        if is_secret(frame):
+            return
+        now_s = self._clock.now_s()
+        self._recorder.record_mavlink(link, direction, frame, now_s)
+        self._write(tlog_record(frame, now_s + self._clock.utc_offset_s))
+
+    def close(self) -> None:
+        """Writes what is in memory; keeps nothing any more."""
+        self._timer.cancel()
+        try:
+            self._file.close()
+        except OSError as error:
+            self._fail(error)
+
+    def _write(self, record: bytes) -> None:
+        if not self._file.closed:
+            try:
+                self._file.write(record)
+            except OSError as error:
+                self._fail(error)
+
+    def _flush(self) -> None:
+        self._timer = self._loop.call_later(FLUSH_S, self._flush)
+        if not self._file.closed:
+            try:
+                self._file.flush()
+            except OSError as error:
+                self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self._warn(f"{self._path} cannot be written: {error.strerror or error}")
+        try:
+            self._file.close()
+        except OSError:  # what it still holds does not fit either; it is closed all the same
+            return

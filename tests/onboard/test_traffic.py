@@ -1,0 +1,62 @@
+"""What the onboard process keeps of its MAVLink links."""
+
+import asyncio
+import os
+from pathlib import Path
+
+import pytest
+
+from gloc3.clock import Clock, run_virtual
+from gloc3.errors import Refused
+from gloc3.link.codec import Encoder, message
+from gloc3.link.tlog import OVERHEAD_BYTES
+from gloc3.log.reader import LogReader
+from gloc3.record import Recorder
+from gloc3.topics import TopicTable
+from gloc3_onboard.traffic import Traffic
+
+STATION = Encoder(255, 190)
+
+
+def keep(folder: Path, tlog: Path, *frames: bytes) -> list[str]:
+    """Keeps frames, one each second; gives the warnings."""
+    warnings: list[str] = []
+
+    async def work() -> None:
+        loop = asyncio.get_running_loop()
+        clock = Clock(loop)
+        recorder = Recorder(folder / "log.mcap", clock, TopicTable.installed(), {})
+        traffic = Traffic(tlog, recorder, clock, loop, warnings.append)
+        for frame in frames:
+            traffic.keep("radio", "in", frame)
+            await asyncio.sleep(1.0)
+        traffic.close()
+        recorder.close()
+
+    run_virtual(work())
+    return warnings
+
+
+def test_keys_are_not_kept(tmp_path: Path) -> None:
+    key = bytes(range(1, 33))
+    heartbeat = STATION.encode(message("HEARTBEAT"))
+    secret = STATION.encode(message("SETUP_SIGNING", secret_key=key, initial_timestamp=1))
+    assert keep(tmp_path, tmp_path / "log.tlog", heartbeat, secret, heartbeat) == []
+    assert key not in (tmp_path / "log.tlog").read_bytes()
+    assert (tmp_path / "log.tlog").stat().st_size == 2 * (OVERHEAD_BYTES + len(heartbeat))
+    with LogReader(tmp_path / "log.mcap") as reader:
+        assert [frame.data for frame in reader.frames()] == [heartbeat, heartbeat]
+
+
+def test_a_full_disk_is_told_once_and_the_data_log_goes_on(tmp_path: Path) -> None:
+    heartbeat = STATION.encode(message("HEARTBEAT"))
+    (warning,) = keep(tmp_path, Path("/dev/full"), *[heartbeat] * 5)
+    assert "/dev/full" in warning
+    assert os.strerror(28) in warning
+    with LogReader(tmp_path / "log.mcap") as reader:
+        assert len(list(reader.frames())) == 5
+
+
+def test_a_folder_in_its_place_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="directory"):
+        keep(tmp_path, tmp_path)

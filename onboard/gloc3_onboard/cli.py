@@ -46,7 +46,8 @@ def onboard(
 
     Args:
         platform: A platform file, or the name of one that is installed, such as pelican.
-        autopilot: Where the autopilot is: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD.
+        autopilot: Where the autopilot is: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD;
+            with :auto as BAUD the rate is found.
         station: Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550.
         device: Where a sensor's data comes from, as NAME=URL, such as ground_camera=v4l2:///dev/video0; may be given
             again. It goes before what the platform file says. docs/sensors.md lists the URLs.

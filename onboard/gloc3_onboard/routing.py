@@ -50,7 +50,8 @@ class RoutedLink:
         self._endpoint: Endpoint | None = None
         self._timer: asyncio.TimerHandle | None = None
         wanted = parse_url(url)
-        rate_byte_s = wanted.baud / BITS_PER_BYTE if wanted.scheme in SERIAL_SCHEMES else None
+        baud = wanted.baud if wanted.scheme in SERIAL_SCHEMES else None  # a line whose rate is not known paces itself
+        rate_byte_s = None if baud is None else baud / BITS_PER_BYTE
         self.outlet: Final = Outlet(self._write, rate_byte_s)
         self.routed: Final = router.attach(url, self._forward)
 

@@ -4,7 +4,7 @@ udpin://0.0.0.0:14550          listens, and answers everyone it has heard from
 udpout://192.168.1.10:14550    sends there, and hears from there
 tcpin://0.0.0.0:5760           listens for clients
 tcpout://192.168.1.10:5760     connects, and connects again when it is cut off
-serial:///dev/ttyACM0:57600    a serial line; serial_flowcontrol:// with RTS and CTS
+serial:///dev/ttyACM0:57600    a serial line; serial_flowcontrol:// with RTS and CTS; with :auto its rate is found
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ OnData: TypeAlias = Callable[[bytes], None]
 NETWORK_SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout")
 SERIAL_SCHEMES: Final = ("serial", "serial_flowcontrol")
 DEFAULT_BAUD: Final = 57_600
+AUTO: Final = "auto"
 
 
 class Endpoint(Protocol):
@@ -69,7 +70,8 @@ class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
     host: str = ""
     port: int = 0
     device: str = ""
-    baud: int = DEFAULT_BAUD
+    baud: int | None = DEFAULT_BAUD
+    """None where it is to be found."""
 
 
 def parse_url(url: str) -> EndpointUrl:
@@ -112,8 +114,10 @@ def _serial_url(url: str, scheme: str, rest: str) -> EndpointUrl:
         device, baud = rest, str(DEFAULT_BAUD)
     if not device:
         raise Refused(f"endpoint {url!r} names no device; write it as {scheme}:///dev/ttyACM0:57600")
+    if baud == AUTO:
+        return EndpointUrl(url=url, scheme=scheme, device=device, baud=None)
     if not baud.isascii() or not baud.isdigit() or not 1 <= int(baud) <= 10_000_000:
-        raise Refused(f"endpoint {url!r}: {baud!r} is no baud rate")
+        raise Refused(f"endpoint {url!r}: {baud!r} is no baud rate; give a number, or {AUTO} to have it found")
     return EndpointUrl(url=url, scheme=scheme, device=device, baud=int(baud))
 
 

@@ -10,6 +10,8 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from gloc3.link.baud import RATES, BaudSearch
+
 if TYPE_CHECKING:
     import serial
 
@@ -31,7 +33,7 @@ class SerialEndpoint:
         loop: asyncio.AbstractEventLoop,
         on_data: Callable[[bytes], None],
         device: str,
-        baud: int,
+        baud: int | None,
         *,
         has_flow_control: bool = False,
     ) -> None:
@@ -42,7 +44,9 @@ class SerialEndpoint:
         self.problem = "not open yet"
         self._loop = loop
         self._on_data = on_data
-        self._device, self._baud, self._has_flow_control = device, baud, has_flow_control
+        self._device, self._has_flow_control = device, has_flow_control
+        self._search = BaudSearch(loop.time()) if baud is None else None
+        self._baud = baud or RATES[0]
         self._port: serial.Serial | None = None
         self._closing = threading.Event()
         self._waiting: queue.Queue[bytes | None] = queue.Queue(WAITING_FRAMES)
@@ -55,12 +59,17 @@ class SerialEndpoint:
 
     @property
     def is_connected(self) -> bool:
-        """Whether the device is open."""
-        return self._port is not None
+        """Whether the device is open, and its rate known."""
+        return self._port is not None and (self._search is None or self._search.is_found)
+
+    @property
+    def baud(self) -> int:
+        """The line's rate; while it is not known, the one that is tried."""
+        return self._baud
 
     def send(self, data: bytes) -> None:
         """Queues one frame for the line."""
-        if self._port is None:
+        if not self.is_connected:
             self.dropped += 1
             return
         try:
@@ -107,7 +116,9 @@ class SerialEndpoint:
             try:
                 while not self._closing.is_set():
                     data = port.read(max(1, port.in_waiting))
-                    if data:
+                    if self._search is not None and not self._search.is_found:
+                        self._try(port, self._search, data)
+                    if data and self.is_connected:
                         self._loop.call_soon_threadsafe(self._hear, data)
             except (OSError, TypeError) as error:  # unplugged; pyserial answers with a TypeError if that is in mid-read
                 self.problem = _reason(error)
@@ -115,6 +126,14 @@ class SerialEndpoint:
                 self._closing.set()
             self._port = None
             port.close()
+
+    def _try(self, port: serial.Serial, search: BaudSearch, data: bytes) -> None:
+        """Tells the search what was heard, and sets the line to what it wants to try next."""
+        search.hear(data, self._loop.time())
+        if search.rate != self._baud:
+            self._baud = port.baudrate = search.rate
+            port.reset_input_buffer()
+        self.problem = "" if search.is_found else f"no MAVLink heard yet; trying {search.rate} baud"
 
     def _hear(self, data: bytes) -> None:
         if not self._closing.is_set():

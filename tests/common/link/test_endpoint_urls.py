@@ -17,6 +17,7 @@ from gloc3.link.endpoints import EndpointUrl, parse_url
         ("tcpout://10.0.0.2:5760", {"scheme": "tcpout", "host": "10.0.0.2", "port": 5760}),
         ("serial:///dev/ttyACM0:921600", {"scheme": "serial", "device": "/dev/ttyACM0", "baud": 921600}),
         ("serial:///dev/ttyACM0", {"scheme": "serial", "device": "/dev/ttyACM0", "baud": 57600}),
+        ("serial:///dev/ttyUSB0:auto", {"scheme": "serial", "device": "/dev/ttyUSB0", "baud": None}),
         ("serial_flowcontrol:///dev/x:1", {"scheme": "serial_flowcontrol", "device": "/dev/x", "baud": 1}),
     ],
 )
@@ -37,7 +38,7 @@ def test_good_urls_are_read(url: str, expected: dict[str, object]) -> None:
         ("tcpout://host:0", "port 0 is for listening only"),
         ("tcpin://0.0.0.0:5760/path", "nothing may follow the port"),
         ("serial://", "names no device"),
-        ("serial:///dev/ttyACM0:fast", "'fast' is no baud rate"),
+        ("serial:///dev/ttyACM0:fast", "'fast' is no baud rate; give a number, or auto"),
         ("serial:///dev/ttyACM0:0", "'0' is no baud rate"),
     ],
 )

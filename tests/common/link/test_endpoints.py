@@ -4,6 +4,7 @@ import asyncio
 import fcntl
 import os
 import pty
+import termios
 from collections.abc import AsyncIterator, Callable
 
 import pytest
@@ -17,6 +18,7 @@ from gloc3.link.udp import UdpServerEndpoint
 
 pytestmark = pytest.mark.sockets
 
+RATE_NAMES = {f"B{digit}" for digit in range(1, 10)}
 FRAMES = [codec.Encoder(1, 1).encode(codec.message("ATTITUDE", time_boot_ms=n)) for n in range(1, 4)]
 
 
@@ -168,6 +170,37 @@ async def test_serial_line_both_ways_and_a_missing_device(opener: Opener) -> Non
         assert not missing.is_connected
         await endpoint.close()
         await missing.close()
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def _line_rate(descriptor: int) -> int:
+    """The rate that a line is set to, in baud."""
+    code = termios.tcgetattr(descriptor)[5]
+    return next(int(name[1:]) for name, value in vars(termios).items() if name[:2] in RATE_NAMES and value == code)
+
+
+async def test_the_rate_of_a_serial_line_is_found(opener: Opener) -> None:
+    master, slave = pty.openpty()
+    try:
+        endpoint, heard = await opener(f"serial://{os.ttyname(slave)}:auto")
+        tried: list[int] = []
+        while not endpoint.is_connected:
+            rate = _line_rate(slave)
+            tried += [rate] if tried[-1:] != [rate] else []
+            wrong = bytes(byte ^ 0xA5 for byte in FRAMES[0])  # what a line of another rate makes of it
+            os.write(master, FRAMES[0] if rate == 921_600 else wrong)
+            if rate != 921_600:
+                assert heard == [], "nothing is taken for heard before the rate is known"
+                endpoint.send(FRAMES[1])
+            await asyncio.sleep(0.02)
+        assert tried[-3:] == [57_600, 115_200, 921_600]
+        assert endpoint.bytes_sent == 0, "nothing is sent at a rate that may be wrong"
+        assert endpoint.problem == ""
+        os.write(master, FRAMES[2])
+        await until(lambda: b"".join(heard).endswith(FRAMES[2]))
+        await endpoint.close()
     finally:
         os.close(master)
         os.close(slave)

@@ -192,7 +192,7 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
         yield Cause(name, "autopilot", Severity.CRITICAL, text)
     if is_settled and vehicle.has_pilot_control:
         yield Cause(name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back")
-    if vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
+    if is_settled and vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
         yield Cause(name, "position", Severity.CRITICAL, "armed without a valid position")
 
 

@@ -92,7 +92,7 @@ def test_a_link_that_loses_most_is_an_alert_once_it_has_settled() -> None:
 def test_while_a_platform_comes_up_what_is_not_there_yet_is_no_alert() -> None:
     absent = ComponentLine(3, list(Health).index(Health.ABSENT), 0, 0, 0, 0)
     new = replace(PLATFORM, lines={**PLATFORM.lines, 3: (absent, 100.0)}, heard_s=105.0, began_s=100.0)
-    coming_up = fleet_of(new, is_autopilot_connected=False, has_pilot_control=True)
+    coming_up = fleet_of(new, is_autopilot_connected=False, has_pilot_control=True, is_armed=True, is_pose_valid=False)
     assert update(Alerts(), coming_up, 101.0).all == {}
     found = {alert.what for alert in update(Alerts(), fleet_of(new), 105.0).listed}
     assert found == {"component pose"}

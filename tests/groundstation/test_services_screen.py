@@ -21,6 +21,7 @@ from .station_scene import scene
 pytestmark = pytest.mark.sockets
 
 CONTENT = random.Random(6).randbytes(60_000)
+WAYPOINTS = "QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47\t8\t500\t1\n1\t0\t3\t22\t0\t0\t0\t0\t47\t8\t10\t1\n"
 SLOW = Conditions(latency_s=0.002, bandwidth_bit_s=400_000)
 
 
@@ -82,8 +83,9 @@ async def test_a_parameter_is_searched_edited_within_its_bounds_and_marked(tmp_p
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
 
 
-async def test_while_armed_a_write_is_asked_about_first() -> None:
-    async with services_scene() as here:
+async def test_while_armed_a_write_is_asked_about_first(tmp_path: Path) -> None:
+    (tmp_path / "way.waypoints").write_text(WAYPOINTS)
+    async with services_scene(downloads=tmp_path) as here:
         await here.press("f")
         await here.until("job", "✓ 36 parameters")
         here.vehicle.heartbeat.base_mode = 128
@@ -101,6 +103,16 @@ async def test_while_armed_a_write_is_asked_about_first() -> None:
         await dialogue(here, Question)
         await here.press("y")
         await here.until("job", "✓ CAL_ACC0_ID is 7 now (was 1310988)")
+        await here.tab("Plans")
+        await here.press("o")
+        await enter(here, "way.waypoints")
+        await here.wait(lambda: here.services.vehicle(NAME).plans.file is not None)
+        for key in ("u", "delete"):
+            await here.press(key)
+            await dialogue(here, Question)
+            await here.press("n")
+            await here.wait(lambda: not isinstance(here.app.screen, Question))
+        assert not here.services.vehicle(NAME).jobs.running
 
 
 async def test_a_file_is_compared_first_and_only_what_is_not_left_out_is_written(tmp_path: Path) -> None:

@@ -214,18 +214,20 @@ async def test_tasks_and_actions_are_steered_by_the_cursor_and_only_as_far_as_it
         await here.press("down")
         await here.until("detail", "✓ done")
         await here.press("p", "r", "k")
+        await here.wait(lambda: len(here.asked(Steer)) == 3)  # what is over cannot be paused: the mission is
         await here.press("right", "down", "down")
         await here.until("detail", "✗ failed   record_images ground every 0.5 m")
-        await here.press("p", "t")
-        await here.wait(lambda: len(here.asked(Steer)) == 3)
+        await here.press("t")
+        await here.wait(lambda: len(here.asked(Steer)) == 4)
         await here.press("up", "a")
         await here.shows(Question)
         await here.press("n", "a")
         await here.shows(Question)
         await here.press("y")
-        await here.wait(lambda: len(here.asked(Steer)) == 4)
+        await here.wait(lambda: len(here.asked(Steer)) == 5)
         assert here.asked(Steer) == [
             Steer(verb=Verb.SKIP),
+            Steer(verb=Verb.PAUSE),
             Steer(verb=Verb.PAUSE),
             Steer(verb=Verb.RETRY, target="sweep.photos"),
             Steer(verb=Verb.ABORT, target="sweep.wall"),

@@ -40,7 +40,8 @@ class MissionScreen(StationScreen):
 
     HELP = """The mission as a graph: each box is a task, in the order in which they run from left to right; in it stand
     its actions. Those in one lane follow each other, those in lanes side by side may run at the same time. The cursor
-    is on the whole mission, a task or an action, and the keys that pause, resume, skip, retry and abort mean that one.
+    is on the whole mission, a task or an action, and the keys that pause, resume, skip, retry and abort mean that one;
+    where it is over, pause and resume mean the mission.
 
     Start streams the mission at hand first, if that has not been done. Pause ends every motion in a hold; resume goes
     on from there. Skip leaves out what is named, and what comes after it runs. Abort cancels, then flies the mission's
@@ -51,7 +52,7 @@ class MissionScreen(StationScreen):
     cannot carry is said before. Single actions are asked for beside the mission."""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("s", "app.move('start')", "Start", tooltip="the mission; it is streamed first if need be"),
-        Binding("p", "steer('pause')", "Pause", tooltip="what the cursor is on: the mission, a task or an action"),
+        Binding("p", "steer('pause')", "Pause", tooltip="what the cursor is on; the mission, if that is over"),
         Binding("r", "steer('resume')", "Resume"),
         Binding("k", "steer('skip')", "Skip", tooltip="leaves it out; what comes after it runs"),
         Binding("t", "steer('retry')", "Try again", tooltip="what has failed"),
@@ -108,7 +109,15 @@ class MissionScreen(StationScreen):
             self._check()
         if view.platform is not None and missions.lacks_order(view.platform):
             self.do(missions.learn(view.platform.name))
-        possible = (self._verbs(), self._is_text, draft is not None, is_loaded, is_at_hand, self._target)
+        possible = (
+            self._verbs(),
+            self._legal(""),
+            self._is_text,
+            draft is not None,
+            is_loaded,
+            is_at_hand,
+            self._target,
+        )
         if possible != self._was_possible:
             self._was_possible = possible
             self.refresh_bindings()
@@ -123,7 +132,7 @@ class MissionScreen(StationScreen):
             return False
         match action:
             case "steer":
-                return Verb(str(parameters[0])) in self._verbs() or None
+                return self._steered(Verb(str(parameters[0]))) is not None or None
             case "text" | "save_as":
                 return draft is not None or None
             case "single":
@@ -162,10 +171,20 @@ class MissionScreen(StationScreen):
         return is_held and missions.draft is not None and not missions.is_at_hand(held.value if held else None)
 
     def _verbs(self) -> frozenset[Verb]:
+        """What is legal for what the cursor is on."""
+        return self._legal(self._target)
+
+    def _legal(self, target: str) -> frozenset[Verb]:
         if self.view is None or self._is_text:
             return frozenset()
         told, _ = self._mission(self.view)
-        return legal_verbs(told, self._target)
+        return legal_verbs(told, target)
+
+    def _steered(self, verb: Verb) -> str | None:
+        """What a key acts on: what the cursor is on, else the mission if that is to be paused or resumed."""
+        if verb in self._verbs():
+            return self._target
+        return "" if verb in (Verb.PAUSE, Verb.RESUME) and verb in self._legal("") else None
 
     # --- graph ---
 
@@ -196,7 +215,9 @@ class MissionScreen(StationScreen):
         platform = self.view.platform if self.view is not None else None
         if platform is None:
             return
-        name, target = platform.name, self._target
+        name, target = platform.name, self._steered(Verb(verb))
+        if target is None:
+            return
 
         def steer() -> None:
             self.do(self.desk.missions.steer(name, Verb(verb), target))

@@ -1,6 +1,7 @@
 """The jury over the sources: their records, their vote, and what follows from it for the estimate."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import hypot, sqrt
 from typing import Final
 
@@ -8,7 +9,7 @@ from gloc3.frames import Vector3
 from gloc3_onboard.fusion.estimate import Estimate
 from gloc3_onboard.fusion.odometers import Odometers
 from gloc3_onboard.fusion.settings import FusionSettings
-from gloc3_onboard.fusion.trust import Trust
+from gloc3_onboard.fusion.trust import DISAGREES, SOUND, Trust
 from gloc3_onboard.fusion.vote import Verdict, Vote
 
 VOTE_S: Final = 0.25
@@ -16,6 +17,9 @@ _STUCK_S: Final = 0.7
 """When nothing was taken in for so long while sources go on, it is the estimate that is wrong."""
 _FAR_OFF: Final = 4.0
 """Where the innovations of all odometers are beyond that, and they agree with each other, the estimate is wrong."""
+_AT_ONCE_S: Final = 0.3
+_ALONE: Final = 2.5
+"""Where the innovations of one source alone are beyond that, and all others are sound, it is that source that is wrong."""
 _AGAIN_S: Final = 4.0
 """Where that comes again so soon, its biases were not the reason."""
 _LOST_S: Final = 2.0
@@ -107,6 +111,11 @@ class Jury:
             told.append(f"{' and '.join(self.conflict.against)} contradict each other")
         return "; ".join(told) or "no source"
 
+    @property
+    def is_disputed(self) -> bool:
+        """Whether two sources or more do not agree with the estimate: it may be what is wrong."""
+        return sum(self.trust[name].reason == DISAGREES for name in self.vote.records) > 1
+
     # --- the vote ---
 
     def _take_vote(self, now_s: float) -> None:
@@ -124,6 +133,7 @@ class Jury:
             trust = self.trust[name]
             if trust.is_voted_out and self.vote.agrees(name, [other for other in used if other != name], now_s):
                 trust.is_voted_out = False  # its gate and the probation are left
+        self._look_for_one_alone(now_s)
         self._look_whether_stuck(now_s)
 
     def _follow_conflict(self, conflict: Verdict | None, now_s: float) -> None:
@@ -165,8 +175,7 @@ class Jury:
             return
         if len(going_on) < 2 or self.conflict is not None:
             return
-        motions = [name for name in going_on if not self.vote.records[name].is_of_places]
-        is_far_off = len(motions) > 1 and all(self._is_off(self.trust[name]) for name in motions)
+        is_far_off = self._is_beside(going_on)
         if now_s - self.held_s < _STUCK_S and not is_far_off:
             return
         if is_far_off and now_s - self._doubted_s < _AGAIN_S:
@@ -177,8 +186,38 @@ class Jury:
             self._odometers.forget(name)
             self.trust[name].let_in()
 
+    def _is_beside(self, going_on: list[str]) -> bool:
+        """Whether the sources say that the estimate is elsewhere: all odometers, or half of all, two of them at the same time.
+
+        One that is blind to that, as a laser scanner is to the height, does not say it.
+        """
+        trusts = [self.trust[name] for name in going_on]
+        motions = [self.trust[name] for name in going_on if not self.vote.records[name].is_of_places]
+        if len(motions) > 1 and all(self._is_off(trust) for trust in motions):
+            return True
+        off = [trust for trust in trusts if self._is_off(trust)]
+        times_s = sorted(trust.down_s for trust in off if not trust.is_used)
+        is_at_once = any(b - a < _AT_ONCE_S for a, b in pairwise(times_s))
+        return is_at_once and 2 * len(off) >= len(going_on)
+
     def _is_off(self, trust: Trust) -> bool:
         return trust.innovation > _FAR_OFF or not trust.is_used
+
+    def _look_for_one_alone(self, now_s: float) -> None:
+        """Who is off by more than he claims for some time, where two others at least are not, is not used."""
+        limit_s = now_s - self._settings.silent_s
+        used = [trust for trust in (self.trust[name] for name in self.vote.records) if trust.is_used]
+        used = [trust for trust in used if trust.used_s > limit_s]
+        worst = max(used, key=lambda trust: trust.innovation, default=None)
+        if worst is None or len(used) < 3 or worst.innovation < _ALONE:
+            return
+        if any(trust.innovation > SOUND for trust in used if trust is not worst):
+            return
+        pulled = self.vote.record(worst.name).pulled_m
+        if pulled is not None:
+            self._estimate.doubt_place(pulled)
+        worst.turn_down(f"it alone is {sqrt(worst.innovation):.1f} times as far off as it claims", is_alone=True)
+        self._odometers.forget(worst.name)
 
     def _is_silent(self, source: str) -> bool:
         return self._estimate.t_s - self.trust[source].valid_s > self._settings.silent_s

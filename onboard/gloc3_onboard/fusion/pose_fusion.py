@@ -282,7 +282,8 @@ class PoseFusion:
         estimate, variance = self.estimate, _HEIGHT_STD_M**2
         past = estimate.past(t_s)
         down = past.state.position_ned_m[2]
-        if estimate.floor_down_m is None or self._height_misses >= _NEW_FLOOR:
+        is_new_floor = self._height_misses >= _NEW_FLOOR and not self._jury.is_disputed
+        if estimate.floor_down_m is None or is_new_floor:
             estimate.measure_floor(message.height_m, down, variance)
             self._height_misses = 0
             trust.let_in()

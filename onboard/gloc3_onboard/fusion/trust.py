@@ -13,6 +13,8 @@ _COARSE: Final = 4.0
 _SLIPS: Final = 2
 _SMOOTHING: Final = 0.05
 """Share of a new innovation in the smoothed one."""
+SOUND: Final = 1.5
+"""Smoothed innovations of one that can be believed are below that."""
 _WIDEST: Final = 6.0
 """So many times its own covariance a source's innovations may be, and it is still used, with a wider one."""
 _SAME: Final = 4
@@ -31,7 +33,7 @@ class Trust:
         self.name: Final = name
         self.reason = ""
         """Why it is not used; empty while it is."""
-        self.is_voted_out = False
+        self.is_voted_out = self.is_alone = False
         self.is_coarse = False
         """It was turned down for innovations far beyond its gate: not for what any estimate may have been dragged to."""
         self.accepted = self.rejected = 0
@@ -41,6 +43,8 @@ class Trust:
         """Arrival of the last message of any kind."""
         self.used_s = float("-inf")
         """Time of the last measurement that was taken in."""
+        self.down_s = float("-inf")
+        """When it was last turned down for not agreeing with the estimate."""
         self.innovation = 1.0
         """Normalised innovation squared over its degrees of freedom, smoothed."""
         self._probation_s = probation_s
@@ -74,7 +78,7 @@ class Trust:
     @property
     def widening(self) -> float:
         """By how much its covariance is scaled: it claims to be better than its innovations show."""
-        return min(max(self.innovation / 1.5, 1.0), _WIDEST)
+        return min(max(self.innovation / SOUND, 1.0), _WIDEST)
 
     def judge(self, innovation: float, degrees: int, t_s: float) -> bool:
         """Books a measurement by its normalised innovation squared; true where it is to be taken in.
@@ -94,6 +98,7 @@ class Trust:
             self._good_since_s = None
             if self._misses >= _MISSES and self.is_used:
                 self.turn_down(DISAGREES)
+                self.down_s = t_s
                 self.is_coarse = self._missed_by > _COARSE * self._misses
             return False
         self._misses, self._missed_by = 0, 0.0
@@ -102,7 +107,8 @@ class Trust:
         if not self.is_used:
             if self._good_since_s is None:
                 self._good_since_s = t_s
-            if t_s - self._good_since_s < self._probation_s or self.is_voted_out:
+            is_sound = self.innovation < SOUND or not self.is_alone
+            if t_s - self._good_since_s < self._probation_s or self.is_voted_out or not is_sound:
                 return False
             self.let_in()
         self.accepted += 1
@@ -123,8 +129,9 @@ class Trust:
             self._has_stepped_back = True
             self.reason = reason
 
-    def turn_down(self, reason: str, *, is_voted_out: bool = False) -> None:
-        """Uses it no more."""
+    def turn_down(self, reason: str, *, is_voted_out: bool = False, is_alone: bool = False) -> None:
+        """Uses it no more; one that alone was off by more than it claims not before that is no longer so."""
+        self.is_alone = self.is_alone or is_alone
         self._has_stepped_back = False
         self.reason = reason
         self.is_voted_out = self.is_voted_out or is_voted_out
@@ -133,7 +140,7 @@ class Trust:
     def let_in(self) -> None:
         """Uses it again."""
         self.reason = ""
-        self.is_voted_out = False
+        self.is_voted_out = self.is_alone = False
         self._has_stepped_back = self.is_coarse = False
         self._misses, self._missed_by = 0, 0.0
         self.innovation = 1.0

@@ -187,8 +187,13 @@ class Vote:
         spread = m * one.covariance + n * two.covariance + np.eye(3) * tolerance
         if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
             return None
-        known = spread.diagonal() < _BLIND_M2
-        return (apart[0] * bool(known[0]), apart[1] * bool(known[1]), apart[2] * bool(known[2]))
+        north, east, down = (
+            value if bool(is_known) else 0.0
+            for value, is_known in zip(apart, spread.diagonal() < _BLIND_M2, strict=True)
+        )
+        if north**2 + east**2 + down**2 <= CHI2_999[3] * tolerance:
+            return None  # nor is what they agree on
+        return (north, east, down)
 
     def _differences(self, names: list[str], now_s: float) -> Iterator[tuple[str, str, Vector3]]:
         for share in _WINDOWS:

@@ -3,6 +3,7 @@
 import sys
 
 from tests.evidence import (
+    ablation,
     bad_sensor_input,
     day,
     demo,
@@ -26,6 +27,7 @@ from tests.evidence import (
 from tests.evidence.page import Bar, Progress, commit, write
 
 BARS: tuple[Bar, ...] = (
+    *ablation.BARS,
     *bad_sensor_input.BARS,
     *day.BARS,
     *demo.BARS,

@@ -57,6 +57,10 @@ class Progress:
             self._known[key] = result
         return self._known[key]
 
+    def knows(self, key: str) -> bool:
+        """Whether the result of a part is there."""
+        return key in self._known
+
     def say(self, text: str) -> None:
         """Tells how far it is."""
         print(f"{self._name}: {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,289 @@
+"""Every fault of every source of the pose in mid flight, and every pair of them removed: what becomes of the mission.
+
+The whole stack flies, pictures and all. Each row is what `gloc3 fly tests/evidence/ablation.yaml --platform PLATFORM
+--fault FAULT@12..` flies.
+"""
+
+import asyncio
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import combinations
+from math import dist, hypot
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+import msgspec
+from tests.evidence.page import Bar, Figure, Progress
+
+from gloc3.clock import VirtualLoop
+from gloc3.frames import interpolate
+from gloc3.messages import Envelope
+from gloc3.mission.states import ActionState
+from gloc3.vehicle import LandedState, Pose
+from gloc3_sitl.faults import schedule_faults
+from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3_sitl.flight_messages import SimTruth
+
+Heard = dict[str, list[Envelope[Any]]]
+"""Everything that was published, by topic below the platform's name."""
+
+MISSION: Final = Path(__file__).with_name("ablation.yaml")
+FAULT_S: Final = 12.0
+"""About 3 m into the way of 11 m."""
+AT_ONCE: Final = 2
+"""Processes."""
+GIVEN_UP_S: Final = 150.0
+ENDED: Final = (ActionState.DONE, ActionState.FAILED, ActionState.SKIPPED, ActionState.ABORTED)
+LANDING: Final = ("policy", "down running")
+"""What an event says that tells of a landing."""
+DEVICES: Final = {
+    "stereo": "device:stereo_camera",
+    "ground": "device:ground_camera",
+    "laser": "device:laser",
+    "tracker": "device:tracker_camera",
+    "height": "sensor:height",
+    "imu": "device:imu",
+}
+"""Source of the pose, to the device that it comes from."""
+SOURCES: Final = {"pelican": tuple(DEVICES), "hummingbird": tuple(name for name in DEVICES if name != "laser")}
+FAULTS: Final = {
+    "removed": "lost",
+    "frozen": "stuck",
+    "scale 5 %": "scaled/0.05",
+    "step 0.2 m": "step/0.2",
+    "late 200 ms": "late/0.2",
+    "late, stamped as new": "old/0.2",
+    "garbage": "garbage",
+}
+HEIGHT: Final = {"step 0.2 m": "biased/0.2", "garbage": "noisy/5"}
+"""The words of the height sensor, where they are others."""
+HARD_M_S: Final = 1.0
+"""No touch-down is faster, downward."""
+ASIDE_M: Final = 1.0
+"""No landing by a policy ends farther from where the policy began."""
+LARGEST_M: Final = 0.3
+"""No valid pose is farther off."""
+
+
+def faults_of(sources: Sequence[str], fault: str) -> tuple[str, ...]:
+    """The faults as `gloc3 fly` takes them."""
+    words = [HEIGHT.get(fault, FAULTS[fault]) if name == "height" else FAULTS[fault] for name in sources]
+    return tuple(f"{DEVICES[name]}={word}" for name, word in zip(sources, words, strict=True))
+
+
+class Row(msgspec.Struct, kw_only=True):
+    """What became of a flight."""
+
+    state: str
+    """Of the mission, at its end."""
+    reason: str
+    worst_m: float
+    """Largest error of a valid pose in the air, against the simulated truth."""
+    found_s: float | None
+    """From the fault to the first pose that does not rest on one of the sources; None for never."""
+    before: list[str]
+    """The sources that the pose rested on just before."""
+    after: list[str]
+    """And at the touch-down."""
+    least_quality: float
+    """Of a pose in the air, after the fault."""
+    pose_reason: str
+    """Why the pose was not valid, where it was not."""
+    touch_m_s: float
+    """Fastest descent below 0.3 m."""
+    aside_m: float
+    """From where the policy began, or the landing, to the touch-down."""
+
+
+def fly(platform: str, rows: Sequence[tuple[str, Sequence[str], str]], take: Callable[[str, Row], None]) -> None:
+    """Flies to the fault once, and from there in a process of its own for each row: what was before is the same for all.
+
+    Args:
+        platform: which one.
+        rows: key, sources and fault of each.
+        take: told the outcome of a row by its key.
+    """
+    import cv2
+
+    cv2.setNumThreads(1)  # threads do not live on in a fork
+    heard: Heard = {}
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        flight = runner.run(_begin(platform, heard))
+        children: dict[int, tuple[str, int]] = {}
+        for key, sources, fault in rows:
+            if len(children) == AT_ONCE:
+                _await_one(children, take)
+            reading, writing = os.pipe()
+            child = os.fork()
+            if child == 0:
+                _go_on(runner, flight, heard, sources, fault, writing)
+            os.close(writing)
+            children[child] = (key, reading)
+        while children:
+            _await_one(children, take)
+        runner.run(flight.__aexit__(None, None, None))
+
+
+async def _begin(platform: str, heard: Heard) -> Flight:
+    """A flight, until the fault."""
+    flight = await Flight(FlightPlan(mission=str(MISSION), platform=platform)).__aenter__()
+    flight.exchange.subscribe(f"{flight.name}/**", partial(_hear, heard))
+    await flight.upload_and_start()
+    await asyncio.sleep(FAULT_S - flight.loop.time())
+    return flight
+
+
+def _hear(heard: Heard, envelope: Envelope[Any]) -> None:
+    topic = envelope.topic.partition("/")[2]
+    if not topic.startswith("camera/"):
+        heard.setdefault(topic, []).append(envelope)
+
+
+def _go_on(
+    runner: asyncio.Runner, flight: Flight, heard: Heard, sources: Sequence[str], fault: str, writing: int
+) -> NoReturn:
+    """In the child: flies to the end, and writes what became of it into a pipe."""
+    try:
+        runner.run(_to_the_end(flight, heard, sources, fault))
+        os.write(writing, msgspec.json.encode(judge(heard, sources)))
+    finally:
+        if sys.exception() is not None:
+            traceback.print_exc()
+        os._exit(0)
+
+
+async def _to_the_end(flight: Flight, heard: Heard, sources: Sequence[str], fault: str) -> None:
+    schedule_faults(flight, faults_of(sources, fault))
+    while not _is_over(heard) and flight.loop.time() < GIVEN_UP_S:
+        await asyncio.sleep(0.1)
+
+
+def _is_over(heard: Heard) -> bool:
+    return heard["ci/mission"][-1].payload.state in ENDED and not heard["autopilot"][-1].payload.is_armed
+
+
+def _await_one(children: dict[int, tuple[str, int]], take: Callable[[str, Row], None]) -> None:
+    child, _ = os.wait()
+    key, reading = children.pop(child)
+    with os.fdopen(reading, "rb") as pipe:
+        told = pipe.read()
+    take(key, msgspec.json.decode(told, type=Row))
+
+
+def judge(heard: Heard, sources: Sequence[str]) -> Row:
+    """Looks at what was published."""
+    poses, truths, states = heard["pose"], heard["sim/truth"], heard["autopilot"]
+    told = [event for event in heard["ci/event"] if any(word in event.payload.text for word in LANDING)]
+    landing_s = told[0].t_s if told else float("inf")
+    flying = [state.t_s for state in states if state.payload.is_armed and state.payload.landed is LandedState.IN_AIR]
+    begin_s, end_s = flying[0], max(truth.t_s for truth in truths if -truth.payload.position_ned_m[2] > 0.1)
+    at = [truth for truth in truths if begin_s <= truth.t_s <= end_s + 0.2]
+    low = [truth for truth in at if truth.t_s > FAULT_S and -truth.payload.position_ned_m[2] < 0.3]
+    place = next((truth for truth in at if truth.t_s >= landing_s), at[-1]).payload.position_ned_m
+    (north, east, _), touch = place, at[-1].payload.position_ned_m
+    aloft = [pose for pose in poses if begin_s <= pose.t_s <= end_s]
+    since = [pose for pose in aloft if pose.t_s >= FAULT_S]
+    found = next((p.t_s - FAULT_S for p in since if any(name not in p.payload.sources for name in sources)), None)
+    return Row(
+        state=heard["ci/mission"][-1].payload.state,
+        reason=heard["ci/mission"][-1].payload.reason,
+        worst_m=_worst_m(aloft, truths),
+        found_s=found,
+        before=next((pose.payload.sources for pose in reversed(aloft) if pose.t_s < FAULT_S), []),
+        after=since[-1].payload.sources,
+        least_quality=min(pose.payload.quality for pose in since),
+        pose_reason=next((pose.payload.reason for pose in since if not pose.payload.is_valid), ""),
+        touch_m_s=max((truth.payload.velocity_ned_m_s[2] for truth in low), default=0.0),
+        aside_m=hypot(touch[0] - north, touch[1] - east),
+    )
+
+
+def _worst_m(poses: Sequence[Envelope[Pose]], truths: Sequence[Envelope[SimTruth]]) -> float:
+    worst, at = 0.0, 0
+    for pose in poses:
+        while at + 2 < len(truths) and truths[at + 1].t_s <= pose.t_s:
+            at += 1
+        before, after = truths[at], truths[at + 1]
+        if pose.payload.is_valid and before.t_s <= pose.t_s <= after.t_s:
+            share = (pose.t_s - before.t_s) / (after.t_s - before.t_s)
+            true = interpolate(before.payload.position_ned_m, after.payload.position_ned_m, share)
+            worst = max(worst, dist(pose.payload.position_ned_m, true))
+    return worst
+
+
+# --- the page ---
+
+
+def rows_of(platform: str) -> list[tuple[str, tuple[str, ...], str]]:
+    """Key, sources and fault of each row."""
+    sources = SOURCES[platform]
+    rows: list[tuple[tuple[str, ...], str]] = [((name,), fault) for name in sources for fault in FAULTS]
+    rows += [(pair, "removed") for pair in combinations(sources, 2)]
+    return [(f"{platform}: {' and '.join(names)} {fault}", names, fault) for names, fault in rows]
+
+
+def problems(row: Row, *, is_pair: bool) -> list[str]:
+    """What is wrong with how a flight went; nothing where all is well."""
+    is_done = row.state == ActionState.DONE
+    found = []
+    if not is_done and not is_pair:
+        found.append(f"mission {row.state}")
+    if not is_done and not row.reason:
+        found.append("no reason is given")
+    if row.worst_m > LARGEST_M:
+        found.append("the pose is off")
+    if row.touch_m_s > HARD_M_S:
+        found.append("it came down hard")
+    if row.aside_m > ASIDE_M:
+        found.append("it came down elsewhere")
+    return found
+
+
+def told(row: Row) -> str:
+    """A flight in a line."""
+    found = "taken in as it is" if row.found_s is None else f"found after {row.found_s:.2f} s"
+    end = row.state if row.state == ActionState.DONE else f"{row.state}: {row.reason}"
+    return (
+        f"{end}; off by {row.worst_m * 1e3:.0f} mm at most, {found}, quality {row.least_quality:.2f} at least; "
+        f"down at {row.touch_m_s:.1f} m/s, {row.aside_m:.2f} m aside; then used: {', '.join(sorted(row.after))}"
+    )
+
+
+def run(progress: Progress) -> list[Figure]:
+    """The bar."""
+    figures = []
+    for platform in SOURCES:
+        rows = rows_of(platform)
+        left = [row for row in rows if not progress.knows(row[0])]
+        if left:
+            progress.say(f"{platform}: {len(left)} of {len(rows)} rows to fly")
+            fly(platform, left, lambda key, row: progress.part(key, lambda: row))
+        for key, names, _ in rows:
+            row = msgspec.convert(progress.part(key, _flown), Row)
+            is_pair = len(names) > 1
+            wrong = problems(row, is_pair=is_pair)
+            bar = "done, or a safe landing with its reason" if is_pair else "done"
+            figures.append(Figure(key, told(row) + "".join(f"; **{text}**" for text in wrong), bar, not wrong))
+    return figures
+
+
+def _flown() -> Row:
+    raise AssertionError("the row was not flown")
+
+
+BARS = (
+    Bar(
+        "ablation",
+        "Every fault of every source, in flight",
+        "The whole stack flies 11 m in the hold at 0.7 m/s, pictures and all. 12 s after the begin, with 8 m to go, something "
+        "goes wrong with one source of the pose for good, or two are gone. With one the mission is done; with two it is done, or "
+        f"ends in a landing by its policy, at no more than {HARD_M_S:g} m/s and {ASIDE_M:g} m aside, with the reason. The largest "
+        f"error is that of a pose that says it is valid, no more than {LARGEST_M:g} m; the time is that to the first pose that "
+        "does not rest on the source.",
+        run,
+        seeds="0",
+    ),
+)

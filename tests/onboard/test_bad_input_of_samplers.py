@@ -173,6 +173,7 @@ SOME = [1.0, 2.0, 3.0, 4.0]
 SCANS = {
     "no numbers": ([math.nan] * 4, "no beam is a number"),
     "all zero": ([0.0] * 4, "no beam reads more than 0.1 m"),
+    "garbage": ([5.0 + 4.9 * math.sin(index * index) for index in range(360)], "its beams have nothing to do with"),
     "all negative": ([-1.0] * 4, "no beam reads more than 0.1 m"),
     "no beams": ([], "torn"),
 }
@@ -221,6 +222,15 @@ def test_single_beams_that_are_no_numbers_become_beams_without_a_reading_and_far
         assert found.is_valid
         assert found.ranges_m == scan([1.0, 0.0, math.inf, 0.0, 40.0]).ranges_m
         assert turn(bench, source, scan([40.0] * 5)).is_valid, "nothing is seen in the open"
+
+
+def test_a_wall_looks_like_a_place_from_any_side_and_seen_by_some_beams_only() -> None:
+    with Bench() as bench:
+        source = hosted(bench, LaserSampler)
+        for side in range(0, 360, 30):
+            walls = [2.0 / max(abs(math.cos(math.radians(index + side))), 0.05) for index in range(360)]
+            assert turn(bench, source, scan(walls)).is_valid
+            assert turn(bench, source, scan([wall if index % 3 else 0.0 for index, wall in enumerate(walls)])).is_valid
 
 
 def test_a_silent_scanner_is_told() -> None:

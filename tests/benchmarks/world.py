@@ -18,14 +18,20 @@ from gloc3_sitl.world.tracker import TrackerCamera
 FRAMES = 60
 
 
-def costs_ms(look: Callable[[Truth], object], truths: list[Truth]) -> tuple[float, float]:
-    """Mean and worst processor time of this thread for one look, the first, which prepares, aside."""
+def each_ms(look: Callable[[Truth], object], truths: list[Truth]) -> list[float]:
+    """Processor time of this thread for each look, the first, which prepares, aside."""
     look(truths[0])
     costs = []
     for truth in truths:
         begin_s = time.thread_time()
         look(truth)
         costs.append(1e3 * (time.thread_time() - begin_s))
+    return costs
+
+
+def costs_ms(look: Callable[[Truth], object], truths: list[Truth]) -> tuple[float, float]:
+    """Mean and worst of them."""
+    costs = each_ms(look, truths)
     return float(np.mean(costs)), max(costs)
 
 

@@ -5,6 +5,7 @@ import sys
 from tests.evidence import (
     ablation,
     bad_sensor_input,
+    cost,
     day,
     demo,
     flight,
@@ -29,6 +30,7 @@ from tests.evidence.page import Bar, Progress, commit, write
 BARS: tuple[Bar, ...] = (
     *ablation.BARS,
     *bad_sensor_input.BARS,
+    *cost.BARS,
     *day.BARS,
     *demo.BARS,
     *flight.BARS,

@@ -114,3 +114,17 @@ class FusionState(Message, frozen=True):
 
 UNKNOWN_VARIANCE = 1e6
 """Of a direction that a source says nothing about, in m2 or rad2."""
+
+
+def no_motion(source: str, reference_t_s: float, reason: str, *, is_level: bool = False) -> Odometry:
+    """What an odometer reports where it cannot tell how the body moved."""
+    unknown = [UNKNOWN_VARIANCE if index % 7 == 0 else 0.0 for index in range(36)]
+    return Odometry(
+        source=source,
+        reference_t_s=reference_t_s,
+        covariance=unknown,
+        is_level=is_level,
+        is_valid=False,
+        reason=reason,
+        quality=0.0,
+    )

@@ -82,9 +82,10 @@ class AutopilotPose(Message, frozen=True):
 
 
 class HeightAboveGround(Message, frozen=True):
-    """The distance to the ground below, along the height axis."""
+    """How far the ground below is, as a range finder tells that is fixed to the body."""
 
     height_m: float
+    """Along the body's down axis: where the body is tilted, more than the height above level ground."""
     is_valid: bool
     reason: str = ""
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from gloc3.camera_model import CameraModel
+from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Envelope
 from gloc3.perception import ImuSample, LaserScan
@@ -161,6 +162,30 @@ class Rig(Protocol):
 
     def model(self, camera: str) -> CameraModel | None:
         """The model of the camera of that name, as its pictures are named; None where it has none."""
+
+
+def calibrated(rig: Rig, camera: str) -> CameraModel:
+    """The model of a camera.
+
+    Raises:
+        Refused: the rig has none of that name.
+    """
+    model = rig.model(camera)
+    if model is None:
+        raise Refused(f"there is no calibration of a camera {camera!r}")
+    return model
+
+
+def opened(device: Source, ready: Callable[[], None]) -> Unwatch:
+    """Opens a device and has `ready` called when it has something new; gives what ends both."""
+    device.open()
+    unwatch = device.on_news(ready)
+
+    def close() -> None:
+        device.close()
+        unwatch()
+
+    return close
 
 
 class Answer(NamedTuple):

@@ -1,14 +1,18 @@
 """Reports of one odometer put end to end: where it believes the body is."""
 
+from typing import Final
+
 from gloc3.frames import IDENTITY, Quaternion, Vector3, from_yaw, multiply, normalize, rotate, yaw_of
 from gloc3.perception import Odometry
 
-_KEPT_S = 30.0
-"""A report may be told from a moment at most so long ago."""
+_GOES_ON_S: Final = 2.0
 
 
 class OdometryChain:
     """Adds up motions that are told from moments of the past.
+
+    Over a gap, after which an odometer begins with a new reference, the body is held to have gone on as it did before,
+    for two seconds.
 
     Args:
         position_m: Where the body is at the first report.
@@ -17,27 +21,51 @@ class OdometryChain:
 
     def __init__(self, position_m: Vector3 = (0.0, 0.0, 0.0), attitude: Quaternion = IDENTITY) -> None:
         self.position_m = position_m
+        """At the time of the last report, also where that told nothing."""
         self.attitude = attitude
         self._poses: dict[float, tuple[Vector3, Quaternion]] = {}
+        self._speed_m_s: Vector3 = (0.0, 0.0, 0.0)
+        self._known: tuple[float, Vector3] | None = None
+        """When the position was last told, or a reference begun; and the position."""
 
     def add(self, report: Odometry, t_s: float) -> bool:
-        """Takes a report of a time.
-
-        Returns:
-            Whether there is a pose of that time: the report is valid, or the first. Motion that no report tells of is
-            missing from all that follows.
-        """
+        """Takes a report of a time; whether it tells where the body is then: it is valid, or the first."""
+        is_first = self._known is None
         if not report.is_valid:
-            is_first = not self._poses
+            self.position_m = self._ahead(t_s)
             if is_first or report.reference_t_s == t_s:
-                self._poses[t_s] = (self.position_m, self.attitude)
+                self._begin(t_s)
             return is_first
-        position, attitude = self._poses.setdefault(report.reference_t_s, (self.position_m, self.attitude))
+        if report.reference_t_s not in self._poses:
+            self._begin(report.reference_t_s)
+        position, attitude = self._poses[report.reference_t_s]
         axes = from_yaw(yaw_of(attitude)) if report.is_level else attitude
         moved = rotate(axes, report.position_m)
-        self.position_m = (position[0] + moved[0], position[1] + moved[1], position[2] + moved[2])
         self.attitude = normalize(multiply(axes, report.reference_from_frd))
+        self._arrive((position[0] + moved[0], position[1] + moved[1], position[2] + moved[2]), t_s)
+        # No motion is ever told from before the last one's reference.
+        self._poses = {then_s: pose for then_s, pose in self._poses.items() if then_s >= report.reference_t_s}
         self._poses[t_s] = (self.position_m, self.attitude)
-        for old_s in [old_s for old_s in self._poses if old_s < t_s - _KEPT_S]:
-            del self._poses[old_s]
         return True
+
+    def _begin(self, t_s: float) -> None:
+        """The pose of a time that no motion leads to."""
+        place = self._ahead(t_s)
+        self._known = (t_s, place)
+        self._poses[t_s] = (place, self.attitude)
+
+    def _arrive(self, place: Vector3, t_s: float) -> None:
+        assert self._known is not None
+        then_s, (x, y, z) = self._known
+        if t_s > then_s:
+            after_s = t_s - then_s
+            self._speed_m_s = ((place[0] - x) / after_s, (place[1] - y) / after_s, (place[2] - z) / after_s)
+        self.position_m, self._known = place, (t_s, place)
+
+    def _ahead(self, t_s: float) -> Vector3:
+        if self._known is None:
+            return self.position_m
+        then_s, (x, y, z) = self._known
+        after_s = min(max(t_s - then_s, 0.0), _GOES_ON_S)
+        u, v, w = self._speed_m_s
+        return (x + u * after_s, y + v * after_s, z + w * after_s)

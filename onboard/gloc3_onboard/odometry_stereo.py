@@ -7,12 +7,13 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from gloc3.camera_geometry import Array
+from gloc3.camera_geometry import Array, matrix
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.trajectory import Trajectory
 from gloc3.vehicle import Image
 from gloc3_onboard.datasets.stereo_set import MonoSet, StereoSet, read_mono_set, read_stereo_set, times_of
+from gloc3_onboard.odometry_chain import OdometryChain
 from gloc3_onboard.odometry_report import Cost, ReportOptions, report
 
 WARMED_UP = 2
@@ -52,16 +53,18 @@ def run_stereo(given: StereoSet) -> tuple[Trajectory, Cost]:
     Raises:
         Refused: the cameras do not make a pair, or there are no pictures.
     """
-    from gloc3_onboard.vision.stereo_odometry import MotionChain, StereoOdometer
+    from gloc3_onboard.vision.feature_message import odometry_of
+    from gloc3_onboard.vision.stereo_odometry import StereoOdometer
 
-    odometer, chain, notes = StereoOdometer(given.left, given.right), MotionChain(), _Notes()
+    odometer, chain, notes = StereoOdometer(given.left, given.right), OdometryChain(), _Notes()
     poses = []
     for record in given.pairs:
         left, right = record.load()
         begin_s = Clock.cost_s()
         motion = odometer.update(_array(left), _array(right), record.log_s)
         notes.add(Clock.cost_s() - begin_s, left.reason or right.reason or motion.reason)
-        poses.append(chain.add(motion))
+        chain.add(odometry_of(motion, "stereo"), record.log_s)
+        poses.append((np.array(chain.position_m), matrix(chain.attitude)))
     return _trajectory(times_of(given.pairs), poses, given.frd_from_own), notes.cost()
 
 

@@ -11,15 +11,16 @@ import numpy as np
 from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
 from tests.onboard.vision.flights import Pair, fly, inspection
 from tests.onboard.vision.moved_rest import drive, rectified
-from tests.onboard.vision.trial import BOUND_95, Trial, constant, zero
+from tests.onboard.vision.trial import BOUND_95, Trial, constant, follow, zero
 
 from gloc3.camera_geometry import matrix
 from gloc3.camera_model import Lens
 from gloc3.trajectory import Trajectory, read_trajectory
 from gloc3.trajectory_metrics import evaluate, relative_errors, steps
 from gloc3_onboard.datasets.stereo_set import read_mono_set, read_stereo_set
+from gloc3_onboard.odometry_chain import OdometryChain
 from gloc3_onboard.odometry_stereo import run_mono, run_stereo
-from gloc3_onboard.vision.stereo_odometry import MotionChain, StereoOdometer
+from gloc3_onboard.vision.stereo_odometry import StereoOdometer
 from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
 
 SEEDS = range(10)
@@ -159,9 +160,9 @@ def at_rest() -> float:
 def moving(velocity: tuple[float, float, float]) -> float:
     """The speed that the odometer tells."""
     left, right, *_ = rectified(IMAGES / "euroc_rest")
-    odometer, chain = StereoOdometer(left, right), MotionChain()
+    odometer, chain = StereoOdometer(left, right), OdometryChain()
     found = [
-        (t_s, chain.add(odometer.update(one, other, t_s))[0])
+        (t_s, follow(chain, odometer.update(one, other, t_s)))
         for t_s, one, other in drive(IMAGES / "euroc_rest", np.array(velocity), every=2)
     ]
     (begin_s, begin), (end_s, end) = found[0], found[-1]

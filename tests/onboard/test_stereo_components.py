@@ -22,6 +22,7 @@ from gloc3.vehicle import Image
 from gloc3_onboard.processors.features import FeatureProcessor, FeatureSettings
 from gloc3_onboard.processors.stereo_odometry import StereoOdometryProcessor, StereoOdometrySettings
 from gloc3_onboard.vision.picture import Picture
+from gloc3_onboard.vision.stereo_motion import BEGUN
 
 from .messages import at
 
@@ -82,7 +83,8 @@ def test_pairs_become_features_and_features_motions(
     matching: FeatureProcessor, moving: StereoOdometryProcessor
 ) -> None:
     found = [both(matching, moving, n) for n in range(8)]
-    assert all(odometry.is_valid for odometry in found)
+    assert (found[0].is_valid, found[0].reason, found[0].covariance[0]) == (False, BEGUN, UNKNOWN_VARIANCE)
+    assert all(odometry.is_valid for odometry in found[1:])
     last = found[-1]
     assert last.reference_t_s == 0.0
     assert last.position_m == pytest.approx((0.0, 7 * STEP_M, 0.0), abs=0.006)
@@ -158,7 +160,7 @@ def test_damaged_features_are_told(
     assert isinstance(good, Features)
     bad = msgspec.structs.replace(good, **damage)
     assert told(moving.work(0.0, inbox_of(features=at(0.0, bad)))).message.reason == "the features are damaged"
-    assert told(moving.work(0.1, inbox_of(features=at(0.1, good)))).message.is_valid
+    assert told(moving.work(0.1, inbox_of(features=at(0.1, good)))).message.reason == BEGUN
     again = told(moving.work(0.1, inbox_of(features=at(0.05, good)))).message
     assert again.reason == "the time does not grow"
 
@@ -196,6 +198,6 @@ def test_both_work_under_their_hosts_begun_by_what_comes() -> None:
                 bench.send(topic, envelope.payload, t_s=envelope.t_s)
             bench.run(1.0 / RATE_HZ)
         found = bench.all("odometry/stereo")
-        assert [odometry.is_valid for odometry in found] == [True] * 4
+        assert [odometry.is_valid for odometry in found] == [False, True, True, True]
         assert found[-1].position_m[1] == pytest.approx(3 * STEP_M, abs=0.005)
         assert bench.state("stereo_odometry") is State.WORKING

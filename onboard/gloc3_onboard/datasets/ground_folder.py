@@ -23,7 +23,7 @@ from gloc3.errors import Finding, InputError
 from gloc3.frames import Quaternion, normalize
 from gloc3.opencv import load_opencv
 from gloc3_onboard.calibration.reader import read_calibration
-from gloc3_onboard.vision.recent import RecentAttitudes, RecentHeights
+from gloc3_onboard.sensing.recent import RecentAttitudes, RecentHeights
 
 GAP_S: Final = 0.2
 T = TypeVar("T")

@@ -4,16 +4,15 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 from gloc3.component import DataProcessor
-from gloc3.errors import Refused
 from gloc3.messages import Envelope
 from gloc3.perception import Features
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import Image
-from gloc3_onboard.devices import Rig
+from gloc3_onboard.devices import Rig, calibrated
+from gloc3_onboard.sensing.frame_check import complaint
+from gloc3_onboard.sensing.silence import Silence
 
-SILENT_S: Final = 1.0
-"""Without a pair for so long it says that none comes."""
 LONELY_S: Final = 0.2
 """A picture whose other eye's is so much late has none."""
 
@@ -50,46 +49,35 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         self._settings = FeatureSettings()
         self._lefts: dict[float, Envelope[Image]] = {}
         self._rights: dict[float, Envelope[Image]] = {}
-        self._heard_s: float | None = None
 
     def initialize(self, settings: FeatureSettings) -> None:
         """Makes the matcher; refuses cameras that are not calibrated, or do not make a pair."""
         self._settings = settings
-        self._begin()
+        self.start()
 
     def start(self) -> None:
         """Begins without a past."""
-        self._begin()
-
-    def _begin(self) -> None:
-        import numpy as np
-
         from gloc3_onboard.vision.feature_message import message_of
         from gloc3_onboard.vision.features import FeatureMatcher, MatcherOptions
+        from gloc3_onboard.vision.picture import pixels_of
         from gloc3_onboard.vision.stereo_rig import StereoRig
 
         given = self._settings
-        left, right = self._rig.model(given.left), self._rig.model(given.right)
-        for name, model in ((given.left, left), (given.right, right)):
-            if model is None:
-                raise Refused(f"there is no calibration of a camera {name!r}")
-        assert left is not None
-        assert right is not None
+        rig = StereoRig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
         options = MatcherOptions(cell_px=given.cell_px, nearest_m=given.nearest_m, may_repeat=given.may_repeat)
-        self._np, self._message_of = np, message_of
-        self._matcher = FeatureMatcher(StereoRig(left, right), options)
+        self._pixels_of, self._message_of = pixels_of, message_of
+        self._matcher = FeatureMatcher(rig, options)
         self._lefts, self._rights = {}, {}
-        self._heard_s = None
+        self._silence = Silence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Features of the newest pair; what came too fast is skipped, not queued."""
         self._lefts |= {envelope.t_s: envelope for envelope in inbox.new(self.left)}
         self._rights |= {envelope.t_s: envelope for envelope in inbox.new(self.right)}
         both = sorted(self._lefts.keys() & self._rights.keys())
-        if self._heard_s is None:
-            self._heard_s = now_s
         if both:
-            self._heard_s, t_s = now_s, both[-1]
+            self._silence.end(now_s)
+            t_s = both[-1]
             self.pairs += 1
             self.skipped += len(both) - 1
             found = self._look(self._lefts[t_s].payload, self._rights[t_s].payload, t_s)
@@ -100,9 +88,8 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
             name = self._settings.right if waiting[0] in self._lefts else self._settings.left
             self._forget_until(waiting[0])
             return [self._told(self._nothing(f"there is no picture of {name} at the same time"), waiting[0])]
-        if now_s - self._heard_s < SILENT_S:
+        if not self._silence.is_to_be_told(now_s):
             return []
-        self._heard_s = now_s
         return [self._told(self._nothing("no pair of pictures comes"), now_s)]
 
     def _forget_until(self, t_s: float) -> None:
@@ -111,13 +98,11 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
 
     def _look(self, left: Image, right: Image, t_s: float) -> Features:
         for image in (left, right):
-            if not image.is_valid:
-                return self._nothing(f"{image.camera}: {image.reason}")
-            if len(image.data) != image.width * image.height:
-                return self._nothing(f"{image.camera}: the picture is torn")
-        np = self._np
-        pictures = [np.frombuffer(image.data, np.uint8).reshape(image.height, image.width) for image in (left, right)]
-        return self._message_of(self._matcher.update(pictures[0], pictures[1], t_s), self._settings.left)
+            reason = complaint(image)
+            if reason:
+                return self._nothing(f"{image.camera}: {reason}")
+        found = self._matcher.update(self._pixels_of(left), self._pixels_of(right), t_s)
+        return self._message_of(found, self._settings.left)
 
     def _nothing(self, reason: str) -> Features:
         return Features(camera=self._settings.left, ids=b"", pixels=b"", is_valid=False, reason=reason)

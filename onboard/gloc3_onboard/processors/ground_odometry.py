@@ -4,21 +4,20 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 from gloc3.component import DataProcessor
-from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Envelope
 from gloc3.perception import Odometry
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import AutopilotPose, HeightAboveGround, Image
-from gloc3_onboard.devices import Rig
-from gloc3_onboard.vision.recent import RecentAttitudes, RecentHeights
+from gloc3_onboard.devices import Rig, calibrated
+from gloc3_onboard.sensing.frame_check import complaint
+from gloc3_onboard.sensing.recent import RecentAttitudes, RecentHeights
+from gloc3_onboard.sensing.silence import Silence
 
 ATTITUDE_GAP_S: Final = 0.15
 """An attitude that is older than this at the time of a picture does not count."""
 HEIGHT_GAP_S: Final = 0.2
-SILENT_S: Final = 1.0
-"""Without a picture for so long it says that none comes."""
 
 
 class GroundOdometrySettings(Settings, frozen=True):
@@ -60,26 +59,18 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
         self.reason = ""
         self._rig = rig
         self._settings = GroundOdometrySettings()
-        self._heard_s: float | None = None
 
     def initialize(self, settings: GroundOdometrySettings) -> None:
         """Makes the odometer; refuses a camera that is not calibrated."""
         self._settings = settings
-        self._begin()
+        self.start()
 
     def start(self) -> None:
         """Begins without a past."""
-        self._begin()
-
-    def _begin(self) -> None:
-        import numpy as np
-
         from gloc3_onboard.vision.ground_odometer import GroundOdometer, GroundSettings
+        from gloc3_onboard.vision.picture import pixels_of
 
         given = self._settings
-        camera = self._rig.model(given.camera)
-        if camera is None:
-            raise Refused(f"there is no calibration of a camera {given.camera!r}")
         settings = GroundSettings(
             height_noise_m=given.height_noise_m,
             height_scale_std=given.height_scale_std,
@@ -90,41 +81,33 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
             level_std_rad=given.level_std_rad,
             slope_std=given.slope_std,
         )
-        self._np = np
-        self._odometer = GroundOdometer(camera, settings)
+        self._pixels_of = pixels_of
+        self._odometer = GroundOdometer(calibrated(self._rig, given.camera), settings)
         self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
-        self._heard_s = None
+        self._silence = Silence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each picture, and one a second where none comes."""
-        for pose in inbox.new(self.autopilot_pose):
-            self._attitudes.put(pose.t_s, pose.payload.ned_from_frd, pose.payload.rate_frd_rad_s)
-        for height in inbox.new(self.height):
-            if height.payload.is_valid:
-                self._heights.put(height.t_s, height.payload.height_m)
+        self._attitudes.hear(inbox.new(self.autopilot_pose))
+        self._heights.hear(inbox.new(self.height))
         results: list[Result] = []
         for envelope in inbox.new(self.image):
-            self._heard_s = now_s
+            self._silence.end(now_s)
             results.append(self.odometry.report(self._told(self._look(envelope)), t_s=envelope.t_s))
-        if self._heard_s is None:
-            self._heard_s = now_s
-        elif not results and now_s - self._heard_s >= SILENT_S:
-            self._heard_s = now_s
+        if self._silence.is_to_be_told(now_s):
             results.append(self._told(self._odometer.without_picture(now_s, "no picture comes")))
         return results
 
     def _look(self, envelope: Envelope[Image]) -> Odometry:
         image, t_s = envelope.payload, envelope.t_s
         self.pictures += 1
-        if not image.is_valid:
-            return self._odometer.without_picture(t_s, image.reason or "the camera says so")
-        if len(image.data) != image.width * image.height:
-            return self._odometer.without_picture(t_s, "the picture is torn")
+        reason = complaint(image)
+        if reason:
+            return self._odometer.without_picture(t_s, reason)
         attitude = self._attitudes.at(t_s)
         if attitude is None:
             return self._odometer.without_picture(t_s, "there is no attitude of the time of the picture")
-        picture = self._np.frombuffer(image.data, self._np.uint8).reshape(image.height, image.width)
-        return self._odometer.update(picture, t_s, attitude, self._heights.at(t_s))
+        return self._odometer.update(self._pixels_of(image), t_s, attitude, self._heights.at(t_s))
 
     def _told(self, found: Odometry) -> Odometry:
         self.reason = found.reason

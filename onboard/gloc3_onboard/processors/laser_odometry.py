@@ -8,19 +8,19 @@ from gloc3.component import DataProcessor
 from gloc3.frames import Vector3, from_euler, to_euler
 from gloc3.messages import Envelope
 from gloc3.opencv import load_opencv
-from gloc3.perception import UNKNOWN_VARIANCE, LaserScan, Odometry
+from gloc3.perception import UNKNOWN_VARIANCE, LaserScan, Odometry, no_motion
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import AutopilotPose, HeightAboveGround
 from gloc3_onboard.scan_matching.laser_odometer import LaserMotion, LaserOdometer, LaserOdometerSettings
 from gloc3_onboard.scan_matching.scan_points import Mount, Tilt
-from gloc3_onboard.vision.recent import RecentAttitudes, RecentHeights
+from gloc3_onboard.sensing.recent import RecentAttitudes, RecentHeights
+from gloc3_onboard.sensing.silence import Silence
 
+SOURCE: Final = "laser"
 ATTITUDE_GAP_S: Final = 0.15
 """An attitude that is older than this at the time of a scan does not count."""
 HEIGHT_GAP_S: Final = 0.3
-SILENT_S: Final = 1.0
-"""Without a scan for so long it says that none comes."""
 
 
 class LaserOdometrySettings(Settings, frozen=True):
@@ -55,7 +55,6 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         self.scans = self.refused = self.degenerate = 0
         self.reason = ""
         self._settings = LaserOdometrySettings()
-        self._begin()
 
     def initialize(self, settings: LaserOdometrySettings) -> None:
         """Adopts the settings and loads what the odometer needs."""
@@ -64,13 +63,10 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         load_opencv()
         assert scipy.spatial.cKDTree
         self._settings = settings
-        self._begin()
+        self.start()
 
     def start(self) -> None:
         """Begins without a past."""
-        self._begin()
-
-    def _begin(self) -> None:
         given = self._settings
         settings = LaserOdometerSettings(
             reach_m=given.reach_m,
@@ -80,24 +76,18 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         )
         self._odometer = LaserOdometer(settings, Mount(given.mount_frd_m, math.radians(given.mount_yaw_deg)))
         self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
-        self._heard_s: float | None = None
+        self._silence = Silence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each scan, and one a second where none comes."""
-        for pose in inbox.new(self.autopilot_pose):
-            self._attitudes.put(pose.t_s, pose.payload.ned_from_frd, pose.payload.rate_frd_rad_s)
-        for height in inbox.new(self.height):
-            if height.payload.is_valid:
-                self._heights.put(height.t_s, height.payload.height_m)
+        self._attitudes.hear(inbox.new(self.autopilot_pose))
+        self._heights.hear(inbox.new(self.height))
         results: list[Result] = []
         for envelope in inbox.new(self.laser):
-            self._heard_s = now_s
+            self._silence.end(now_s)
             results.append(self.odometry.report(self._told(self._match(envelope)), t_s=envelope.t_s))
-        if self._heard_s is None:
-            self._heard_s = now_s
-        elif not results and now_s - self._heard_s >= SILENT_S:
-            self._heard_s = now_s
-            results.append(self.odometry.report(self._told(_nothing(now_s, "no scan comes")), t_s=now_s))
+        if self._silence.is_to_be_told(now_s):
+            results.append(self._told(no_motion(SOURCE, now_s, "no scan comes", is_level=True)))
         return results
 
     def _match(self, envelope: Envelope[LaserScan]) -> Odometry:
@@ -105,7 +95,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         self.scans += 1
         attitude = self._attitudes.at(t_s)
         if attitude is None:
-            return _nothing(t_s, "there is no attitude of the time of the scan")
+            return no_motion(SOURCE, t_s, "there is no attitude of the time of the scan", is_level=True)
         roll, pitch, yaw = to_euler(attitude)
         slant_m = self._heights.at(t_s)
         height_m = slant_m * math.cos(roll) * math.cos(pitch) if math.isfinite(slant_m) else None
@@ -127,7 +117,7 @@ def odometry_of(found: LaserMotion, roll_rad: float, pitch_rad: float) -> Odomet
         for column, value in zip(told, values, strict=True):
             rows[row][column] = value
     return Odometry(
-        source="laser",
+        source=SOURCE,
         reference_t_s=found.reference_t_s,
         position_m=(found.motion.x_m, found.motion.y_m, 0.0),
         reference_from_frd=from_euler(roll_rad, pitch_rad, found.motion.yaw_rad),
@@ -136,11 +126,4 @@ def odometry_of(found: LaserMotion, roll_rad: float, pitch_rad: float) -> Odomet
         is_valid=found.is_valid,
         reason=found.reason,
         quality=found.quality,
-    )
-
-
-def _nothing(t_s: float, reason: str) -> Odometry:
-    unknown = [UNKNOWN_VARIANCE if index % 7 == 0 else 0.0 for index in range(36)]
-    return Odometry(
-        source="laser", reference_t_s=t_s, covariance=unknown, is_level=True, is_valid=False, reason=reason, quality=0.0
     )

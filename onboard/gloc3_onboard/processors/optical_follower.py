@@ -5,19 +5,19 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 from gloc3.component import DataProcessor
-from gloc3.errors import Refused
 from gloc3.frames import Vector3, from_euler, rotate
 from gloc3.messages import Envelope
 from gloc3.perception import PositionFix
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import HeightAboveGround, Image, Pose
-from gloc3_onboard.devices import Rig
-from gloc3_onboard.vision.recent import RecentHeights
+from gloc3_onboard.devices import Rig, calibrated
+from gloc3_onboard.sensing.frame_check import complaint
+from gloc3_onboard.sensing.recent import RecentHeights
+from gloc3_onboard.sensing.silence import Silence
 
 GAP_S: Final = 0.3
 """A height or a pose that is older than this at the time of a picture does not count."""
-SILENT_S: Final = 1.0
 
 
 class OpticalFollowerSettings(Settings, frozen=True):
@@ -59,26 +59,18 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
         self.reason = ""
         self._rig = rig
         self._settings = OpticalFollowerSettings()
-        self._heard_s: float | None = None
 
     def initialize(self, settings: OpticalFollowerSettings) -> None:
         """Makes the follower; refuses a camera that is not calibrated."""
         self._settings = settings
-        self._begin()
+        self.start()
 
     def start(self) -> None:
         """Begins without a past."""
-        self._begin()
-
-    def _begin(self) -> None:
-        import numpy as np
-
         from gloc3_onboard.vision.optical_follower import FollowerSettings, OpticalFollower
+        from gloc3_onboard.vision.picture import pixels_of
 
         given = self._settings
-        camera = self._rig.model(given.camera)
-        if camera is None:
-            raise Refused(f"there is no calibration of a camera {given.camera!r}")
         roll, pitch, yaw = map(math.radians, given.euler_deg)
         settings = FollowerSettings(
             position_ned_m=given.position_ned_m,
@@ -86,38 +78,31 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
             lever_frd_m=given.lever_frd_m,
             threshold_grey=given.threshold_grey,
         )
-        self._np = np
-        self._follower = OpticalFollower(camera, settings)
+        self._pixels_of = pixels_of
+        self._follower = OpticalFollower(calibrated(self._rig, given.camera), settings)
         self._heights = RecentHeights(GAP_S)
-        self._heard_s = None
+        self._silence = Silence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each picture, and one a second where none comes."""
-        for height in inbox.new(self.height):
-            if height.payload.is_valid:
-                self._heights.put(height.t_s, height.payload.height_m)
+        self._heights.hear(inbox.new(self.height))
         results: list[Result] = []
         for envelope in inbox.new(self.image):
-            self._heard_s = now_s
+            self._silence.end(now_s)
             fix = self._look(envelope, inbox.latest(self.pose))
             results.append(self.position_fix.report(self._told(fix), t_s=envelope.t_s))
-        if self._heard_s is None:
-            self._heard_s = now_s
-        elif not results and now_s - self._heard_s >= SILENT_S:
-            self._heard_s = now_s
+        if self._silence.is_to_be_told(now_s):
             results.append(self._told(self._follower.without_picture("no picture comes")))
         return results
 
     def _look(self, envelope: Envelope[Image], pose: Envelope[Pose] | None) -> PositionFix:
         image = envelope.payload
         self.pictures += 1
-        if not image.is_valid:
-            return self._follower.without_picture(image.reason or "the camera says so")
-        if len(image.data) != image.width * image.height:
-            return self._follower.without_picture("the picture is torn")
-        picture = self._np.frombuffer(image.data, self._np.uint8).reshape(image.height, image.width)
+        reason = complaint(image)
+        if reason:
+            return self._follower.without_picture(reason)
         down_m, std_m = self._down(envelope.t_s, pose)
-        return self._follower.update(picture, envelope.t_s, down_m, std_m)
+        return self._follower.update(self._pixels_of(image), envelope.t_s, down_m, std_m)
 
     def _down(self, t_s: float, pose: Envelope[Pose] | None) -> tuple[float, float]:
         """How far the lamp is below the frame's origin, and how well that is known."""

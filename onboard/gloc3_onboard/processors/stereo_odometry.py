@@ -4,17 +4,14 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 from gloc3.component import DataProcessor
-from gloc3.errors import Refused
 from gloc3.messages import Envelope
-from gloc3.perception import UNKNOWN_VARIANCE, Features, Odometry
+from gloc3.perception import Features, Odometry, no_motion
 from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3_onboard.devices import Rig
+from gloc3_onboard.devices import Rig, calibrated
+from gloc3_onboard.sensing.silence import Silence
 
 SOURCE: Final = "stereo"
-SILENT_S: Final = 1.0
-"""Without features for so long it says that none come."""
-UNKNOWN: Final = [UNKNOWN_VARIANCE if n % 7 == 0 else 0.0 for n in range(36)]
 
 
 class StereoOdometrySettings(Settings, frozen=True):
@@ -48,29 +45,20 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         self.reason = ""
         self._rig = rig
         self._settings = StereoOdometrySettings()
-        self._heard_s: float | None = None
 
     def initialize(self, settings: StereoOdometrySettings) -> None:
         """Makes the odometer; refuses cameras that are not calibrated, or do not make a pair."""
         self._settings = settings
-        self._begin()
+        self.start()
 
     def start(self) -> None:
         """Begins without a past."""
-        self._begin()
-
-    def _begin(self) -> None:
         from gloc3_onboard.vision.feature_message import features_of, odometry_of
         from gloc3_onboard.vision.stereo_motion import MotionOptions, StereoMotion
         from gloc3_onboard.vision.stereo_rig import StereoRig
 
         given = self._settings
-        left, right = self._rig.model(given.left), self._rig.model(given.right)
-        for name, model in ((given.left, left), (given.right, right)):
-            if model is None:
-                raise Refused(f"there is no calibration of a camera {name!r}")
-        assert left is not None
-        assert right is not None
+        rig = StereoRig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
         options = MotionOptions(
             ray_px=given.ray_px,
             disparity_px=given.disparity_px,
@@ -78,30 +66,27 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
             acceleration_max_m_s2=given.acceleration_max_m_s2,
         )
         self._features_of, self._odometry_of = features_of, odometry_of
-        self._motion = StereoMotion(StereoRig(left, right), options)
-        self._heard_s = None
+        self._motion = StereoMotion(rig, options)
+        self._silence = Silence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each set of features, and one a second where none come."""
         results: list[Result] = []
         for envelope in inbox.new(self.features):
-            self._heard_s = now_s
+            self._silence.end(now_s)
             self.sets += 1
             results.append(self.odometry.report(self._told(self._look(envelope)), t_s=envelope.t_s))
-        if self._heard_s is None:
-            self._heard_s = now_s
-        elif not results and now_s - self._heard_s >= SILENT_S:
-            self._heard_s = now_s
-            results.append(self._told(_nothing(now_s, "no features come")))
+        if self._silence.is_to_be_told(now_s):
+            results.append(self._told(no_motion(SOURCE, now_s, "no features come")))
         return results
 
     def _look(self, envelope: Envelope[Features]) -> Odometry:
         given = envelope.payload
         if not given.is_valid:
-            return _nothing(envelope.t_s, given.reason or "the features are not valid")
+            return no_motion(SOURCE, envelope.t_s, given.reason or "the features are not valid")
         features = self._features_of(given, envelope.t_s)
         if features is None:
-            return _nothing(envelope.t_s, "the features are damaged")
+            return no_motion(SOURCE, envelope.t_s, "the features are damaged")
         motion = self._motion.update(features)
         self.points = motion.points
         return self._odometry_of(motion, SOURCE)
@@ -110,9 +95,3 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         self.reason = found.reason
         self.refused += not found.is_valid
         return found
-
-
-def _nothing(t_s: float, reason: str) -> Odometry:
-    return Odometry(
-        source=SOURCE, reference_t_s=t_s, covariance=list(UNKNOWN), is_valid=False, reason=reason, quality=0.0
-    )

@@ -1,12 +1,13 @@
 """SS: the autopilot's own estimate of where it is."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 
 from gloc3.component import SensorSampler
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import NoSettings
 from gloc3.vehicle import AutopilotPose
-from gloc3_onboard.devices import AutopilotTelemetry, Unwatch
+from gloc3_onboard.devices import AutopilotTelemetry
 
 
 class AutopilotPoseSampler(SensorSampler[NoSettings]):
@@ -17,18 +18,16 @@ class AutopilotPoseSampler(SensorSampler[NoSettings]):
     def __init__(self, device: AutopilotTelemetry) -> None:
         self._device = device
         self._last_s = float("-inf")
-        self._unwatch: Unwatch | None = None
+        self._until_stop = ExitStack()
 
     def start(self) -> None:
         """Takes what comes from now on."""
         self._last_s = float("-inf")
-        self._unwatch = self._device.on_pose(self.request_cycle)
+        self._until_stop.callback(self._device.on_pose(self.request_cycle))
 
     def stop(self) -> None:
         """Listens no longer."""
-        if self._unwatch is not None:
-            self._unwatch()
-            self._unwatch = None
+        self._until_stop.close()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports an estimate that has not been reported yet."""

@@ -1,6 +1,7 @@
 """SS: how the autopilot is set up: firmware, parameters that matter, and its sensors' health."""
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Protocol
 
 from gloc3.component import SensorSampler
@@ -33,7 +34,7 @@ class AutopilotSetupSampler(SensorSampler[NoSettings]):
 
     def __init__(self, device: AutopilotInspection) -> None:
         self._device = device
-        self._unwatch: Unwatch | None = None
+        self._until_stop = ExitStack()
         self._forget()
 
     def _forget(self) -> None:
@@ -43,13 +44,11 @@ class AutopilotSetupSampler(SensorSampler[NoSettings]):
     def start(self) -> None:
         """Reports at once."""
         self._forget()
-        self._unwatch = self._device.on_setup(self.request_cycle)
+        self._until_stop.callback(self._device.on_setup(self.request_cycle))
 
     def stop(self) -> None:
         """Listens no longer."""
-        if self._unwatch is not None:
-            self._unwatch()
-            self._unwatch = None
+        self._until_stop.close()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reads the setup; says it when it is new or due."""

@@ -1,12 +1,13 @@
 """SS: the autopilot's own state: mode, arming, battery, and why it would not arm."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 
 from gloc3.component import SensorSampler
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import NoSettings
 from gloc3.vehicle import AutopilotState
-from gloc3_onboard.devices import AutopilotTelemetry, Unwatch
+from gloc3_onboard.devices import AutopilotTelemetry
 
 REPORT_PERIOD_S = 0.2
 
@@ -23,18 +24,16 @@ class AutopilotStateSampler(SensorSampler[NoSettings]):
         self._device = device
         self._last: AutopilotState | None = None
         self._reported_s = float("-inf")
-        self._unwatch: Unwatch | None = None
+        self._until_stop = ExitStack()
 
     def start(self) -> None:
         """Reports at once."""
         self._last, self._reported_s = None, float("-inf")
-        self._unwatch = self._device.on_state(self.request_cycle)
+        self._until_stop.callback(self._device.on_state(self.request_cycle))
 
     def stop(self) -> None:
         """Listens no longer."""
-        if self._unwatch is not None:
-            self._unwatch()
-            self._unwatch = None
+        self._until_stop.close()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reads the state; says it when it is new or due."""

@@ -1,14 +1,13 @@
 """SS: a camera."""
 
 from collections.abc import Sequence
-
-import msgspec
+from contextlib import ExitStack
 
 from gloc3.component import SensorSampler
 from gloc3.ports import Inbox, Output, Result
 from gloc3.vehicle import Image
-from gloc3_onboard.devices import Camera, Rig, Unwatch
-from gloc3_onboard.sensing.frame_check import FrameCheck, FrameSettings
+from gloc3_onboard.devices import Camera, Rig, opened
+from gloc3_onboard.sensing.frame_check import FrameChecks, FrameSettings, no_frame
 from gloc3_onboard.sensing.timeline import Timeline
 
 
@@ -25,10 +24,8 @@ class CameraSampler(SensorSampler[FrameSettings]):
         self.reason = ""
         self._device, self._rig = device, rig
         self._settings = FrameSettings()
-        self._check: FrameCheck | None = None
-        self._timeline = Timeline("picture", self._settings.silent_s)
         self._camera = ""
-        self._unwatch: Unwatch | None = None
+        self._until_stop = ExitStack()
 
     def initialize(self, settings: FrameSettings) -> None:
         """Adopts the settings."""
@@ -36,17 +33,13 @@ class CameraSampler(SensorSampler[FrameSettings]):
 
     def start(self) -> None:
         """Opens the camera."""
-        self._check = None
+        self._checks = FrameChecks(self._rig, may_repeat=self._settings.may_repeat)
         self._timeline = Timeline("picture", self._settings.silent_s)
-        self._device.open()
-        self._unwatch = self._device.on_news(self.request_cycle)
+        self._until_stop.callback(opened(self._device, self.request_cycle))
 
     def stop(self) -> None:
         """Closes the camera."""
-        self._device.close()
-        if self._unwatch is not None:
-            self._unwatch()
-            self._unwatch = None
+        self._until_stop.close()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a frame that has not been reported yet."""
@@ -54,16 +47,10 @@ class CameraSampler(SensorSampler[FrameSettings]):
         arrival = self._timeline.take(stamped.t_s, now_s) if stamped is not None else None
         if stamped is None or arrival is None:
             reason = self._timeline.silence(now_s)
-            none = Image(camera=self._camera, width=0, height=0, data=b"", is_valid=False, reason=reason)
-            return [self.image.report(none, t_s=now_s)] if reason else []
-        image = stamped.image
+            return [self.image.report(no_frame(self._camera, reason), t_s=now_s)] if reason else []
+        image = self._checks.marked(stamped.image, arrival.problem)
         self._camera = image.camera
-        if self._check is None:
-            model = self._rig.model(image.camera) if self._rig is not None else None
-            self._check = FrameCheck(model, may_repeat=self._settings.may_repeat)
         self.frames += 1
-        self.reason = arrival.problem or self._check.problem(image)
-        if self.reason:
-            self.refused += 1
-            image = msgspec.structs.replace(image, is_valid=False, reason=self.reason)
+        self.reason = image.reason
+        self.refused += not image.is_valid
         return [self.image.report(image, t_s=arrival.t_s)]

@@ -1,13 +1,14 @@
 """SS: the ground-looking range finder."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Annotated
 
 from gloc3.component import SensorSampler
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import HeightAboveGround
-from gloc3_onboard.devices import HeightSensor, Unwatch
+from gloc3_onboard.devices import HeightSensor
 
 
 class HeightSettings(Settings, frozen=True):
@@ -32,7 +33,7 @@ class HeightSampler(SensorSampler[HeightSettings]):
         self._device = device
         self._settings = HeightSettings()
         self._last_s = float("-inf")
-        self._unwatch: Unwatch | None = None
+        self._until_stop = ExitStack()
 
     def initialize(self, settings: HeightSettings) -> None:
         """Adopts the range."""
@@ -40,13 +41,11 @@ class HeightSampler(SensorSampler[HeightSettings]):
 
     def start(self) -> None:
         """Takes what comes from now on."""
-        self._unwatch = self._device.on_height(self.request_cycle)
+        self._until_stop.callback(self._device.on_height(self.request_cycle))
 
     def stop(self) -> None:
         """Listens no longer."""
-        if self._unwatch is not None:
-            self._unwatch()
-            self._unwatch = None
+        self._until_stop.close()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a range that has not been reported yet."""

@@ -1,6 +1,7 @@
 """SS: an inertial measuring unit."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Annotated
 
 import msgspec
@@ -9,7 +10,7 @@ from gloc3.component import SensorSampler
 from gloc3.perception import ImuSample
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3_onboard.devices import Imu, Unwatch
+from gloc3_onboard.devices import Imu, opened
 from gloc3_onboard.sensing.imu_check import ImuCheck
 from gloc3_onboard.sensing.timeline import Timeline
 
@@ -36,13 +37,13 @@ class ImuSampler(SensorSampler[ImuSettings]):
         self.reason = ""
         self._device = device
         self._settings = ImuSettings()
+        self._until_stop = ExitStack()
         self._restart()
 
     def _restart(self) -> None:
         self._timeline = Timeline("sample", self._settings.silent_s)
         self._check = ImuCheck(may_repeat=self._settings.may_repeat)
         self._last_s = float("-inf")
-        self._unwatch: Unwatch | None = None
 
     def initialize(self, settings: ImuSettings) -> None:
         """Adopts the settings."""
@@ -51,15 +52,11 @@ class ImuSampler(SensorSampler[ImuSettings]):
     def start(self) -> None:
         """Opens the unit."""
         self._restart()
-        self._device.open()
-        self._unwatch = self._device.on_news(self.request_cycle)
+        self._until_stop.callback(opened(self._device, self.request_cycle))
 
     def stop(self) -> None:
         """Closes the unit."""
-        self._device.close()
-        if self._unwatch is not None:
-            self._unwatch()
-            self._unwatch = None
+        self._until_stop.close()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports the samples that have not been reported yet."""

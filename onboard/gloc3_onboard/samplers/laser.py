@@ -1,6 +1,7 @@
 """SS: a laser scanner."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Annotated
 
 import msgspec
@@ -9,7 +10,7 @@ from gloc3.component import SensorSampler
 from gloc3.perception import LaserScan
 from gloc3.ports import Inbox, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3_onboard.devices import Laser, Unwatch
+from gloc3_onboard.devices import Laser, opened
 from gloc3_onboard.sensing.scan_check import checked_scan
 from gloc3_onboard.sensing.timeline import Timeline
 
@@ -34,11 +35,10 @@ class LaserSampler(SensorSampler[LaserSettings]):
         self.reason = ""
         self._device = device
         self._settings = LaserSettings()
-        self._timeline = Timeline("scan", self._settings.silent_s)
         self._none = LaserScan(
             scanner="", angle_min_rad=0.0, angle_step_rad=0.0, range_min_m=0.0, range_max_m=0.0, ranges_m=b""
         )
-        self._unwatch: Unwatch | None = None
+        self._until_stop = ExitStack()
 
     def initialize(self, settings: LaserSettings) -> None:
         """Adopts the settings."""
@@ -47,15 +47,11 @@ class LaserSampler(SensorSampler[LaserSettings]):
     def start(self) -> None:
         """Opens the scanner."""
         self._timeline = Timeline("scan", self._settings.silent_s)
-        self._device.open()
-        self._unwatch = self._device.on_news(self.request_cycle)
+        self._until_stop.callback(opened(self._device, self.request_cycle))
 
     def stop(self) -> None:
         """Closes the scanner."""
-        self._device.close()
-        if self._unwatch is not None:
-            self._unwatch()
-            self._unwatch = None
+        self._until_stop.close()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a turn that has not been reported yet."""

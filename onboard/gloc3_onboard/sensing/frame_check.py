@@ -2,10 +2,13 @@
 
 from typing import Annotated, Final
 
+import msgspec
+
 from gloc3.camera_model import CameraModel
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import Image
 from gloc3_onboard.calibration.fit import misfit
+from gloc3_onboard.devices import Rig
 
 BLACK_MEAN: Final = 6.0
 BLACK_MAX: Final = 48
@@ -28,6 +31,13 @@ class FrameSettings(Settings, frozen=True):
     """Whether two pictures may be the same to the last bit; else the camera counts as stuck."""
 
 
+def complaint(image: Image) -> str:
+    """Why a processor cannot use a picture that a sampler reported; empty if it can."""
+    if not image.is_valid:
+        return image.reason or "the camera says so"
+    return "" if len(image.data) == image.width * image.height else "the picture is torn"
+
+
 class FrameCheck:
     """Looks at the pictures of one camera.
 
@@ -45,7 +55,7 @@ class FrameCheck:
     def problem(self, image: Image) -> str:
         """Why the picture cannot be used; empty if it can."""
         if not image.is_valid:
-            return image.reason or "the camera says so"
+            return complaint(image)
         size, count = (image.width, image.height), len(image.data)
         if min(size) <= 0 or image.width * image.height != count:
             return f"torn: {count} bytes of a picture of {image.width} x {image.height}"
@@ -59,6 +69,27 @@ class FrameCheck:
         if is_same and not self._may_repeat:
             return "the same picture again: the camera is stuck"
         return _content_problem(image)
+
+
+class FrameChecks:
+    """The checks of a sampler's cameras, each made with its first picture."""
+
+    def __init__(self, rig: Rig | None, *, may_repeat: bool) -> None:
+        self._rig, self._may_repeat = rig, may_repeat
+        self._checks: dict[str, FrameCheck] = {}
+
+    def marked(self, image: Image, problem: str) -> Image:
+        """The picture; not valid where it cannot be used, or for a problem that is known already."""
+        if image.camera not in self._checks:
+            model = self._rig.model(image.camera) if self._rig is not None else None
+            self._checks[image.camera] = FrameCheck(model, may_repeat=self._may_repeat)
+        problem = problem or self._checks[image.camera].problem(image)
+        return msgspec.structs.replace(image, is_valid=False, reason=problem) if problem else image
+
+
+def no_frame(camera: str, reason: str) -> Image:
+    """What is reported where no picture comes."""
+    return Image(camera=camera, width=0, height=0, data=b"", is_valid=False, reason=reason)
 
 
 def _content_problem(image: Image) -> str:

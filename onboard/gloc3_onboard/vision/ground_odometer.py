@@ -10,11 +10,11 @@ from gloc3.camera_geometry import matrix, project, unproject
 from gloc3.camera_model import CameraModel
 from gloc3.frames import Quaternion, Vector3
 from gloc3.opencv import load_opencv
-from gloc3.perception import Odometry
+from gloc3.perception import Odometry, no_motion
 from gloc3_onboard.vision import ground_plane
 from gloc3_onboard.vision.ground_height import GroundHeight
 from gloc3_onboard.vision.ground_plane import Noise, PlaneMotion, Prior
-from gloc3_onboard.vision.ground_report import Held, invalid, ratio_std, report
+from gloc3_onboard.vision.ground_report import SOURCE, Held, ratio_std, report
 from gloc3_onboard.vision.ground_tracks import GroundTracks
 from gloc3_onboard.vision.picture import Picture, problem
 
@@ -325,7 +325,7 @@ class GroundOdometer:
         self._velocity, self._place = self._velocity @ motion.turn, np.zeros(3)
 
     def _invalid(self, t_s: float, reason: str) -> Odometry:
-        return invalid(t_s if self._key is None else self._key.held.t_s, reason)
+        return no_motion(SOURCE, t_s if self._key is None else self._key.held.t_s, reason, is_level=True)
 
     def _vertical_m(self, height_m: float, held: Held) -> float:
         """Vertical distance of the camera to what a range finder hits; not-a-number where nothing is known."""

@@ -65,19 +65,6 @@ def report(
     )
 
 
-def invalid(reference_t_s: float, reason: str) -> Odometry:
-    """No motion is known."""
-    return Odometry(
-        source=SOURCE,
-        reference_t_s=reference_t_s,
-        covariance=(np.eye(6) * UNKNOWN_VARIANCE).reshape(-1).tolist(),
-        is_level=True,
-        is_valid=False,
-        reason=reason,
-        quality=0.0,
-    )
-
-
 def _covariance(motion: PlaneMotion, height: GroundHeight, key: Held, now: Held, level_std_rad: float) -> Array:
     """(6, 6): position in the reference's level axes, rotation in the body's, of which roll and pitch are not told."""
     covariance = np.zeros((6, 6))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gloc3.camera_model import CameraModel
 from gloc3.opencv import load_opencv
+from gloc3.vehicle import Image
 
 Picture = NDArray[np.uint8]
 """Grey values, rows by columns."""
@@ -17,6 +18,11 @@ _BRIGHT: Final = 250.0
 _FLAT: Final = 1.0
 _LOG_FROM: Final = 12.0
 """Grey values well below this are noise: the logarithm is bent straight there."""
+
+
+def pixels_of(image: Image) -> Picture:
+    """The grey values of a camera's picture that is whole."""
+    return np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
 
 
 def problem(picture: Picture, camera: CameraModel) -> str:

@@ -26,7 +26,8 @@ _SHARED: Final = 1.1
 _OWN: Final = 1.5
 """What the covariance is multiplied by: a part for errors that neighbouring points share, and one for residuals that are
 larger than expected (by their median). Found in the simulated hold, so that 5 % of the errors are outside of 95 %."""
-_AT_REST_VARIANCE: Final = 1e-10
+BEGUN: Final = "motion is told from this picture on"
+"""Why the first report of a key frame with nothing before it tells no motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,16 +156,7 @@ class StereoMotion:
         self.forget()
         self._set_key(features, seen, is_placed)
         self._last_s = self._good_s = features.t_s
-        return Motion(
-            t_s=features.t_s,
-            reference_t_s=features.t_s,
-            position_m=np.zeros(3),
-            rotation=np.eye(3),
-            covariance=np.eye(6) * _AT_REST_VARIANCE,
-            quality=1.0,
-            points=int(is_placed.sum()),
-            is_valid=True,
-        )
+        return self._lost(features.t_s, BEGUN)
 
     def _set_key(self, features: FeatureSet, seen: Array, is_placed: NDArray[np.bool_]) -> None:
         base = self._rig.baseline_m

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from tests.onboard.vision.flights import fly, inspection
 from tests.onboard.vision.moved_rest import drive, rectified
-from tests.onboard.vision.trial import Trial, constant, zero
+from tests.onboard.vision.trial import Trial, constant, follow, zero
 
 from gloc3.trajectory import Trajectory
 from gloc3.trajectory_metrics import Alignment, evaluate
-from gloc3_onboard.vision.stereo_odometry import MotionChain, StereoOdometer
+from gloc3_onboard.odometry_chain import OdometryChain
+from gloc3_onboard.vision.stereo_odometry import StereoOdometer
 
 pytestmark = pytest.mark.thorough
 
@@ -46,10 +47,10 @@ def test_lamps_dust_blur_and_jumps_of_the_exposure_are_stood(path: Trajectory) -
 @pytest.mark.skipif(not EUROC.is_dir(), reason="the shared pictures are not on this machine")
 def test_real_pictures_that_are_made_to_move_give_the_speed_that_they_have() -> None:
     left, right, *_ = rectified(EUROC)
-    odometer, chain = StereoOdometer(left, right), MotionChain()
+    odometer, chain = StereoOdometer(left, right), OdometryChain()
     times, places = [], []
     for t_s, one, other in drive(EUROC, np.array([0.2, 0.0, 0.0]), every=8):
-        place, _ = chain.add(odometer.update(one, other, t_s))
+        place = follow(chain, odometer.update(one, other, t_s))
         times.append(t_s)
         places.append(place)
     speed = (places[-1] - places[0]) / (times[-1] - times[0])

@@ -7,14 +7,23 @@ from collections.abc import Iterable
 import numpy as np
 from tests.onboard.vision.flights import Pair
 
+from gloc3.camera_geometry import matrix
 from gloc3.camera_model import CameraModel
 from gloc3.trajectory import Array, Trajectory
-from gloc3_onboard.vision.stereo_motion import Motion
-from gloc3_onboard.vision.stereo_odometry import MotionChain, StereoOdometer
+from gloc3_onboard.odometry_chain import OdometryChain
+from gloc3_onboard.vision.feature_message import odometry_of
+from gloc3_onboard.vision.stereo_motion import BEGUN, Motion
+from gloc3_onboard.vision.stereo_odometry import StereoOdometer
 from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
 
 BOUND_95 = 12.59
 """Of six squared normal errors 95 % are below it."""
+
+
+def follow(chain: OdometryChain, motion: Motion) -> Array:
+    """Where the body is at the end of one more motion."""
+    chain.add(odometry_of(motion, "stereo"), motion.t_s)
+    return np.array(chain.position_m)
 
 
 class Trial:
@@ -32,17 +41,17 @@ class Trial:
         self.wrong_m: list[float] = []
         """Errors of those motions."""
         self.reasons: Counter[str] = Counter()
-        odometer, chain = StereoOdometer(*models), MotionChain()
+        odometer, chain = StereoOdometer(*models), OdometryChain()
         index = {t_s: n for n, t_s in enumerate(path.t_s.tolist())}
         poses = []
         for n, pair in enumerate(pairs):
             begin_s = time.thread_time()
             motion = odometer.update(pair.left, pair.right, pair.t_s)
             self.costs_ms.append(1e3 * (time.thread_time() - begin_s))
-            poses.append(chain.add(motion))
-            if not motion.is_valid:
+            poses.append((follow(chain, motion), matrix(chain.attitude)))
+            if not motion.is_valid and motion.reason != BEGUN:
                 self.reasons.update([motion.reason])
-            elif motion.t_s > motion.reference_t_s:
+            elif motion.is_valid:
                 self._judge(motion, path, index[motion.reference_t_s], n)
         self.truth = path.take(slice(0, len(poses)))
         self.estimate = Trajectory(

@@ -1,11 +1,14 @@
-"""What was measured lately, asked for the time of a picture."""
+"""What was measured lately, asked for the time of a picture or a scan."""
 
 import math
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Iterable
 from typing import Final
 
 from gloc3.frames import Quaternion, Vector3, from_rotation_vector, multiply, normalize, slerp
+from gloc3.messages import Envelope
+from gloc3.vehicle import AutopilotPose, HeightAboveGround
 
 _KEPT: Final = 64
 
@@ -23,6 +26,12 @@ class RecentHeights:
         if math.isfinite(height_m) and (not self._times or t_s > self._times[-1]):
             self._times.append(t_s)
             self._values.append(height_m)
+
+    def hear(self, heights: Iterable[Envelope[HeightAboveGround]]) -> None:
+        """Adds those that are valid."""
+        for height in heights:
+            if height.payload.is_valid:
+                self.put(height.t_s, height.payload.height_m)
 
     def at(self, t_s: float) -> float:
         """The height at a time; not-a-number where none is near enough."""
@@ -49,6 +58,11 @@ class RecentAttitudes:
         if is_finite and (not self._times or t_s > self._times[-1]):
             self._times.append(t_s)
             self._values.append((ned_from_frd, rate_frd_rad_s))
+
+    def hear(self, poses: Iterable[Envelope[AutopilotPose]]) -> None:
+        """Adds the attitudes of an autopilot's poses."""
+        for pose in poses:
+            self.put(pose.t_s, pose.payload.ned_from_frd, pose.payload.rate_frd_rad_s)
 
     def at(self, t_s: float) -> Quaternion | None:
         """The attitude at a time; None where none is near enough."""

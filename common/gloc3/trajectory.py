@@ -139,13 +139,25 @@ def _rows(path: Path) -> tuple[list[list[float]], list[tuple[int, bool]]]:
             try:
                 rows.append([float(word) for word in bare.replace(",", " ").split()])
             except ValueError as error:
-                raise _wrong(path, number, str(error)) from error
+                word = next((word for word in bare.replace(",", " ").split() if not _is_number(word)), bare)
+                message = (
+                    f"{word!r} is no number: poses are lines of TUM (8 numbers), KITTI (12) or EuRoC (with commas)"
+                )
+                raise _wrong(path, number, message) from error
             lines.append((number, "," in bare))
     return rows, lines
 
 
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def _wrong(path: Path, line: int, message: str) -> InputError:
-    return InputError([Finding(file=path.name, line=line, column=1 if line else 0, message=message)])
+    return InputError([Finding(file=str(path), line=line, column=1 if line else 0, message=message)])
 
 
 def _of_quaternions(path: Path, t_s: Array, position_m: Array, wxyz: Array) -> Trajectory:

@@ -19,6 +19,10 @@ BEGIN_SHARE: Final = 0.1
 TOLERANCE: Final = 0.1
 """How much longer or shorter than asked a stretch of the relative error may be, as a share."""
 
+LEAST_SIZE_M: Final = 0.05
+LEAST_WIDTH: Final = 0.02
+"""Positions that are spread by less, or by less across than this share of along, do not tell how a frame is turned."""
+
 MATCH_S: Final = 0.01
 """Farthest apart in time that an estimate and the truth belong together."""
 
@@ -122,6 +126,21 @@ def matched(estimate: Trajectory, truth: Trajectory) -> tuple[Trajectory, Trajec
     return (long, short) if is_swapped else (short, long)
 
 
+def tells_a_frame(estimate: Trajectory, truth: Trajectory, align: Alignment) -> bool:
+    """Whether the positions that an alignment goes by are enough for it: neither in one place nor along one line."""
+    if align in (Alignment.NONE, Alignment.ORIGIN):
+        return True
+    _, truth = matched(estimate, truth)
+    positions = truth.position_m[: _count(truth, align)]
+    along, across, _ = np.linalg.svd(np.vstack([positions - positions.mean(axis=0), np.zeros((3, 3))]))[1]
+    size_m = along / np.sqrt(len(positions))
+    return bool(size_m > LEAST_SIZE_M and across > LEAST_WIDTH * along)
+
+
+def _count(poses: Trajectory, align: Alignment) -> int:
+    return len(poses) if align is Alignment.ALL else max(3, int(len(poses) * BEGIN_SHARE))
+
+
 def laid_over(estimate: Trajectory, truth: Trajectory, align: Alignment) -> Trajectory:
     """The estimate in the frame of the truth; both have the same times.
 
@@ -133,7 +152,7 @@ def laid_over(estimate: Trajectory, truth: Trajectory, align: Alignment) -> Traj
     if align is Alignment.ORIGIN:
         rotation: Array = truth.world_from_body[0] @ estimate.world_from_body[0].T
         return estimate.moved(rotation, truth.position_m[0] - rotation @ estimate.position_m[0])
-    count = len(estimate) if align is Alignment.ALL else max(3, int(len(estimate) * BEGIN_SHARE))
+    count = _count(estimate, align)
     rotation, shift = _umeyama(estimate.position_m[:count], truth.position_m[:count])
     return estimate.moved(rotation, shift)
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from cyclopts import App
 
+from gloc3.errors import Refused
 from gloc3.trajectory import read_trajectory
 from gloc3_onboard.odometry_ground import ground
 from gloc3_onboard.odometry_laser import laser
@@ -15,7 +16,14 @@ app = App(
     help="""Run an odometer on a data set, and compare a trajectory with the truth.
 
     Errors are those of the tool evo: the absolute trajectory error after a rigid alignment, without correction of the
-    scale, and the relative error over stretches of a length.""",
+    scale, and the relative error over stretches of a length. Exit codes: 0 done, 1 no output was valid, 2 wrong use or
+    a data set that cannot be read.
+
+    For example, with data sets that the simulation makes:
+
+    - `gloc3 sitl record euroc hold` and `gloc3 odometry stereo hold --truth hold/mav0/state_groundtruth_estimate0/data.csv`
+    - `gloc3 sitl record carmen hold.log` and `gloc3 odometry laser hold.log --truth hold.log --trajectory out.txt`
+    - `gloc3 odometry compare out.txt --truth poses.txt --over 100 --json`""",
     help_format="markdown",
     version_flags=[],
 )
@@ -29,7 +37,11 @@ def compare(estimate: Path, /, *, options: ReportOptions | None = None) -> int:
         estimate: the trajectory, in TUM form, EuRoC's or KITTI's.
         options: what to compare with, and how.
     """
-    return report(read_trajectory(estimate), options or ReportOptions())
+    options = options or ReportOptions()
+    options.check()
+    if not estimate.is_file():
+        raise Refused(f"{estimate}: {'it is a folder' if estimate.is_dir() else 'there is no such file'}")
+    return report(read_trajectory(estimate), options)
 
 
 app.command(ground)

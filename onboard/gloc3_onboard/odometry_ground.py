@@ -46,10 +46,12 @@ def ground(
     """
     if not (0.0 < height_noise < 10.0 and 0.0 <= height_scale < 1.0):
         raise Refused("--height-noise must be above 0 and below 10 m, --height-scale 0 to 1")
+    options = options or ReportOptions()
+    options.check()
     folder = read_ground_folder(dataset, camera)
     settings = GroundSettings(is_slant=slant, height_noise_m=height_noise, height_scale_std=height_scale)
     estimate, cost = run_ground(folder, settings)
-    return report(estimate, options or ReportOptions(), cost)
+    return report(estimate, options, cost)
 
 
 def run_ground(folder: GroundFolder, settings: GroundSettings) -> tuple[Trajectory, Cost]:

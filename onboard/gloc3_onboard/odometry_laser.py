@@ -43,13 +43,14 @@ def laser(
         range_max: a range at or past it, in metres, is nothing seen; usual for the kind of log if not given.
     """
     options = options or ReportOptions()
+    options.check()
     if range_max is not None and not 0.1 < range_max < float("inf"):
         raise Refused("--range-max must be above 0.1 metres")
     log = read_laser_log(dataset, range_max)
     estimate, cost = run_laser(log, wheels=wheels)
     truth = None
     if options.truth is not None and options.truth.suffix in LOGS:
-        truth = _truth(read_laser_log(options.truth), log, options.truth.name)
+        truth = _truth(read_laser_log(options.truth), log, str(options.truth))
     return report(estimate, options, cost, truth=truth)
 
 

@@ -8,8 +8,13 @@ import msgspec
 from cyclopts import Parameter
 
 from gloc3.errors import Refused
+from gloc3.narrate import narrate
 from gloc3.trajectory import Array, Trajectory, read_trajectory, write_tum
-from gloc3.trajectory_metrics import Alignment, Evaluation, Statistics, evaluate
+from gloc3.trajectory_metrics import Alignment, Evaluation, Statistics, evaluate, tells_a_frame
+
+ON_A_LINE = (
+    "laid over          by the first pose: the first tenth lies in one place or along one line (--align all|begin|none)"
+)
 
 
 @Parameter(name="*")
@@ -21,13 +26,31 @@ class ReportOptions:
     """True poses: in TUM form, EuRoC's (data.csv) or KITTI's (poses.txt)."""
     trajectory: Path | None = None
     """Where to write the estimate, in TUM form, with the data set's own times."""
-    align: Alignment = Alignment.BEGIN
+    align: Alignment | None = None
     """How the estimate is laid over the truth: by the first tenth of its positions (begin), all, the first pose (origin)
-    or not at all (none). The scale is never corrected."""
+    or not at all (none). The scale is never corrected. Default: begin; origin where these positions lie in one place or
+    along one line."""
     over: float = 10.0
     """Length of the stretches of the relative error, in metres."""
     json: Annotated[bool, Parameter(negative=())] = False
     """Print JSON for programs."""
+
+    def check(self) -> None:
+        """Says what is wrong before a long run, not after it.
+
+        Raises:
+            Refused: an option is out of range, there is no such truth, or the trajectory cannot be written there.
+        """
+        if not 0.0 < self.over < float("inf"):
+            raise Refused("--over must be above 0 metres")
+        if self.truth is not None and not self.truth.is_file():
+            raise Refused(
+                f"--truth {self.truth}: {'it is a folder' if self.truth.is_dir() else 'there is no such file'}"
+            )
+        if self.trajectory is not None and (self.trajectory.is_dir() or not self.trajectory.absolute().parent.is_dir()):
+            is_folder = self.trajectory.is_dir()
+            reason = "it is a folder" if is_folder else f"there is no folder {self.trajectory.parent}"
+            raise Refused(f"--trajectory {self.trajectory}: {reason}")
 
 
 class Cost(msgspec.Struct, frozen=True, kw_only=True):
@@ -61,21 +84,26 @@ def report(
         truth: the truth, where it is not in a form that all commands read.
 
     Returns:
-        The exit code.
+        The exit code: 1 where no output was valid.
 
     Raises:
         Refused: an option is out of range, or the truth does not belong to the estimate.
         InputError: the truth cannot be read.
     """
-    if not 0.0 < options.over < float("inf"):
-        raise Refused("--over must be above 0 metres")
     if options.trajectory is not None:
         write_tum(estimate, options.trajectory)
-    found = None
+    found, notes = None, list[str]()
     if options.truth is not None:
         known = truth or read_trajectory(options.truth, times_s)
-        found = evaluate(estimate, known, options.align, options.over)
-    print(_json(estimate, found, cost) if options.json else "\n".join(_lines(estimate, found, cost)))  # noqa: T201
+        align = options.align or Alignment.BEGIN
+        if options.align is None and not tells_a_frame(estimate, known, align):
+            align = Alignment.ORIGIN
+        found = evaluate(estimate, known, align, options.over)
+        notes = [] if align is options.align or align is Alignment.BEGIN else [ON_A_LINE]
+    print(_json(estimate, found, cost) if options.json else "\n".join(_lines(estimate, found, cost) + notes))  # noqa: T201
+    if cost is not None and cost.valid == 0:
+        narrate("no output was valid")
+        return 1
     return 0
 
 

@@ -38,6 +38,7 @@ def stereo(
         mono: track the left camera alone: turns are told, and a way whose steps all count 1 m.
     """
     options = options or ReportOptions()
+    options.check()
     if mono:
         one = read_mono_set(dataset)
         estimate, cost = run_mono(one)

@@ -48,7 +48,7 @@ def record(
 
     Args:
         form: kitti (rectified stereo), euroc (stereo with distortion, inertial unit) or carmen (laser).
-        out: A folder that is not there or empty; with carmen a file that is not there.
+        out: A folder that is not there or empty; with carmen a file NAME.log that is not there.
         world: World to fly in: the name of one of ours, or a world file.
         way: A corner of the way as X,Y,HEIGHT in the world's frame; given again for each. Default: a lap in the middle.
         speed: Between the corners, in m/s.
@@ -65,6 +65,8 @@ def record(
         raise Refused("--seconds must be above 0")
     if seed < 0:
         raise Refused("--seed must be 0 or more")
+    if form is Form.CARMEN and out.suffix not in (".log", ".clf"):
+        raise Refused(f"call a CARMEN log {out}.log, so that gloc3 odometry laser and carmen:// know what it is")
     if out.exists() and (form is Form.CARMEN or not out.is_dir() or any(out.iterdir())):
         raise Refused(f"{out} is there already, and not empty")
     place = World.load(world)

@@ -186,7 +186,7 @@ def test_kitti_and_euroc_forms_are_told_by_their_lines(tmp_path: Path) -> None:
         ("1 2 3\n", "neither TUM"),
         ("1 0 0 0 0 0 0 1\n2 0 0\n", r"t\.txt:2:1: 3 numbers"),
         ("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", r"t\.txt:2:1: the time does not grow"),
-        ("1 0 0 0 0 0 0 x\n", "could not convert"),
+        ("1 0 0 0 0 0 0 x\n", "'x' is no number"),
         ("1 0 0 nan 0 0 0 1\n", "not finite"),
         ("1 0 0 0 0 0 0 0\n", "is no attitude"),
     ],

@@ -226,7 +226,7 @@ def test_the_same_log_gives_the_same_messages_every_time(tmp_path: Path) -> None
     [
         ("camera", "euroc://nowhere", "no data set of EuRoC's kind"),
         ("camera", "kitti://nowhere", "no pictures in image_0"),
-        ("laser", "carmen://nowhere.log", "no file nowhere.log"),
+        ("laser", "carmen://nowhere.log", "there is no file"),
         ("laser", "mcap://nowhere.mcap", "cannot be read"),
         ("imu", "mcap://log.mcap#imv", "did you mean 'imu'"),
         ("camera", "mcap://log.mcap#laser", "no Image in 'laser'"),

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.camera_model import CameraModel
-from gloc3.errors import Finding, InputError
+from gloc3.errors import Finding, InputError, nearest
 from gloc3.frames import Quaternion, normalize
 from gloc3.opencv import load_opencv
 from gloc3_onboard.calibration.reader import read_calibration
@@ -63,7 +63,14 @@ def read_ground_folder(folder: Path, sensor: str = "ground") -> GroundFolder:
     Raises:
         InputError: a part of it is missing or cannot be read.
     """
+    if not folder.is_dir():
+        message = "it is a file, not a folder" if folder.exists() else "there is no such folder"
+        raise InputError([Finding(file=str(folder), message=message)])
     top = folder / "mav0" if (folder / "mav0").is_dir() else folder
+    if not (top / sensor).is_dir():
+        known = sorted(path.parent.name for path in top.glob("*/sensor.yaml"))
+        hint = nearest(sensor, known) if known else ""
+        raise InputError([Finding(file=str(top), message=f"there is no folder {sensor!r} in it", hint=hint)])
     camera = read_calibration(top / sensor / "sensor.yaml", axes="frd").camera()
     pictures = _rows(top / sensor / "data.csv", 2, lambda row: row[1].strip())
     attitudes = _rows(top / "attitude.csv", 5, lambda row: normalize(_four(row)))

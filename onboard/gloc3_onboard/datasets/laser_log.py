@@ -136,8 +136,8 @@ def file_of(dataset: Path) -> Path:
             return found[0]
         if found:
             names = ", ".join(file.name for file in found)
-            raise Refused(f"there is more than one log in {dataset.name}, name one of {names}")
-    raise Refused(f"there is no laser log (.gfs, .log, .dat) in {dataset.name}")
+            raise Refused(f"there is more than one log in {dataset}, name one of {names}")
+    raise Refused(f"there is no laser log (.gfs, .log, .dat) in {dataset}")
 
 
 def lines_of(path: Path) -> list[Line]:

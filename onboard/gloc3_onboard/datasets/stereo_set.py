@@ -99,7 +99,7 @@ def times_of(records: Sequence[Recorded[Image]] | Sequence[Recorded[tuple[Image,
 
 def _is_kitti(folder: Path) -> bool:
     if not folder.is_dir():
-        raise _wrong(folder, "there is no such folder")
+        raise _wrong(folder, "it is a file, not a folder" if folder.exists() else "there is no such folder")
     return (folder / "calib.txt").is_file()
 
 

@@ -28,7 +28,9 @@ def sensor_folder(folder: Path, sensor: str) -> Path:
     if (top / sensor / "data.csv").is_file():
         return top / sensor
     known = sorted(path.parent.name for path in top.glob("*/data.csv"))
-    message = f"no data set of EuRoC's kind with {sensor}/data.csv"
+    message = f"no data set of EuRoC's kind with {sensor}/data.csv, nor of KITTI's with calib.txt"
+    if known or (folder / "mav0").is_dir():
+        message = f"there is no {sensor}/data.csv in it"
     raise InputError([Finding(file=str(folder), message=message, hint=nearest(sensor, known) if known else "")])
 
 

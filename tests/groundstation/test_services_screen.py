@@ -161,6 +161,11 @@ async def test_a_log_is_downloaded_cancelled_and_taken_up_again_while_another_se
         await here.until("job", "✓ log 2 is in")
         (log,) = tmp_path.iterdir()
         assert log.read_bytes() == CONTENT
+        await here.press("delete")
+        await dialogue(here, Question)
+        await here.press("n")
+        await here.wait(lambda: not isinstance(here.app.screen, Question))
+        assert not here.services.vehicle(NAME).jobs.running, "logs are erased only after a question"
 
 
 async def test_files_are_walked_downloaded_and_removed_after_a_question(tmp_path: Path) -> None:

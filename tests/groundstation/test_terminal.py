@@ -149,6 +149,7 @@ async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere(
         assert "1         Overview: is everything all right?" in said
         await here.press("escape")
         await here.wait(lambda: here.app.screen is not screen)
+    assert all(row.screen.HELP.strip() for row in SCREENS), "every screen says what it is for"
 
 
 @pytest.mark.sockets

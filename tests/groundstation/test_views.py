@@ -120,6 +120,15 @@ def test_the_worst_alert_stands_above_every_screen() -> None:
     assert alert_line(view(PLATFORM), 80) == ()
 
 
+def test_the_worst_component_stands_in_its_vehicles_line() -> None:
+    ill = dict(PLATFORM.lines)
+    for index, health in ((2, Health.STANDBY), (3, Health.FAULTY)):
+        ill[index] = (ComponentLine(index, list(Health).index(health), 0, 0, 0, 1), 100.0)
+    platform = replace(PLATFORM, lines=ill)
+    assert PLATFORM.table is not None
+    assert f"{PLATFORM.table.rows[3].name} faulty" in text_of(vehicle_line(view(platform), platform, 200))
+
+
 def test_a_refusal_stands_above_every_screen_for_a_while() -> None:
     now = view(flying(battery_percent=9))
     fleet = reducers.note(now.fleet, "heron", Severity.ERROR, "start: the autopilot does not answer", now.now_s)

@@ -309,6 +309,7 @@ async def test_the_program_serves_and_ctrl_c_ends_it_while_a_browser_looks(tmp_p
     with program("station", "--web", "--web-port", "0", *options, folder=tmp_path) as station:
         line = await asyncio.to_thread(station.await_line, lambda line: "the station is at" in line)
         url = line.split()[4]
+        assert url.startswith("http://127.0.0.1:"), "nobody else is served unless that is asked for"
         assert await status_of(url) == 200
         assert await status_of(f"{url}static/js/textual.js") == 200
         async with connect(f"{url.replace('http', 'ws')}ws?width=90&height=30") as websocket:

@@ -20,9 +20,18 @@ app = App(
     name="gloc3 station",
     help="""Watch and command vehicles: the terminal, or --headless for scripts.
 
-    The terminal shows the vehicle, its components, its mission and what happens; its keys stand in the last line, and
-    the space bar makes the vehicle hold at once. Without --link it listens on UDP port 14550, where simulators,
-    companions and telemetry routers send.
+    The terminal shows the vehicle, its components, its mission and what happens; its keys stand in the last line. Without
+    --link it listens on UDP port 14550, where simulators, companions and telemetry routers send.
+
+    A first flight in simulation: start `gloc3 sitl`, `gloc3 onboard pelican_rtk` and `gloc3 station`, each in a terminal of
+    its own. In the station:
+
+    - `3`, then `o`: opens a mission; the digits are the screens
+    - `8`: tells whether it may start, and if not, what to do
+    - `s`: streams it and starts it, after a question
+    - `p` pauses, `r` resumes, `a` aborts
+    - `space`: the vehicle holds at once, wherever you are
+    - `?` explains the screen and its keys, `^p` finds every command by name, `q` quits
 
     For example:
 

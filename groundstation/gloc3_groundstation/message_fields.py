@@ -61,8 +61,16 @@ def fields_of(message: Any) -> list[Field]:
 
 
 def numbers_of(message: Any) -> dict[str, tuple[float, ...]]:
-    """The fields that can be plotted, by path."""
-    return {field.path: numbers for field in fields_of(message) if (numbers := field.numbers)}
+    """The fields that can be plotted, by path; of a message that says that it is not valid, yes and no alone.
+
+    What such a message holds besides, as a range finder's 41 m where there is no echo, would press all else flat.
+    """
+    is_valid = getattr(message, "is_valid", True)
+    return {
+        field.path: numbers
+        for field in fields_of(message)
+        if (numbers := field.numbers) and (is_valid or isinstance(field.value, bool))
+    }
 
 
 def _walk(values: Mapping[Any, Any], path: str, depth: int) -> Iterator[Field]:

@@ -112,6 +112,16 @@ def test_samples_that_a_link_held_back_and_brings_at_once_have_the_rate_at_which
     assert watches.sight("heron", "height", 6.1).rate_hz == pytest.approx(5.0, abs=0.1)
 
 
+def test_what_is_said_not_to_be_valid_is_shown_and_not_plotted(watches: Watches) -> None:
+    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.due(0.0)
+    for step, height_m in enumerate((1.0, 41.0, 1.1)):
+        told = HeightAboveGround(height_m=height_m, is_valid=height_m < 40.0)
+        watches.receive(sample("height", told, 0.1 * step), 0.1 * step)
+    assert [numbers for _, numbers in watches.series("heron", "height", "height_m")] == [(1.0,), (1.1,)]
+    assert len(watches.series("heron", "height", "is_valid")) == 3
+
+
 def test_a_sample_that_comes_by_two_links_counts_once(watches: Watches) -> None:
     watches.look("screen", "heron", [Want("height")], 0.0)
     watches.due(0.0)

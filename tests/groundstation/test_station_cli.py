@@ -64,3 +64,25 @@ def test_a_bad_configuration_file_is_told_with_its_place_and_the_defaults_are_us
     told = capsys.readouterr().err
     assert f"warning: {file}:2:1: unknown setting 'link' (did you mean 'links'?); the station runs with" in told
     assert file.read_text() == 'theme = "dark"\nlink = []\n'
+
+
+def test_the_help_teaches_a_first_flight_with_keys_that_are_so(capsys: pytest.CaptureFixture[str]) -> None:
+    from gloc3_groundstation.tui.app import StationApp
+    from gloc3_groundstation.tui.keys import MISSION_KEYS
+    from gloc3_groundstation.tui.screens.mission import MissionScreen
+    from gloc3_groundstation.tui.screens.preflight import PreflightScreen
+    from gloc3_groundstation.tui.screens.table import SCREENS
+
+    run("--help")
+    told = " ".join(capsys.readouterr().out.split())
+    for words in (
+        "3, then o: opens",
+        "8: tells whether",
+        "s: streams it and starts it",
+        "p pauses, r resumes, a aborts",
+    ):
+        assert words in told
+    assert {row.key: row.screen for row in SCREENS}.items() >= {"3": MissionScreen, "8": PreflightScreen}.items()
+    rows = (*MISSION_KEYS, *MissionScreen.BINDINGS, *StationApp.BINDINGS)
+    bound = {key for row in rows for key in (row[0] if isinstance(row, tuple) else row.key).split(",")}
+    assert bound >= {"o", "s", "p", "r", "a", "space", "q"}

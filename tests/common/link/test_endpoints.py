@@ -149,6 +149,7 @@ async def test_tcp_client_connects_again(opener: Opener, monkeypatch: pytest.Mon
     await until(lambda: not client.is_connected and client.problem != "")
     client.send(b"lost")
     assert client.dropped == 1
+    await until(lambda: client.problem == "connection refused")
     server, _ = await opener(f"tcpin://127.0.0.1:{port}")
     await until(lambda: client.is_connected and server.is_connected)
     server.send(FRAMES[0])

@@ -253,7 +253,7 @@ async def events(here: Scene) -> Pose:
     for number in range(200):
         here.platform.event(f"number {number}: a gust of {number % 9} m/s", Severity(3 + number % 4), "limiter")
     await here.go("9")
-    await here.until("event", "number 199")
+    await here.wait(lambda: any("number 199" in event.text for event in here.station.fleet.events))
     yield "events"
     await here.press("slash")
     await here.wait(lambda: isinstance(here.app.focused, Input))

@@ -206,7 +206,7 @@ class TcpClientEndpoint(_TcpEndpoint):
         try:
             await self._loop.create_connection(lambda: _Connection(self), self._host, self._port)
         except OSError as error:
-            self._retry(error.strerror or _said(error))
+            self._retry(_said(error))
 
     def _retry(self, reason: str) -> None:
         self.problem = reason

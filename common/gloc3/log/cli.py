@@ -14,7 +14,7 @@ from gloc3.log.fields import plot_series, read_series
 from gloc3.log.flight_path import read_flight_path
 from gloc3.log.info import render, require_topic, summarize
 from gloc3.log.plot import plot_flight
-from gloc3.log.reader import LogReader
+from gloc3.log.reader import LogReader, find_log
 from gloc3.log.recover import recover
 from gloc3.log.replay import render_comparisons, replay
 from gloc3.log.timeline import plot_timelines, read_timelines
@@ -41,12 +41,12 @@ def info(
     The exit code is 1 where the log is not finished or something in it is lost.
 
     Args:
-        file: the log.
+        file: the log, or the folder of a run: its last one.
         json: print JSON for programs.
         events: show all events, not only warnings and worse.
     """
     topics = TopicTable.installed()
-    with LogReader(file, topics.types) as reader, _progress("reading") as progress:
+    with LogReader(find_log(file), topics.types) as reader, _progress("reading") as progress:
         found = summarize(reader, topics, progress)
     print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render(found, has_all_events=events))  # noqa: T201
     return DONE if found.is_finished and not found.losses else IMPERFECT
@@ -57,11 +57,12 @@ def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = Non
     """Draw a picture of a log.
 
     Args:
-        file: the log.
+        file: the log, or the folder of a run: its last one.
         what: `path` (flown against requested), `components` (their states over time), or a topic.
         fields: with a topic, its fields to draw, such as position_ned_m or velocity_ned_m_s[2]; none for all numbers.
         out: the picture (.svg, .png, .pdf); by default beside the log.
     """
+    file = find_log(file)
     with LogReader(file) as reader:
         target = out or file.with_name(f"{file.stem}-{what.replace('/', '-')}.svg")
         if what == "path":
@@ -84,9 +85,10 @@ def recover_(file: Path, out: Path | None = None, /) -> int:
     """Make a finished log, with its index, from an unfinished or damaged one.
 
     Args:
-        file: the damaged log; it is left as it is.
+        file: the damaged log, or the folder of a run: its last one; it is left as it is.
         out: the new log; by default `NAME-recovered.mcap` beside it.
     """
+    file = find_log(file)
     target = out or file.with_name(f"{file.stem}-recovered{file.suffix}")
     with _progress("recovering") as progress:
         report = recover(file, target, progress)
@@ -103,13 +105,14 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
     The exit code is 1 where they differ by more than rounding.
 
     Args:
-        file: the log.
+        file: the log, or the folder of a run: its last one.
         component: its name on the platform.
         platform: the platform, by name or file; by default the platform file in the log.
     """
     from gloc3.platform import load_platform, read_platform
 
     topics = TopicTable.installed()
+    file = find_log(file)
     with LogReader(file, topics.types) as reader:
         attached = reader.attachments.get(PLATFORM_FILE)
         if platform:
@@ -141,7 +144,7 @@ def report_(
     """Report an inspection: what was seen from where, coverage of a wall, contact sheet.
 
     Args:
-        run: the folder of a run, its log, or a folder of pictures with their poses.
+        run: the folder of a run (its last log), a log, or a folder of pictures with their poses.
         wall: what was to be inspected: its corners "x,y,height x,y,height ...", from the upper left one clockwise for who
             stands before it; or WORLD.yaml#SURFACE.
         frame: the local frame of the corners; needed where the platform has several.
@@ -164,9 +167,10 @@ def report_(
         raise Refused("--lift must be within 10 m")
     recording = read_recording(run).lifted(lift)
     if not recording.pictures:
-        raise Refused(f"{run.name}: no picture was recorded")
+        raise Refused(f"{run}: no picture was recorded")
     known = {**recording.cameras, **(read_cameras(cameras) if cameras is not None else {})}
-    target = out or recording.folder.parent / "report"
+    of_this = recording.folder.name.removeprefix("images") if recording.folder.name.startswith("images") else ""
+    target = out or recording.folder.parent / f"report{of_this}"
     found = read_wall(wall, recording.bearings_deg, frame) if wall else None
     figures = write_report(recording, known, found, Limits(oblique, farthest, cell), target)
     print(f"{target / PAGE}: {summary(figures)}")  # noqa: T201

@@ -38,7 +38,7 @@ def contact_sheet(recording: Recording) -> bytes | None:
     taken = chosen(recording)
     if not taken:
         return None
-    tiles = [_tile(cv2, recording.folder, number, picture) for number, picture in taken]
+    tiles = [_tile(cv2, recording.folder, number, picture, recording.time_of(picture, 1)) for number, picture in taken]
     height = max(tile.shape[0] for tile in tiles)
     rows = -(-len(tiles) // COLUMNS)
     step_x, step_y = _WIDTH_PX + _GAP_PX, height + _GAP_PX
@@ -57,7 +57,7 @@ def coverage_map(coverage: Coverage) -> bytes:
     return _png(cv2, palette[np.minimum(coverage.times, len(SHADES) - 1)])
 
 
-def _tile(cv2: Any, folder: Path, number: int, picture: Taken) -> Picture:
+def _tile(cv2: Any, folder: Path, number: int, picture: Taken, time: str) -> Picture:
     """One picture, made small, with a label below; an empty one where it cannot be read."""
     path = folder / picture.file
     data = np.frombuffer(path.read_bytes(), np.uint8) if path.exists() else np.zeros(0, np.uint8)
@@ -68,7 +68,7 @@ def _tile(cv2: Any, folder: Path, number: int, picture: Taken) -> Picture:
     height = max(1, round(found.shape[0] * _WIDTH_PX / found.shape[1]))
     tile = np.full((height + _LABEL_PX, _WIDTH_PX), _PAPER, np.uint8)
     tile[:height] = cv2.resize(found, (_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
-    label = f"{number}  {picture.camera}  {picture.t_s:.1f} s"
+    label = f"{number}  {picture.camera}  {time}"
     cv2.putText(tile, label, (2, height + 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, _INK, 1, cv2.LINE_AA)
     return tile
 

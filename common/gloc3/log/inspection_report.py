@@ -2,6 +2,7 @@
 
 import base64
 import math
+from datetime import UTC, datetime
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -10,9 +11,9 @@ from typing import Final
 import msgspec
 
 from gloc3.camera_model import CameraModel
-from gloc3.frames import yaw_of
+from gloc3.frames import Vector3, yaw_of
 from gloc3.log.contact_sheet import MOST, contact_sheet
-from gloc3.log.recording import Recording
+from gloc3.log.recording import Recording, Taken
 from gloc3.log.report_drawings import draw_places, draw_wall, view_of
 from gloc3.wall_coverage import Coverage, Limits, Wall, cover
 
@@ -122,6 +123,11 @@ def _facts(recording: Recording, figures: Figures, limits: Limits) -> str:
     facts = [("Run", recording.name)]
     if recording.platform:
         facts.append(("Platform", recording.platform))
+    if recording.utc_offset_s is not None and recording.pictures:
+        begin = datetime.fromtimestamp(recording.pictures[0].t_s + recording.utc_offset_s, UTC)
+        facts.append(("First picture", f"{begin:%Y-%m-%d %H:%M:%S} UTC"))
+    if recording.frame is not None:
+        facts.append(("Positions", f"in the frame {recording.frame[0]}"))
     facts.append(("Pictures", str(figures.pictures)))
     if figures.flown_m > 0.0:
         facts.append(("Path flown", f"{figures.flown_m:.1f} m"))
@@ -143,19 +149,23 @@ def _facts(recording: Recording, figures: Figures, limits: Limits) -> str:
 
 
 def _table(recording: Recording) -> str:
+    places = ("north, m", "east, m") if recording.frame is None else ("x, m", "y, m")
+    names = ["", "file", "UTC" if recording.utc_offset_s is not None else "time", *places, "height, m", "heading"]
     rows = []
     for number, picture in enumerate(recording.pictures, start=1):
-        north, east, down = picture.position_ned_m
         cells = (
             str(number),
             picture.file,
-            f"{picture.t_s:.2f}",
-            f"{north:.2f}",
-            f"{east:.2f}",
-            f"{-down:.2f}",
+            recording.time_of(picture, decimals=2),
+            *(f"{round(value, 2) + 0.0:.2f}" for value in _place(picture, recording)),
             f"{math.degrees(yaw_of(picture.ned_from_frd)) % 360.0:.0f}°",
         )
         rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
-    names = ("", "file", "time, s", "north, m", "east, m", "height, m", "heading")
     head = "".join(f"<th>{name}</th>" for name in names)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _place(picture: Taken, recording: Recording) -> Vector3:
+    """In the platform's local frame, or north, east and height."""
+    north, east, down = picture.position_ned_m
+    return recording.frame[1].from_ned(picture.position_ned_m) if recording.frame is not None else (north, east, -down)

@@ -1,5 +1,6 @@
 """Reads a log back: envelopes as they were, and a clear statement of what is missing."""
 
+import re
 from collections.abc import Iterator
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any, Final, NamedTuple, Self
 
 from mcap.records import Channel
 
-from gloc3.errors import Finding, InputError
+from gloc3.errors import Finding, InputError, Refused
 from gloc3.log.foxglove import VIEWS
 from gloc3.log.payloads import PayloadDecoder
 from gloc3.log.scan import Chunk, Data, RawMessage, Scan
@@ -17,6 +18,8 @@ from gloc3.record import RUN
 from gloc3.topics import TopicTable, matches
 from gloc3.wire import TypeRegistry, WireError
 
+_NUMBERED: Final = re.compile(r"log(-\d+)?")
+"""The logs of an onboard process: `log`, `log-2`, `log-3`..."""
 _VIEW_FIELDS: Final = {view.schema: tuple(view.properties) for _, view in VIEWS}
 
 
@@ -46,6 +49,26 @@ class ChannelInfo(NamedTuple):
     source: Source
     type: str
     frame: str
+
+
+def find_log(path: Path) -> Path:
+    """The log that a command was given: the file itself, or the last one of the folder of a run.
+
+    Raises:
+        Refused: there is none in the folder.
+    """
+    if not path.is_dir():
+        return path
+    logs = [log for log in path.glob("log*.mcap") if _NUMBERED.fullmatch(log.stem)]
+    if logs:
+        return max(logs, key=lambda log: int(log.stem[len("log-") :] or 1))
+    others = sorted(path.glob("*.mcap"))
+    if len(others) == 1:
+        return others[0]
+    names = ", ".join(log.name for log in others)
+    raise Refused(
+        f"{path}: there is {f'more than one log: name one of {names}' if others else 'no log in this folder'}"
+    )
 
 
 class LogReader:

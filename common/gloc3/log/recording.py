@@ -1,5 +1,6 @@
 """The pictures of a run: where each was taken from, by its log or by the list beside the pictures."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -7,9 +8,9 @@ import msgspec
 
 from gloc3.camera_model import CameraModel
 from gloc3.errors import Finding, InputError, Refused
-from gloc3.frames import Quaternion, Vector3
+from gloc3.frames import GeoPoint, LocalFrame, Quaternion, Vector3
 from gloc3.log.flight_path import FlightPath, read_flight_path
-from gloc3.log.reader import LogReader
+from gloc3.log.reader import LogReader, find_log
 from gloc3.platform import read_platform
 from gloc3.record import PLATFORM_FILE
 from gloc3.topics import TopicTable
@@ -47,6 +48,22 @@ class Recording(msgspec.Struct, frozen=True):
     platform: str = ""
     bearings_deg: dict[str, float] = {}
     """Direction of the x axis of each of the platform's local frames, clockwise from north."""
+    utc_offset_s: float | None = None
+    """What makes UTC, in seconds since 1970, of the log's times; None where that is not known."""
+
+    def time_of(self, picture: Taken, decimals: int) -> str:
+        """When a picture was taken: the time of day where UTC is known, else seconds of the log's clock."""
+        if self.utc_offset_s is None:
+            return f"{picture.t_s:.{decimals}f} s"
+        return f"{datetime.fromtimestamp(picture.t_s + self.utc_offset_s, UTC):%H:%M:%S.%f}"[: decimals - 6]
+
+    @property
+    def frame(self) -> tuple[str, LocalFrame] | None:
+        """The platform's only local frame; None where there is another number of them."""
+        if len(self.bearings_deg) != 1:
+            return None
+        ((name, bearing_deg),) = self.bearings_deg.items()
+        return name, LocalFrame(GeoPoint(0.0, 0.0, 0.0), bearing_deg)
 
     def lifted(self, height_m: float) -> "Recording":
         """The same, where poses are of a point so far below the body's origin, that cameras are placed from."""
@@ -78,12 +95,11 @@ def read_recording(path: Path) -> Recording:
         Refused: there is neither a log nor a list of pictures.
     """
     if path.is_dir():
-        log = next((log for log in (path / "log.mcap", *sorted(path.glob("*.mcap"))) if log.exists()), None)
-        if log is None:
+        if not any(path.glob("*.mcap")):
             return _of_list(path)
-        path = log
+        path = find_log(path)
     elif not path.exists():
-        raise Refused(f"{path.name}: no such log or folder")
+        raise Refused(f"{path}: no such log or folder")
     return _of_log(path)
 
 
@@ -120,20 +136,21 @@ def _of_log(log: Path) -> Recording:
         described = platform.cameras if platform is not None else {}
         models = {name: model for name, model in described.items() if isinstance(model, CameraModel)}
         return Recording(
-            name=log.parent.name if log.stem == "log" else log.stem,
+            name=log.absolute().parent.name + ("" if log.stem == "log" else f", {log.stem}"),
             folder=folder,
             pictures=sorted(pictures, key=lambda picture: picture.t_s),
             cameras={**models, **_known_cameras(folder)},
             path=read_flight_path(reader),
             platform=reader.platform,
             bearings_deg={name: row.x_axis_bearing_deg for name, row in frames.items()},
+            utc_offset_s=reader.utc_offset_ns / 1e9 if reader.utc_offset_ns else None,
         )
 
 
 def _of_list(folder: Path) -> Recording:
     folder = folder if (folder / POSES).exists() else folder / "images"
     if not (folder / POSES).exists():
-        raise Refused(f"{folder.parent.name}: neither a log nor pictures with {POSES}")
+        raise Refused(f"{folder.parent}: neither a log nor pictures with {POSES}")
     pictures = []
     for number, line in enumerate((folder / POSES).read_bytes().splitlines(), start=1):
         try:
@@ -143,7 +160,7 @@ def _of_list(folder: Path) -> Recording:
         camera = row.file.rpartition("-")[0] or row.file
         pictures.append(Taken(camera, row.file, row.t_s, row.position_ned_m, row.ned_from_frd_wxyz))
     pictures.sort(key=lambda picture: picture.t_s)
-    return Recording(name=folder.name, folder=folder, pictures=pictures, cameras=_known_cameras(folder))
+    return Recording(name=folder.absolute().name, folder=folder, pictures=pictures, cameras=_known_cameras(folder))
 
 
 def _known_cameras(folder: Path) -> dict[str, CameraModel]:

@@ -82,8 +82,9 @@ def draw_places(recording: Recording, cameras: dict[str, CameraModel], wall: Wal
     for number, picture in enumerate(recording.pictures, start=1):
         x, y = map(float, at(picture.position_ned_m).split(","))
         arrow = _arrow(picture, cameras, x, y)
-        title = f"<title>{number}: {picture.file}, {picture.t_s:.1f} s</title>"
-        parts.append(f'<g>{title}{arrow}<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="#124a84"/></g>')
+        title = f"<title>{number}: {picture.file}, {recording.time_of(picture, 1)}</title>"
+        label = _tick(x + 6, y - 5, str(number), "start") if is_labelled(number, len(recording.pictures)) else ""
+        parts.append(f'<g>{title}{arrow}<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="#124a84"/>{label}</g>')
     width, height = width_m * scale, height_m * scale
     step = _step(max(width_m, height_m))
     ticks = [
@@ -92,6 +93,12 @@ def draw_places(recording: Recording, cameras: dict[str, CameraModel], wall: Wal
     ticks.append(_tick(width / 2, height + 34, "metres east, and north upwards, in the frame of the pose", "middle"))
     frame = f'<rect width="{width:.1f}" height="{height:.1f}" fill="none" stroke="#888"/>'
     return _svg(width + 2 * _MARGIN_PX, height + 60, frame + "".join(parts) + "".join(ticks))
+
+
+def is_labelled(number: int, count: int) -> bool:
+    """Whether a picture's number stands beside its place: every one of few, some of many."""
+    every = max(1, round(count / 20))
+    return number == 1 or number % every == 0
 
 
 def _arrow(picture: Taken, cameras: dict[str, CameraModel], x: float, y: float) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,10 +13,13 @@ from gloc3.camera_model import CameraModel
 from gloc3.errors import Refused
 from gloc3.frames import from_yaw
 from gloc3.log.cli import app
+from gloc3.log.inspection_report import write_report
+from gloc3.log.reader import find_log
 from gloc3.log.recording import read_recording
 from gloc3.log.walls import read_wall
 from gloc3.messages import Source
 from gloc3.vehicle import ImageRecorded, Pose
+from gloc3.wall_coverage import Limits
 from gloc3_onboard.drivers.image_recorder import Picture
 from gloc3_onboard.storage import PictureFolder
 
@@ -103,6 +107,31 @@ def test_pictures_without_a_log_and_a_wall_of_a_world_file_will_do(
     assert "3 pictures\n" in capsys.readouterr().out
     lifted = read_recording(tmp_path).lifted(0.5)
     assert [picture.position_ned_m[2] for picture in lifted.pictures] == [-3.5, -3.5, -3.5]
+
+
+def test_the_last_flight_of_a_folder_is_reported_in_a_folder_of_its_own(tmp_path: Path) -> None:
+    for number in ("", "-2", "-10"):
+        write_pictures(tmp_path / f"images{number}")
+        write_log(tmp_path / f"log{number}.mcap")
+    assert find_log(tmp_path) == tmp_path / "log-10.mcap"
+    assert run(tmp_path) == run(tmp_path / "log-2.mcap") == 0
+    assert [(tmp_path / f"report{number}").exists() for number in ("", "-2", "-10")] == [False, True, True]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(Refused, match="no log in this folder"):
+        find_log(tmp_path / "empty")
+
+
+def test_pictures_are_told_in_the_frame_of_the_platform_and_with_the_time_of_day(tmp_path: Path) -> None:
+    write_pictures(tmp_path / "images")
+    recording = read_recording(tmp_path)
+    assert recording.time_of(recording.pictures[0], 1) == "1.0 s"
+    assert recording.frame is None
+    known = msgspec.structs.replace(recording, bearings_deg={"hold": 90.0}, utc_offset_s=1_700_000_000.0)
+    assert known.time_of(known.pictures[0], 1) == "22:13:21.0"
+    write_report(known, known.cameras, None, Limits(), tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "<td>22:13:21.00</td><td>-4.00</td><td>5.00</td><td>3.00</td>" in page
+    assert "in the frame hold" in page
 
 
 def test_what_cannot_be_reported_is_refused_with_the_reason(tmp_path: Path) -> None:

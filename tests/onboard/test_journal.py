@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.ci import CiReply, CiRequest, Hello, Outcome
-from gloc3_onboard.command_server.journal import COMPACT_AFTER, MOST_FLOORS, MOST_SENDERS, REMEMBERED, Journal
+from gloc3_onboard.command_server.journal import COMPACT_AFTER, MOST_FLOORS, MOST_SENDERS, Journal
 from gloc3_onboard.storage import MemoryRecords
 
 
@@ -60,7 +60,7 @@ def test_replies_survive_the_process() -> None:
 
 def test_the_last_256_of_each_sender_are_remembered_and_older_ones_are_expired() -> None:
     journal = Journal(MemoryRecords())
-    for sequence in range(REMEMBERED + 10):
+    for sequence in range(256 + 10):
         carry_out(journal, request(sequence))
     carry_out(journal, request(0, sender="254"))
     assert journal.begin(request(10)).reply == reply(request(10))

@@ -8,7 +8,7 @@ import pytest
 from gloc3.ci import CiRequest, Hello
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange, Publisher
-from gloc3.link.codec import Encoder, message
+from gloc3.link.codec import Encoder, Frame, Parser, message
 from gloc3.link.memory import MemoryLink
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event
@@ -83,6 +83,23 @@ def test_stations_are_taken_by_their_key(platform_key: bytes | None, station_key
             assert ends.events[0].startswith(f"a frame from 255/190 is dropped ({refused})")
         else:
             assert ends.events == []
+        ends.close()
+
+    run_virtual(play())
+
+
+def test_on_the_wire_it_is_component_191_speaking_in_tunnel_frames_of_our_payload_type() -> None:
+    async def play() -> None:
+        ends = Ends(None, None)
+        heard: list[Frame] = []
+        ends.memory.a.on_data = lambda data: heard.extend(Parser(is_datagram=True).receive(data))
+        await asyncio.sleep(3.0)
+        assert {tuple(frame.sender) for frame in heard} == {(1, 191)}
+        told = [said for frame in heard if (said := frame.decode()) is not None]
+        assert {(frame.message_id, said.payload_type) for frame, said in zip(heard, told, strict=True)} == {
+            (385, 0xC103)
+        }
+        assert {bytes(said.payload)[0] for said in told} == {1}, "the version comes first"
         ends.close()
 
     run_virtual(play())

@@ -3,6 +3,7 @@
 import pytest
 
 from gloc3.errors import Refused
+from gloc3.mission.model import Policies
 from gloc3.mission.policy import MANOEUVRES, Policy, most_severe, resolved
 from gloc3.mission.states import TABLE, ActionState, Trigger, allowed, to_mermaid, transition
 
@@ -60,3 +61,8 @@ def test_abort_becomes_the_mission_s_on_failure_or_a_hold() -> None:
     for policy in Policy:
         assert resolved(Policy.ABORT, policy) is (policy if policy in MANOEUVRES else Policy.HOLD)
     assert resolved(Policy.SKIP, Policy.LAND) is Policy.SKIP
+
+
+def test_a_mission_that_says_nothing_of_its_policies_has_those_of_the_design() -> None:
+    policies = Policies()
+    assert (policies.link_loss_after_s, policies.hold_s, policies.on_restart) == (5.0, 60.0, "hold")

@@ -15,6 +15,8 @@ _BAND: Final = 2.0
 """Within a patch depths differ by this factor at most: each is drawn with the resolution of the texture that fits it."""
 _GRAZING: Final = 0.02
 """Cosine from which on a surface counts as seen from the edge."""
+_EDGE_M: Final = 1e-9
+"""An eye that is no farther from the plane of a rectangle sees nothing of it."""
 
 
 class View(NamedTuple):
@@ -76,26 +78,21 @@ class Viewer:
         in_camera = (corners - eye) @ view.rdf_from_local.T
         sides = in_camera @ self._plane_rows[:, :3].T - self._plane_rows[:, 3]
         seen = np.flatnonzero(~(sides < 0.0).all(axis=1).any(axis=1) & sheets.facing(corners, eye))
+        away = corners[seen, 0] - eye
+        off_m = np.abs((away * sheets.normals[seen]).sum(axis=1))
+        seen, away, off_m = (rows[off_m > _EDGE_M] for rows in (seen, away, off_m))
+        local_from_plane = np.stack([sheets.across[seen], sheets.down[seen], away], axis=2)
+        m_from_image = np.linalg.inv(self._intrinsics @ view.rdf_from_local @ local_from_plane)
+        place = {index: at for at, index in enumerate(seen.tolist())}
         for index in sheets.order(seen, corners, eye):
             polygon = clip_all([(x, y, z) for x, y, z in in_camera[index].tolist()], self._planes)
-            if polygon:
-                yield from self._of_sheet(index, polygon, corners[index, 0], eye, view.rdf_from_local)
-
-    def _of_sheet(
-        self, index: int, polygon: Polygon, corner: Floats, eye: Floats, rdf_from_local: Floats
-    ) -> Iterator[Patch]:
-        sheets = self._sheets
-        rdf_from_plane = rdf_from_local @ np.column_stack([sheets.across[index], sheets.down[index], corner - eye])
-        try:
-            m_from_image = np.linalg.inv(self._intrinsics @ rdf_from_plane)
-        except np.linalg.LinAlgError:
-            return  # seen exactly from the edge
-        off_m = abs(float((eye - corner) @ sheets.normals[index]))
-        for band in depth_bands(polygon, _BAND):
-            outline = self._outline(band)
-            region = self._region(outline)
-            if region is not None:
-                yield Patch(index, outline, region, m_from_image, corner, self._pixel_m(band, off_m))
+            at = place[index]
+            for band in depth_bands(polygon, _BAND) if polygon else ():
+                outline = self._outline(band)
+                region = self._region(outline)
+                if region is not None:
+                    pixel_m = self._pixel_m(band, float(off_m[at]))
+                    yield Patch(index, outline, region, m_from_image[at], corners[index, 0], pixel_m)
 
     def _outline(self, band: Polygon) -> list[tuple[float, float]]:
         (focal_x, focal_y), (center_x, center_y) = self._pinhole.focal_px, self._pinhole.center_px

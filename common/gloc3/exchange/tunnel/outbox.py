@@ -122,9 +122,10 @@ class Outbox:
             times_s.append(max(view_s, self._pacer.views.open_s()))
         for peer in self._peers:
             sender = peer.sender
-            if peer.receiver.has_refusal or peer.wanted or any(map(sender.has_work, DUTIES)):
+            is_idle = sender.is_idle
+            if peer.receiver.has_refusal or peer.wanted or (not is_idle and any(map(sender.has_work, DUTIES))):
                 return line_s
-            copy_s = sender.copy_s() if peer.is_alive else None
+            copy_s = None if is_idle or not peer.is_alive else sender.copy_s()
             times_s += [t_s for t_s in (peer.receiver.ack_s(), peer.ask_s(), copy_s) if t_s is not None]
         return max(line_s, min(times_s))
 

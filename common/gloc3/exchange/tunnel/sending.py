@@ -105,6 +105,8 @@ class ReliableSender:
     """
 
     def __init__(self, to_boot: int, first_number: int, round_trips: RoundTrips, counters: Counters) -> None:
+        self.is_idle = True
+        """Whether everything is done."""
         self._counters = counters
         self._to_boot = to_boot & 0xFFFF
         self._round_trips = round_trips
@@ -130,11 +132,6 @@ class ReliableSender:
         return bool(self._lanes[lane])
 
     @property
-    def is_idle(self) -> bool:
-        """Whether everything is done."""
-        return not any(self._lanes.values())
-
-    @property
     def is_fenced(self) -> bool:
         """Whether a message in the bulk lane must not be overtaken."""
         return any(transfer.outgoing.is_fence for transfer in self._lanes[Lane.BULK])
@@ -156,6 +153,7 @@ class ReliableSender:
             self._progress_s[outgoing.lane] = now_s
         if self.is_idle:
             self._heard_s = self._sent_s = now_s
+        self.is_idle = False
         lane.append(_Transfer(self._next_number[outgoing.lane], outgoing))
         self._next_number[outgoing.lane] += 1
         return ""
@@ -213,7 +211,7 @@ class ReliableSender:
     def _first_copy(self, lanes: Sequence[Lane], *, is_idle: bool) -> tuple[float, Lane, _Transfer, int] | None:
         """Which fragment is to be repeated unasked next, and when: a few times soon, and anew after a round trip."""
         trips = self._round_trips
-        if trips.loss < LOSS_WORTH_COPIES or not any(map(self.is_open, lanes)):
+        if self.is_idle or trips.loss < LOSS_WORTH_COPIES or not any(map(self.is_open, lanes)):
             return None
         copies = self._copies
         slow_s = max(COPY_SPACING_S, LATE_ROUND_TRIPS * trips.smoothed_s)
@@ -292,6 +290,7 @@ class ReliableSender:
                         transfer.acked |= acked & ((1 << transfer.fresh) - 1)
                         self._progress_s[report.lane] = now_s
         self._declare_losses(now_s)
+        self._look_for_work()
         return done, round_trip_s
 
     def _advance(self, highest: int, ack: Ack, now_s: float) -> float | None:
@@ -330,7 +329,9 @@ class ReliableSender:
 
     def expire(self, now_s: float) -> list[tuple[Outgoing, bool]]:
         """Gives up what waited too long; and whether it may have arrived all the same."""
-        given_up = []
+        given_up: list[tuple[Outgoing, bool]] = []
+        if self.is_idle:
+            return given_up
         for lane in Lane:
             for transfer in list(self._lanes[lane]):
                 if now_s >= self._end_s(lane, transfer):
@@ -371,7 +372,11 @@ class ReliableSender:
     def _drop(self, lane: Lane, transfer: _Transfer) -> None:
         """Takes a message out, and makes sure that the peer learns that it need not wait for it."""
         self._lanes[lane].remove(transfer)
+        self._look_for_work()
         self._nudge()
+
+    def _look_for_work(self) -> None:
+        self.is_idle = not any(self._lanes.values())
 
     def _nudge(self) -> None:
         """Has one open fragment of each lane sent again, with the base of the lane in its frame."""

@@ -60,10 +60,10 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         from gloc3_onboard.vision.feature_message import message_of
         from gloc3_onboard.vision.features import FeatureMatcher, MatcherOptions
         from gloc3_onboard.vision.picture import pixels_of
-        from gloc3_onboard.vision.stereo_rig import StereoRig
+        from gloc3_onboard.vision.stereo_rig import stereo_rig
 
         given = self._settings
-        rig = StereoRig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
+        rig = stereo_rig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
         options = MatcherOptions(cell_px=given.cell_px, nearest_m=given.nearest_m, may_repeat=given.may_repeat)
         self._pixels_of, self._message_of = pixels_of, message_of
         self._matcher = FeatureMatcher(rig, options)

@@ -55,10 +55,10 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         """Begins without a past."""
         from gloc3_onboard.vision.feature_message import features_of, odometry_of
         from gloc3_onboard.vision.stereo_motion import MotionOptions, StereoMotion
-        from gloc3_onboard.vision.stereo_rig import StereoRig
+        from gloc3_onboard.vision.stereo_rig import stereo_rig
 
         given = self._settings
-        rig = StereoRig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
+        rig = stereo_rig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
         options = MotionOptions(
             ray_px=given.ray_px,
             disparity_px=given.disparity_px,

@@ -4,6 +4,7 @@ The rectified frame has its origin in the left camera, x to the right camera, z 
 allows. Pictures are never warped; only points are.
 """
 
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -73,6 +74,12 @@ class StereoRig:
     def right_pixels(self, rays: Array) -> Array:
         """Where rectified rays appear in the right picture."""
         return _pixels(self.right, _turned(rays, self._rectified[1].T))
+
+
+@lru_cache(maxsize=4)
+def stereo_rig(left: CameraModel, right: CameraModel) -> StereoRig:
+    """The rig of a pair, worked out once for all who ask for it; raises as `StereoRig` does."""
+    return StereoRig(left, right)
 
 
 class _RayTable:

@@ -83,7 +83,7 @@ class Row(msgspec.Struct, kw_only=True):
     worst_m: float
     """Largest error of a valid pose in the air, against the simulated truth."""
     found_s: float | None
-    """From the fault to the first pose that does not rest on one of the sources; None for never."""
+    """From the fault to the first pose that does not rest on one of the sources; None for never before the landing."""
     before: list[str]
     """The sources that the pose rested on just before."""
     after: list[str]
@@ -186,7 +186,9 @@ def judge(heard: Heard, sources: Sequence[str]) -> Row:
     (north, east, _), touch = place, at[-1].payload.position_ned_m
     aloft = [pose for pose in poses if begin_s <= pose.t_s <= end_s]
     since = [pose for pose in aloft if pose.t_s >= FAULT_S]
-    found = next((p.t_s - FAULT_S for p in since if any(name not in p.payload.sources for name in sources)), None)
+    before_landing = [pose for pose in since if pose.t_s < landing_s]  # near the floor some see nothing anyway
+    lacks = (pose.t_s for pose in before_landing if any(name not in pose.payload.sources for name in sources))
+    found = next((t_s - FAULT_S for t_s in lacks), None)
     return Row(
         state=heard["ci/mission"][-1].payload.state,
         reason=heard["ci/mission"][-1].payload.reason,

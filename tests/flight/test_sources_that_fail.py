@@ -32,7 +32,7 @@ def sweep(flight: Card, platform: str) -> None:
 
 @ONE_STYLE
 @pytest.mark.parametrize(
-    ("source", "fault"), [("imu", "device:imu=scaled/0.05"), ("tracker", "device:tracker_camera=step/0.2")]
+    ("source", "fault"), [("imu", "device:imu=scaled/0.05"), ("stereo", "device:stereo_camera=garbage")]
 )
 def test_a_source_that_lies_leaves_the_pose_right_and_the_mission_done(flight: Card, source: str, fault: str) -> None:
     sweep(flight, "pelican")
@@ -43,7 +43,7 @@ def test_a_source_that_lies_leaves_the_pose_right_and_the_mission_done(flight: C
     flight.await_state("mission", "done", 20.0)
     poses: list[Pose] = flight.since(begin_s, "pose")
     assert source in poses[0].sources
-    if source == "tracker":  # a scale of the inertial unit is found as its bias
+    if source == "stereo":  # a scale of the inertial unit is found as its bias
         assert any(source not in pose.sources for pose in poses[:45]), "found within 1.5 s"
 
 

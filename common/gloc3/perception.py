@@ -73,6 +73,10 @@ class Odometry(Message, frozen=True):
     reason: str = ""
     quality: float = 1.0
     """0 to 1."""
+    shared: float = 0.3
+    """Part of the covariance that is of errors which all reports from this reference have in common, 0 to 1."""
+    drift: float = 1.0
+    """By how many times the variances of these add up faster from reference to reference than if they were independent."""
 
 
 class PositionFix(Message, frozen=True):

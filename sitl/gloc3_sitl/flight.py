@@ -191,7 +191,8 @@ class Flight:
         self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
         self.ground: Final = GroundSide(self.loop, self.topics, self.random.getrandbits(32))
         self._publisher = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
-        self._frame: TangentPlane | None = None
+        self.frame: TangentPlane | None = None
+        """Of the pose, once one has told its origin."""
         self._truth_timer: asyncio.TimerHandle | None = None
         self.exchange.subscribe(f"{self.platform.platform}/pose", self._see_pose)
 
@@ -311,16 +312,16 @@ class Flight:
 
     def _see_pose(self, envelope: Envelope[Pose]) -> None:
         origin = envelope.payload.origin_geo
-        if self._frame is None and origin is not None:
+        if self.frame is None and origin is not None:
             from gloc3.frames import GeoPoint
 
-            self._frame = TangentPlane(GeoPoint(*origin))
+            self.frame = TangentPlane(GeoPoint(*origin))
 
     def _tell_truth(self) -> None:
         now_s = self.loop.time()
-        if self._frame is not None:
+        if self.frame is not None:
             truth = self.simulator.truth()
-            position = self._frame.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
+            position = self.frame.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
             self.samples.append(Sample(truth.t_s, position))
             message = SimTruth(
                 position_ned_m=position,

@@ -1,10 +1,14 @@
 """The vehicles of the paper fly by what their own sensors tell, without satellites."""
 
+from asyncio import Future, ensure_future
 from math import dist
+from statistics import mean
 
 import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
+from tests.flight.pose_trial import Judged, TrueWay, judge, watch
+from tests.flight.probe import ProbedFusion, probed
 
 from gloc3.frames import Vector3, interpolate
 from gloc3.messages import Envelope
@@ -37,7 +41,10 @@ def _between(before: Envelope[SimTruth], after: Envelope[SimTruth], t_s: float) 
 @pytest.mark.parametrize("platform", list(SOURCES))
 @ONE_STYLE
 def test_it_flies_a_mission_by_all_its_sources(flight: Card, platform: str) -> None:
-    flight.begin(SWEEP, platform=platform)
+    ProbedFusion.made.clear()
+    flight.begin(SWEEP, platform=probed(platform))
+    way = TrueWay()
+    watched = flight.run(watching(flight, way))
     flight.await_state("sweep", "done", 60.0)
     states: list[Envelope[FusionState]] = flight.heard["fusion/primary"]
     used = {state.source for state in states[-1].payload.sources if state.is_used}
@@ -47,3 +54,21 @@ def test_it_flies_a_mission_by_all_its_sources(flight: Card, platform: str) -> N
     assert len(found) > 500
     assert max(found) < 0.15
     assert (sum(error * error for error in found) / len(found)) ** 0.5 < 0.05
+    watched.cancel()
+    way.close()
+    judged = judge(ProbedFusion.made[0], way)
+    expect_honesty(judged, SOURCES[platform] | {"height"})
+
+
+async def watching(flight: Card, way: TrueWay) -> Future[None]:
+    """Begins to keep the truth."""
+    return ensure_future(watch(flight.flight, way))
+
+
+def expect_honesty(judged: Judged, sources: set[str]) -> None:
+    """Errors and innovations are as large as the covariance says: ten times more or less would be seen."""
+    assert 0.25 < mean(judged.nees_place) / 3.0 < 4.0
+    assert set(judged.innovation) == sources
+    for source, innovation in judged.innovation.items():
+        assert 0.2 < innovation < 1.6, source
+    assert judged.lied_s == 0.0

@@ -130,10 +130,14 @@ class Estimate:
         self.predict()
         self.errors.doubt(VELOCITY, std_m_s)
 
-    def predict(self, at_most_s: float = 0.0) -> None:
-        """Brings the covariance to the present, or leaves it by so much behind: the state itself never is."""
+    def predict(self) -> None:
+        """Brings the covariance to the present, where the state always is.
+
+        One that stays behind when a measurement comes is of a body that stood elsewhere: then measurements of motion alone
+        seem to tell a heading, which nobody knows.
+        """
         duration_s = self.t_s - self._predicted_s
-        if duration_s <= at_most_s:
+        if duration_s <= 0.0:
             return
         noise = (*_BLIND, *self._noise[2:]) if self._is_blind else self._noise
         attitude = matrix_of(self.inertial.now.ned_from_frd)

@@ -112,6 +112,26 @@ def place(
     return _told(Measured(residual, by_pose, None, covariance))
 
 
+class HeightTold(NamedTuple):
+    """What a range to the floor says."""
+
+    vertical_m: float
+    """Vertical distance to what was hit."""
+    by_pose: Matrix
+    """(1, 6): how the believed height over a floor that is known less this follows from the error of the pose."""
+
+
+def height_over(range_m: float, ned_from_frd: Quaternion, *, is_slant: bool) -> HeightTold:
+    """A range to the floor, measured along the body's down axis where it is slant, else vertically."""
+    by_pose = np.zeros((1, 6))
+    by_pose[0, 2] = -1.0
+    if not is_slant:
+        return HeightTold(range_m, by_pose)
+    north, east, down = rotate(ned_from_frd, (0.0, 0.0, 1.0))
+    by_pose[0, 3], by_pose[0, 4] = -range_m * east, range_m * north
+    return HeightTold(range_m * down, by_pose)
+
+
 def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | None:
     """The covariance of a message with at least the variances of `floor`; None where it is none at all.
 

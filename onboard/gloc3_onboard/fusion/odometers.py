@@ -19,7 +19,7 @@ _FARTHEST_M: Final = 1e4
 class Report:
     """One report, checked: what it tells, and from when on."""
 
-    __slots__ = ("attitude", "covariance", "is_level", "position", "reference_t_s", "source", "t_s")
+    __slots__ = ("attitude", "covariance", "drift", "is_level", "position", "reference_t_s", "shared", "source", "t_s")
 
     def __init__(self, message: Odometry, t_s: float, covariance: Matrix) -> None:
         self.source = message.source
@@ -29,6 +29,8 @@ class Report:
         self.attitude: Quaternion = normalize(message.reference_from_frd)
         self.covariance = covariance
         self.is_level = message.is_level
+        self.shared = message.shared
+        self.drift = message.drift
 
 
 def read(message: Odometry, t_s: float) -> Report | str:
@@ -67,9 +69,8 @@ class Odometers:
     time, and later ones are told from that report on.
     """
 
-    def __init__(self, estimate: Estimate, reference_share: float) -> None:
+    def __init__(self, estimate: Estimate) -> None:
         self._estimate = estimate
-        self._share = reference_share
         self._references: dict[str, Reference] = {}
 
     def clear(self) -> None:
@@ -90,8 +91,8 @@ class Odometers:
         self._references[report.source] = reference
         self._grant(report.source, reference, report.covariance.diagonal(), from_yaw(0.0), report.attitude)
 
-    def measure(self, report: Report, past: Past) -> tuple[Measured, float] | None:
-        """What a report says of the error; and its share of variance that is new. None if it only begins, or is blind.
+    def measure(self, report: Report, past: Past) -> Measured | None:
+        """What a report says of the error; None if it only begins, or is blind.
 
         Args:
             report: the report.
@@ -114,13 +115,14 @@ class Odometers:
             axes,
             (state.position_ned_m, state.ned_from_frd),
             told,
-            covariance * (1.0 - self._share),
+            covariance * (1.0 - report.shared),
             is_level=is_level,
         )
         if measured is None:
             return None
-        self._grant(report.source, reference, self._share * covariance.diagonal(), axes, state.ned_from_frd)
-        return measured, 1.0 - self._share
+        wanted = report.shared * report.drift * covariance.diagonal()
+        self._grant(report.source, reference, wanted, axes, state.ned_from_frd)
+        return measured
 
     def _begin(self, report: Report) -> Reference | None:
         if not self._estimate.inertial.knows(report.reference_t_s):
@@ -137,7 +139,7 @@ class Odometers:
         """Lets the clone be as wrong as the reports have their error in common; what is not told needs nothing."""
         if (wanted <= reference.granted).all():
             return
-        more = np.where(wanted < 0.5 * UNKNOWN_FROM * self._share, wanted - reference.granted, 0.0)
+        more = np.where(wanted < 0.5 * UNKNOWN_FROM, wanted - reference.granted, 0.0)
         more = np.maximum(more, 0.0)
         reference.granted += more
         errors = self._estimate.errors

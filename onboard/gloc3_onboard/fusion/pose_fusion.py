@@ -15,7 +15,7 @@ from gloc3_onboard.fusion.estimate import Estimate, Past
 from gloc3_onboard.fusion.imu_watch import ImuWatch
 from gloc3_onboard.fusion.inertial import State
 from gloc3_onboard.fusion.jury import Jury
-from gloc3_onboard.fusion.measurements import Measured, covariance_of, place
+from gloc3_onboard.fusion.measurements import Measured, covariance_of, height_over, place
 from gloc3_onboard.fusion.odometers import Odometers, read
 from gloc3_onboard.fusion.settings import FusionSettings
 from gloc3_onboard.fusion.trust import Trust
@@ -24,18 +24,14 @@ from gloc3_onboard.fusion.ways import Ways
 IMU, HEIGHT = "imu", "height"
 _IMU_LOST_S: Final = 0.1
 _COAST_STEP_S: Final = 0.02
-_HEIGHT_STD_M: Final = 0.02
 _HEIGHT_PERIOD_S: Final = 0.09
 """More often a height is not worth its cost."""
-_BEHIND_S: Final = 0.025
-"""The covariance may be so far behind: it changes by less than can be seen."""
 _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
 _STAND_S: Final = 0.1
 """How often a body that has not moved yet is told so."""
 _WAITING: Final = 64
-_DOWN: Final = np.array(((0.0, 0.0, -1.0, 0.0, 0.0, 0.0),))
-_LEAST_FIX: Final = np.array((4e-6, 4e-6, 4e-6))
+_LEAST_FIX: Final = np.array((1e-6, 1e-6, 1e-6))
 
 
 class PoseFusion:
@@ -51,7 +47,7 @@ class PoseFusion:
         self.is_aligned = False
         self.on_innovation: Callable[[str, float, int], None] | None = None
         """Told each innovation: source, normalised square, degrees of freedom; for those who measure consistency."""
-        self._odometers: Final = Odometers(self.estimate, self.settings.reference_share)
+        self._odometers: Final = Odometers(self.estimate)
         self._jury: Final = Jury(self.estimate, self._odometers, self.settings, self._doubt_imu)
         self._standing: Final = Standing()
         self._rest: Final = RestWatch()
@@ -192,7 +188,7 @@ class PoseFusion:
         if isinstance(message, HeightAboveGround) and t_s - trust.valid_s < _HEIGHT_PERIOD_S:
             return
         trust.valid_s = t_s
-        self.estimate.predict(_BEHIND_S)
+        self.estimate.predict()
         match message:
             case Odometry():
                 self._take_odometry(trust, message, t_s)
@@ -213,11 +209,10 @@ class PoseFusion:
         if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same motion again and again")
             self._jury.vote.record(report.source).forget()
-        found = self._odometers.measure(report, past)
-        if found is None:
+        measured = self._odometers.measure(report, past)
+        if measured is None:
             self._ways.book_motion(report, past.state)
             return
-        measured, _ = found
         rows = self.estimate.rows(measured, past, report.source)
         if self._judge(trust, measured, rows, past):
             self._jury.hold(t_s)
@@ -279,20 +274,21 @@ class PoseFusion:
         if not isfinite(message.height_m) or not 0.0 <= message.height_m < 1e3:
             trust.refuse("its number is no height")
             return
-        estimate, variance = self.estimate, _HEIGHT_STD_M**2
+        estimate, variance = self.estimate, self.settings.height_std_m**2
         past = estimate.past(t_s)
         down = past.state.position_ned_m[2]
+        told = height_over(message.height_m, past.state.ned_from_frd, is_slant=self.settings.is_height_slant)
         is_new_floor = self._height_misses >= _NEW_FLOOR and not self._jury.is_disputed
         if estimate.floor_down_m is None or is_new_floor:
-            estimate.measure_floor(message.height_m, down, variance)
+            estimate.measure_floor(told.vertical_m, down, variance)
             self._height_misses = 0
             trust.let_in()
             return
         rows = np.zeros((1, estimate.errors.size))
-        rows[0, :SIZE] = -past.jacobian[2]
+        rows[:, :SIZE] = told.by_pose @ past.jacobian
         rows[0, FLOOR] += 1.0
-        residual = np.array((message.height_m - (estimate.floor_down_m - down),))
-        measured = Measured(residual, _DOWN, None, np.array(((variance,),)))
+        residual = np.array((told.vertical_m - (estimate.floor_down_m - down),))
+        measured = Measured(residual, told.by_pose, None, np.array(((variance,),)))
         is_taken = self._judge(trust, measured, rows, past)
         self._height_misses = 0 if is_taken or trust.is_used else self._height_misses + 1
 

@@ -26,10 +26,12 @@ class FusionSettings(Settings, frozen=True):
     """How the gyroscopes' biases wander, rad/s/√s."""
     accelerometer_walk: Deviation = 3e-4
     """How the accelerometers' biases wander, m/s²/√s."""
-    reference_share: Annotated[float, Bounds(0.0, 0.95)] = 0.3
-    """Part of an odometer's variance that all reports from one reference have in common; the rest is new in each."""
     odometer_scale_std: Annotated[float, Bounds(0.0, 0.2)] = 0.01
     """Error of scale that an odometer may have and still agree with the others."""
+    height_std_m: Deviation = 0.012
+    """How well a range to the floor is measured, but for an error that stays: that goes into the level of the floor."""
+    is_height_slant: bool = True
+    """Heights are measured along the body's down axis, as a range finder does that is fixed to it; else vertically."""
     floor_walk: Deviation = 0.02
     """How the floor's level wanders below the way that is flown, m/√m."""
     latest_s: Annotated[float, Bounds(0.05, 1.0)] = 0.5

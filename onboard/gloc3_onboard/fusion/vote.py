@@ -27,7 +27,7 @@ _WINDOWS: Final = (0.25, 0.5, 1.0)
 """Shorter windows see coarse errors sooner."""
 _FLOOR_M2: Final = 0.004**2
 _BLIND_M2: Final = 0.5**2
-"""Along an axis on which two are more uncertain than that, it is not told by how much they disagree."""
+"""Along a direction in which two are more uncertain than that, it is not told by how much they disagree."""
 _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
 
@@ -187,10 +187,9 @@ class Vote:
         spread = m * one.covariance + n * two.covariance + np.eye(3) * tolerance
         if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
             return None
-        north, east, down = (
-            value if bool(is_known) else 0.0
-            for value, is_known in zip(apart, spread.diagonal() < _BLIND_M2, strict=True)
-        )
+        values, directions = np.linalg.eigh(spread)
+        known = directions[:, values < _BLIND_M2]
+        north, east, down = (known @ (known.T @ apart)).tolist()
         if north**2 + east**2 + down**2 <= CHI2_999[3] * tolerance:
             return None  # nor is what they agree on
         return (north, east, down)

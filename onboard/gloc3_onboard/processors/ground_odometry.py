@@ -41,6 +41,8 @@ class GroundOdometrySettings(Settings, frozen=True):
     """How wrong the attitude may say where down is, all the time, in radians."""
     slope_std: Annotated[float, Bounds(0.0001, 0.5)] = 0.015
     """How far the floor may be from level, as a tangent."""
+    is_climb_told: bool = True
+    """Whether climbs are told: they rest on height and attitude; no where the fusion has the same height and a better attitude."""
 
 
 class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
@@ -80,6 +82,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
             yaw_std_rad=given.yaw_std_rad,
             level_std_rad=given.level_std_rad,
             slope_std=given.slope_std,
+            is_climb_told=given.is_climb_told,
         )
         self._pixels_of = pixels_of
         self._odometer = GroundOdometer(calibrated(self._rig, given.camera), settings)

@@ -21,6 +21,10 @@ SOURCE: Final = "laser"
 ATTITUDE_GAP_S: Final = 0.15
 """An attitude that is older than this at the time of a scan does not count."""
 HEIGHT_GAP_S: Final = 0.3
+SHARED: Final = 0.9
+DRIFT: Final = 0.2
+"""What is wrong with a scan is wrong with the next, too; but scans are fitted into a map, and their errors do not add up:
+found in flights of 60 m in the hold."""
 
 
 class LaserOdometrySettings(Settings, frozen=True):
@@ -126,4 +130,6 @@ def odometry_of(found: LaserMotion, roll_rad: float, pitch_rad: float) -> Odomet
         is_valid=found.is_valid,
         reason=found.reason,
         quality=found.quality,
+        shared=SHARED,
+        drift=DRIFT,
     )

@@ -39,6 +39,12 @@ class OpticalFollowerSettings(Settings, frozen=True):
     """Where on the body the height is measured from, in metres."""
     height_std_m: Annotated[float, Bounds(0.001, 10.0)] = 0.05
     """How well the height of the lamp is known from it, in metres."""
+    is_range_told: bool = True
+    """Whether that height also places the lamp along the line of sight; no where the fusion has the same height."""
+    spot_std_px: Annotated[float, Bounds(0.001, 10.0)] = 0.3
+    """How well the middle of the lamp is found in a picture, in pixels."""
+    pointing_std_deg: Annotated[float, Bounds(0.0, 5.0)] = 0.03
+    """How well it is known where the camera looks, in degrees."""
     step_m: Annotated[float, Bounds(0.01, 10.0)] = 0.3
     """Where height and pose differ more than this, something stands below the vehicle, and the pose counts."""
 
@@ -77,6 +83,9 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
             ned_from_frd=from_euler(roll, pitch, yaw),
             lever_frd_m=given.lever_frd_m,
             threshold_grey=given.threshold_grey,
+            spot_std_px=given.spot_std_px,
+            pointing_std_rad=math.radians(given.pointing_std_deg),
+            is_range_told=given.is_range_told,
         )
         self._pixels_of = pixels_of
         self._follower = OpticalFollower(calibrated(self._rig, given.camera), settings)

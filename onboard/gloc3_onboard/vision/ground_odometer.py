@@ -77,6 +77,8 @@ class GroundSettings(NamedTuple):
     """How long it goes on over a floor that the height sensor does not hit, before it believes the new height."""
     key_frame_s: float = 4.0
     """Longest life of a key frame while the vehicle moves."""
+    is_climb_told: bool = True
+    """Whether the motion along the vertical is told, which rests on the heights and on the attitude."""
 
 
 class _Key(NamedTuple):
@@ -224,7 +226,15 @@ class GroundOdometer:
         self._velocity = (place - self._place) / ahead_s
         self._place, self._moved_s, self._lost = place, held.t_s, 0
         lever = np.array(self.camera.position_frd_m)
-        moved = report(motion, self._height, key.held, held, lever, self.settings.level_std_rad)
+        moved = report(
+            motion,
+            self._height,
+            key.held,
+            held,
+            lever,
+            self.settings.level_std_rad,
+            is_climb_told=self.settings.is_climb_told,
+        )
         if self._is_worn(motion, len(key.pixels), held.t_s - key.held.t_s):
             self._renew(key, motion, picture, held, pixels[is_found], before, now, key.relief_m[is_found])
         return moved

@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 SOURCE: Final = "ground"
 _CAUTION: Final = 2.0
 """The corners of one picture err alike in the next; so their number promises too much."""
+_SHARED: Final = 0.98
+_DRIFT: Final = 8.0
+"""What a height, an attitude or the points' places are wrong by stays from picture to picture, and from key frame to
+key frame: found in flights of 60 m in the hold."""
 _GOOD_POINTS: Final = 60
 """So many points that move together are as good as it gets."""
 
@@ -44,7 +48,14 @@ def ratio_std(motion: PlaneMotion) -> float:
 
 
 def report(
-    motion: PlaneMotion, height: GroundHeight, key: Held, now: Held, lever_frd_m: Array, level_std_rad: float
+    motion: PlaneMotion,
+    height: GroundHeight,
+    key: Held,
+    now: Held,
+    lever_frd_m: Array,
+    level_std_rad: float,
+    *,
+    is_climb_told: bool = True,
 ) -> Odometry:
     """The motion of the body's origin since the key frame.
 
@@ -54,14 +65,20 @@ def report(
     reference_from_frd = normalize(multiply(from_yaw(yaw_rad), now.level_from_frd))
     swung = matrix(reference_from_frd) @ lever_frd_m - matrix(key.level_from_frd) @ lever_frd_m
     place = motion.translation * height.mean_m - swung
+    covariance = _covariance(motion, height, key, now, level_std_rad)
+    if not is_climb_told:
+        covariance[2, :] = covariance[:, 2] = 0.0
+        covariance[2, 2] = UNKNOWN_VARIANCE
     return Odometry(
         source=SOURCE,
         reference_t_s=key.t_s,
         position_m=(float(place[0]), float(place[1]), float(place[2])),
         reference_from_frd=reference_from_frd,
-        covariance=_covariance(motion, height, key, now, level_std_rad).reshape(-1).tolist(),
+        covariance=covariance.reshape(-1).tolist(),
         is_level=True,
         quality=min(1.0, float(motion.is_inlier.sum()) / _GOOD_POINTS) * float(motion.is_inlier.mean()),
+        shared=_SHARED,
+        drift=_DRIFT,
     )
 
 

@@ -43,6 +43,8 @@ class FollowerSettings(NamedTuple):
     range_m: float = 10.0
     """How far the vehicle usually is; it matters only where the height does not tell."""
     range_std_m: float = 10.0
+    is_range_told: bool = True
+    """Whether the lamp is placed along the line of sight, by its height; else only the direction is told."""
     most_m_s2: float = 6.0
     """How fast the vehicle's motion may change."""
 
@@ -133,8 +135,9 @@ class OpticalFollower:
         self._range_m = range_m
         spot_std_px = self.settings.spot_std_px + _OF_LENGTH * max(0, spot.longer_px - 1)
         across_m = range_m * math.hypot(spot_std_px / min(self.camera.focal_px), self.settings.pointing_std_rad)
-        covariance = across_m**2 * np.eye(3) + (range_std_m**2 - across_m**2) * np.outer(ray, ray)
-        if range_std_m < across_m:
+        along_m2 = range_std_m**2 if self.settings.is_range_told else UNKNOWN_VARIANCE
+        covariance = across_m**2 * np.eye(3) + (along_m2 - across_m**2) * np.outer(ray, ray)
+        if along_m2 < across_m**2:
             covariance = across_m**2 * np.eye(3)
         place = self._eye + range_m * ray
         return PositionFix(

@@ -268,11 +268,13 @@ class Tracker(Sensor):
 
 @dataclass
 class Height(Sensor):
-    """Looks down at the floor at zero."""
+    """A range finder that is fixed to the body, over a floor at zero."""
 
     def measure(self, flight: Flight, t_s: float) -> HeightAboveGround:
-        down = flight.position[flight.index(t_s)][2]
-        return HeightAboveGround(height_m=float(0.1 - down + self.rng.normal() * 0.01), is_valid=True)
+        now = flight.index(t_s)
+        cosine = rotate(flight.attitude[now], (0.0, 0.0, 1.0))[2]
+        range_m = (0.1 - flight.position[now][2]) / cosine + self.rng.normal() * 0.01
+        return HeightAboveGround(height_m=float(range_m), is_valid=True)
 
     def garbage(self, message: HeightAboveGround) -> HeightAboveGround:
         return HeightAboveGround(height_m=float(self.rng.uniform(0.0, 20.0)), is_valid=True)

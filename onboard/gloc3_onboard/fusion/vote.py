@@ -28,6 +28,7 @@ _WINDOWS: Final = (0.25, 0.5, 1.0)
 _FLOOR_M2: Final = 0.004**2
 _BLIND_M2: Final = 0.5**2
 """Along a direction in which two are more uncertain than that, it is not told by how much they disagree."""
+_NOTHING: Final = np.zeros((3, 3))
 _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
 
@@ -54,7 +55,8 @@ class Record:
         self.is_of_places = False
         """Whether it is told in NED itself, not in the body's axes, which the believed attitude turns."""
         self._times: deque[float] = deque(maxlen=_KEPT)
-        self._sums: deque[tuple[float, float, float, int]] = deque(maxlen=_KEPT)
+        self._sums: deque[tuple[float, float, float, Matrix]] = deque(maxlen=_KEPT)
+        """Of the excess; and of the covariances, each that of the last report from a reference."""
         self._covariance: Matrix = np.eye(3)
         self._axes: Quaternion = IDENTITY
         self._pulls: deque[tuple[float, Vector3]] = deque(maxlen=_KEPT)
@@ -69,10 +71,12 @@ class Record:
         is_new_reference: bool = False,
     ) -> None:
         """One more report: its way less the believed one, and the covariance (3, 3) of its end, in some axes."""
-        x, y, z, changes = self._sums[-1] if self._sums else (0.0, 0.0, 0.0, 0)
+        x, y, z, spread = self._sums[-1] if self._sums else (0.0, 0.0, 0.0, _NOTHING)
+        if is_new_reference and self._sums:
+            spread = spread + self.covariance
         self._times.append(t_s)
         ex, ey, ez = excess_ned_m
-        self._sums.append((x + ex, y + ey, z + ez, changes + is_new_reference))
+        self._sums.append((x + ex, y + ey, z + ez, spread))
         self._covariance, self._axes = covariance, ned_from_axes
 
     def pull(self, moved_m: Vector3, t_s: float) -> None:
@@ -97,12 +101,12 @@ class Record:
         """Whether it has something to say of a time: from its begin to almost now."""
         return bool(self._times) and self._times[0] <= begin_s + 0.3 and now_s - self._times[-1] < 0.8
 
-    def over(self, begin_s: float) -> tuple[Vector3, float]:
-        """Sum of the excess since a time; and how many times the covariance of a report it has."""
+    def over(self, begin_s: float) -> tuple[Vector3, Matrix]:
+        """Sum of the excess since a time; and its covariance (3, 3), in NED: each of the references has its part."""
         first = min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
         bx, by, bz, before = self._sums[first]
-        x, y, z, changes = self._sums[-1]
-        return (x - bx, y - by, z - bz), 2.0 + changes - before
+        x, y, z, spread = self._sums[-1]
+        return (x - bx, y - by, z - bz), 2.0 * self.covariance + (spread - before)
 
     @property
     def covariance(self) -> Matrix:
@@ -176,7 +180,7 @@ class Vote:
     def _apart(self, a: str, b: str, begin_s: float) -> Vector3 | None:
         """By how much two sources disagree since a time; None where they agree, or one cannot tell."""
         one, two = self.records[a], self.records[b]
-        ((ax, ay, az), m), ((bx, by, bz), n) = one.over(begin_s), two.over(begin_s)
+        ((ax, ay, az), spread_a), ((bx, by, bz), spread_b) = one.over(begin_s), two.over(begin_s)
         apart = (ax - bx, ay - by, az - bz)
         share = self._scale_std**2
         if one.is_of_places is not two.is_of_places:
@@ -184,7 +188,7 @@ class Vote:
         tolerance = share * self._length(begin_s) ** 2 + _FLOOR_M2
         if sum(value * value for value in apart) <= CHI2_999[3] * tolerance:
             return None  # whatever their covariances are
-        spread = m * one.covariance + n * two.covariance + np.eye(3) * tolerance
+        spread = spread_a + spread_b + np.eye(3) * tolerance
         if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
             return None
         values, directions = np.linalg.eigh(spread)

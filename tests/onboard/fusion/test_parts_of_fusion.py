@@ -204,3 +204,20 @@ def test_the_one_that_contradicts_two_is_voted_out_and_two_that_contradict_each_
     assert vote(("a", "b", "c")) == ""
     assert vote(("a", "bad", "c")) == "bad"
     assert vote(("a", "bad")) == "a/bad"
+
+
+def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_to_what_he_claims_now() -> None:
+    def vote(early_std_m: float) -> str:
+        vote = Vote(6.0, 0.01)
+        for i in range(60):
+            for name in ("a", "b", "late"):
+                is_early = name == "late" and i < 10
+                covariance = np.eye(3) * (early_std_m**2 if is_early else 1e-6)
+                excess = (0.05 if is_early else 0.0, 0.0, 0.0)
+                vote.record(name).add(i * 0.1, excess, covariance, is_new_reference=i % 5 == 0)
+        for now_s in (5.9, 6.15):
+            verdict = vote.look(dict.fromkeys(("a", "b", "late"), True), (0.0, 0.0, 0.0), 0.0, now_s)
+        return verdict.voted_out
+
+    assert vote(1e-3) == "late"
+    assert vote(0.2) == ""

@@ -16,6 +16,8 @@ _JOLT_M_S2: Final = 6.0
 _JOLT_S: Final = 0.02
 _RUN: Final = 20
 """So many equal samples are frozen; so many good ones are believed again."""
+_SETTLED: Final = 4
+"""So many samples in a row must be good after a bad one: what follows garbage is garbage that nobody can tell yet."""
 _BLIND_S: Final = 3.0
 _AHEAD_S: Final = 0.5
 
@@ -68,7 +70,7 @@ class ImuWatch:
         if self._same >= _RUN:
             trust.turn_down("frozen")
             self._good = 0
-        if gap_s <= 0.0 or (not trust.is_used and self._good < _RUN):
+        if gap_s <= 0.0 or self._good < (_SETTLED if trust.is_used else _RUN):
             return None
         self._last_s = t_s
         is_believed = t_s >= self._blind_until_s

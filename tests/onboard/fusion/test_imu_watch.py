@@ -1,5 +1,6 @@
 """What the fusion makes of single samples of the inertial unit."""
 
+import numpy as np
 import pytest
 
 from gloc3_onboard.fusion.imu_watch import ImuWatch
@@ -26,3 +27,17 @@ def test_a_sample_that_is_turned_down_leaves_the_velocity_in_doubt_too() -> None
         mean = mean or watch.take((0.0, 0.0, 0.0), (0.0, 0.0, -9.8), 0.01 * count, 0.01 * count, trust)
     assert mean is not None
     assert mean.jolt_m_s > 0.5
+
+
+def test_of_garbage_within_what_it_can_measure_next_to_nothing_is_believed() -> None:
+    watch, trust = ImuWatch(), Trust("imu", 1.0)
+    random = np.random.default_rng(1)
+    believed = 0
+    for i in range(100):
+        is_garbage = i >= 20
+        rate = tuple(random.uniform(-20.0, 20.0, 3).tolist()) if is_garbage else (0.0, 0.0, 0.001 * i)
+        force = tuple(random.uniform(-60.0, 60.0, 3).tolist()) if is_garbage else (0.0, 0.0, -9.8)
+        t_s = 0.01 * i
+        believed += watch.take(rate, force, t_s, t_s, trust) is not None and is_garbage
+    assert believed == 0
+    assert not trust.is_used

@@ -14,7 +14,7 @@ from gloc3.errors import Misuse
 from gloc3.frames import Vector3
 from gloc3.mission.fence import Fence
 from gloc3.vehicle import MotionLimits, Setpoint
-from gloc3_onboard.obstacle_field import Detour, ObstacleField
+from gloc3_onboard.obstacle_field import SLACK_M, Detour, ObstacleField
 
 TOLERANCE_M: Final = 1e-6
 ROUNDING_M: Final = 1e-9
@@ -31,8 +31,13 @@ SEEN_M: Final = 0.02
 """A difference that is worth counting."""
 REACTION_S: Final = 0.4
 """So much later the vehicle does what the point does; the fence is kept by the vehicle, not only by the point."""
-SLACK_M: Final = 0.1
-"""So much nearer than is wanted the point may slide along an obstacle; from nearer still it goes away at once."""
+GENTLE_M_S2: Final = 0.8
+"""Braking before an obstacle is planned with no more than this, which the vehicle can follow without overshooting."""
+AMONG_M_S: Final = 0.6
+AMONG_HZ: Final = 0.7
+"""Where an obstacle is as near as it may be the point is no faster than the first; with each metre more by the second."""
+AHEAD_S: Final = 0.4
+"""Where the vehicle will be so much later is kept clear of obstacles, too."""
 IN_THE_WAY: Final = "an obstacle is in the way"
 _AT_REST: Final = (0.0, 0.0, 0.0)
 
@@ -68,6 +73,8 @@ class SetpointLimiter:
         self._target: Vector3 | None = None
         self._last_s = -math.inf
         self._vehicle_ned_m: Vector3 = _AT_REST
+        self._ahead_ned_m: Vector3 = _AT_REST
+        self._among_m_s = math.inf
         self._seen_s = -math.inf
         self._resets: int | None = None
         self.obstacles: ObstacleField | None = None
@@ -100,7 +107,7 @@ class SetpointLimiter:
 
     def restart(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float) -> None:
         """Begins a new stream at a place."""
-        self._at = self._vehicle_ned_m = position_ned_m
+        self._at = self._vehicle_ned_m = self._ahead_ned_m = position_ned_m
         self._velocity = velocity_ned_m_s
         self._target = None
         self._last_s = now_s
@@ -123,6 +130,7 @@ class SetpointLimiter:
             expected = _plus(self._vehicle_ned_m, velocity_ned_m_s, now_s - self._seen_s)
             self._at = _plus(self._at, _minus(position_ned_m, expected), 1.0)
         self._vehicle_ned_m, self._seen_s, self._resets = position_ned_m, now_s, resets
+        self._ahead_ned_m = _plus(position_ned_m, velocity_ned_m_s, AHEAD_S)
 
     def limit(self, wanted: Setpoint, now_s: float) -> Limited:
         """The nearest setpoint that keeps all limits.
@@ -134,6 +142,7 @@ class SetpointLimiter:
             raise Misuse("the limiter has not been told where the vehicle is")
         duration_s = min(max(now_s - self._last_s, 0.0), LONGEST_STEP_S)
         self._last_s = max(now_s, self._last_s)
+        self._among_m_s = math.inf
         if wanted.position_ned_m is None:
             return self._limit_velocity(wanted, duration_s)
         target, reason = self._inside(wanted.position_ned_m)
@@ -232,11 +241,11 @@ class SetpointLimiter:
         field, at = self.obstacles, self._at
         if field is None or field.is_empty:
             return target, reason
-        missing_m = field.keep_m - field.clearance_m(at)
-        if missing_m > SLACK_M:
-            north, east = field.away(at)
-            place = (at[0] + missing_m * north, at[1] + missing_m * east, target[2])
-            return self._kept_inside(place), "an obstacle is too near"
+        nearest_m, place = min((field.clearance_m(place), place) for place in (at, self._ahead_ned_m))
+        if nearest_m < field.keep_m - SLACK_M:
+            north, east, _ = field.refuge(place)
+            return self._kept_inside((north, east, target[2])), "an obstacle is too near"
+        self._among_m_s = AMONG_M_S + AMONG_HZ * max(0.0, nearest_m - field.keep_m)
         if field.clearance_m(target) >= field.keep_m:
             return target, reason
         return self._kept_inside(field.pushed_out(target, at)), IN_THE_WAY
@@ -253,10 +262,13 @@ class SetpointLimiter:
         field, across = self.obstacles, math.hypot(wish[0], wish[1])
         if field is None or field.is_empty or across < TOLERANCE_M:
             return wish
-        heading, free_m = self._detour.heading(field, self._at, math.atan2(wish[1], wish[0]), distance_m)
+        wanted_rad = math.atan2(wish[1], wish[0])
+        heading, free_m = self._detour.heading(field, self._at, wanted_rad, distance_m, self._last_s)
+        free_m = min(free_m, *field.free_m(self._ahead_ned_m, (heading,)))
         # So fast that reacting and braking together take the way that is free.
-        lost = APPROACH_SHARE * self._limits.acceleration_m_s2 * REACTION_S
-        speed = min(across, math.sqrt(lost * lost + 2.0 * lost / REACTION_S * free_m) - lost)
+        braking = min(GENTLE_M_S2, APPROACH_SHARE * self._limits.acceleration_m_s2)
+        lost = braking * REACTION_S
+        speed = min(across, math.sqrt(lost * lost + 2.0 * braking * free_m) - lost)
         return (speed * math.cos(heading), speed * math.sin(heading), wish[2])
 
     def _is_clear(self, stop: Vector3, way_m: float) -> bool:
@@ -356,7 +368,9 @@ class SetpointLimiter:
     @property
     def _speeds(self) -> tuple[float, float]:
         """How fast it may go now, across and up or down."""
-        return min(self._limits.speed_m_s, self.careful_m_s), min(self._limits.climb_m_s, self.careful_m_s)
+        return min(self._limits.speed_m_s, self.careful_m_s, self._among_m_s), min(
+            self._limits.climb_m_s, self.careful_m_s
+        )
 
     def _slowed(self, velocity: Vector3) -> Vector3:
         """The same direction, no faster than the platform may move across and up or down."""

@@ -20,13 +20,18 @@ WIDEST_RAD: Final = math.radians(110.0)
 SAME_SIDE_RAD: Final = math.radians(35.0)
 """So much farther round is taken to pass an obstacle on the side that was begun with."""
 LOOK_AHEAD_M: Final = 1.2
+STUCK_M: Final = 0.4
+STUCK_S: Final = 3.0
+"""Who has come no farther than that in this time has chosen a side that does not lead on;"""
+CLOSED_S: Final = 12.0
+"""then the other one is tried for so long."""
+SLACK_M: Final = 0.1
+"""So much nearer than is wanted the point may slide along an obstacle; from nearer still it goes away at once."""
 TUBE_M: Final = 0.03
 """A way may be so much narrower than the distance that is kept, or sliding along a wall would end at its roughness."""
-MOVING_M_S: Final = 0.15
-"""Slower approaches than this are taken for noise."""
-FASTEST_M_S: Final = 2.0
-FORESIGHT_S: Final = 0.6
-"""What approaches is kept away from as if it were already where it will be then."""
+REFUGE_STEPS_M: Final = (0.3, 0.6, 1.2)
+REFUGES: Final = 24
+"""A refuge is looked for so far away, in so many directions."""
 
 
 class ObstacleField:
@@ -83,11 +88,21 @@ class ObstacleField:
             place = (place[0] + (missing_m + 0.01) * north, place[1] + (missing_m + 0.01) * east, place[2])
         return (at[0], at[1], place[2])
 
+    def refuge(self, at: Vector3) -> Vector3:
+        """The nearest place around that is far enough from everything, or else the one that is farthest from it."""
+        angles = np.arange(REFUGES) * (2.0 * math.pi / REFUGES)
+        ways = np.vstack([step_m * np.column_stack((np.cos(angles), np.sin(angles))) for step_m in REFUGE_STEPS_M])
+        clearance = np.array([self.clearance_m((at[0] + n, at[1] + e, at[2])) for n, e in ways.tolist()])
+        worth = np.minimum(clearance, self.keep_m) - 0.1 * np.hypot(*ways.T)
+        north, east = ways[int(np.argmax(worth))].tolist()
+        return (at[0] + north, at[1] + east, at[2])
+
     def free_m(self, at: Vector3, headings_rad: Sequence[float]) -> list[float]:
         """How far the way in each direction is free, with the distance that is kept; infinite where nothing is."""
         if self.is_empty:
             return [math.inf] * len(headings_rad)
-        width_m = min(self.keep_m, self.clearance_m(at)) - TUBE_M
+        now_m, least_m = self.clearance_m(at), self.keep_m - SLACK_M
+        width_m = max(min(self.keep_m, now_m) - TUBE_M, least_m) if now_m > least_m else now_m
         angles = np.array(headings_rad)
         offset = self._points - at[:2]
         c, s = np.cos(angles), np.sin(angles)
@@ -102,9 +117,13 @@ class Detour:
     """Chooses the direction around what is in the way, and stays with the side that it has chosen."""
 
     def __init__(self) -> None:
-        self._side = 0
+        self._side = self._closed = 0
+        self._closed_until_s = -math.inf
+        self._mark: tuple[Vector3, float] | None = None
 
-    def heading(self, field: ObstacleField, at: Vector3, wanted_rad: float, distance_m: float) -> tuple[float, float]:
+    def heading(
+        self, field: ObstacleField, at: Vector3, wanted_rad: float, distance_m: float, now_s: float
+    ) -> tuple[float, float]:
         """The direction nearest to the wanted one that is free for long enough, and how far it is free.
 
         Args:
@@ -112,6 +131,7 @@ class Detour:
             at: where the vehicle is.
             wanted_rad: direction of the place that it is to go to, clockwise from north.
             distance_m: of that place.
+            now_s: the time.
         """
         turns = [0.0]
         for number in range(1, round(WIDEST_RAD / SIDEWAYS_RAD) + 1):
@@ -119,10 +139,13 @@ class Detour:
         needed_m = min(distance_m, LOOK_AHEAD_M)
         free = field.free_m(at, [wanted_rad + turn for turn in turns])
         if free[0] >= needed_m:
-            self._side = 0
+            self._side, self._mark = 0, None
             return wanted_rad, free[0]
+        self._watch(at, now_s)
         choices = [
-            (self._cost(turn), turn, free_m) for turn, free_m in zip(turns, free, strict=True) if free_m >= needed_m
+            (self._cost(turn, now_s), turn, free_m)
+            for turn, free_m in zip(turns, free, strict=True)
+            if free_m >= needed_m
         ]
         if not choices:
             return wanted_rad, free[0]
@@ -130,25 +153,15 @@ class Detour:
         self._side = 1 if turn > 0.0 else -1
         return wanted_rad + turn, free_m
 
-    def _cost(self, turn: float) -> float:
-        return abs(turn) + (SAME_SIDE_RAD if turn * self._side < 0.0 else 0.0)
+    def _watch(self, at: Vector3, now_s: float) -> None:
+        """Closes the side that does not lead on."""
+        if self._mark is None or math.dist(at[:2], self._mark[0][:2]) > STUCK_M:
+            self._mark = (at, now_s)
+        elif now_s - self._mark[1] > STUCK_S:
+            self._mark = (at, now_s)
+            self._closed = self._side or -self._closed or 1
+            self._side, self._closed_until_s = -self._closed, now_s + CLOSED_S
 
-
-class Approach:
-    """How fast something comes nearer that is not the vehicle's own doing, smoothed over some scans."""
-
-    def __init__(self) -> None:
-        self._before: ObstacleField | None = None
-        self._before_s = 0.0
-        self._speed_m_s = 0.0
-
-    def see(self, field: ObstacleField, at: Vector3, t_s: float) -> float:
-        """Takes a new scan in; how much farther than usual to keep away, in metres."""
-        before, duration_s = self._before, t_s - self._before_s
-        if before is not None and 0.0 < duration_s < 1.0 and not (before.is_empty or field.is_empty):
-            seen = (before.clearance_m(at) - field.clearance_m(at)) / duration_s
-            self._speed_m_s += 0.5 * (min(max(seen, 0.0), FASTEST_M_S) - self._speed_m_s)
-        else:
-            self._speed_m_s = 0.0
-        self._before, self._before_s = field, t_s
-        return FORESIGHT_S * self._speed_m_s if self._speed_m_s > MOVING_M_S else 0.0
+    def _cost(self, turn: float, now_s: float) -> float:
+        is_closed = turn * self._closed > 0.0 and now_s < self._closed_until_s
+        return abs(turn) + (SAME_SIDE_RAD if turn * self._side < 0.0 else 0.0) + (math.pi if is_closed else 0.0)

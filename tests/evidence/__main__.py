@@ -4,6 +4,7 @@ import sys
 
 from tests.evidence import (
     ablation,
+    avoidance,
     bad_sensor_input,
     cost,
     day,
@@ -30,6 +31,7 @@ from tests.evidence.page import Bar, Progress, commit, write
 
 BARS: tuple[Bar, ...] = (
     *ablation.BARS,
+    *avoidance.BARS,
     *bad_sensor_input.BARS,
     *cost.BARS,
     *day.BARS,

@@ -48,11 +48,11 @@ def flight(seed: int) -> dict[str, Any]:
     return {"told": told["coverage"], "true": true, "narrow": narrow, "pictures": told["pictures"], "bytes": size}
 
 
-def seen(log: Path, fov_share: float) -> float:
+def seen(log: Path, fov_share: float, surface: str = SURFACE, world_name: str = "hold") -> float:
     """Share of the surface that was truly in a picture, what hides it included; of cameras with a part of the view."""
-    world = World.load("hold")
+    world = World.load(world_name)
     coverage = Coverage(
-        world, SURFACE, cell_m=CELL_M, range_max_m=FARTHEST_M, incidence_max_rad=float(np.radians(OBLIQUE_DEG))
+        world, surface, cell_m=CELL_M, range_max_m=FARTHEST_M, incidence_max_rad=float(np.radians(OBLIQUE_DEG))
     )
     placing = Placing(world)
     truths: list[tuple[float, SimTruth]] = []

@@ -47,7 +47,7 @@ class Card:
     def __init__(self, style: str, folder: Path) -> None:
         self.style = style
         self.heard: dict[str, list[Envelope[Any]]] = {}
-        """Everything that was published, by topic below the platform's name."""
+        """Everything that was published but pictures, by topic below the platform's name."""
         self.to_autopilot: list[tuple[float, MavlinkMessage]] = []
         """What the onboard process sent over the autopilot's cable, and when."""
         self.failures: list[BaseException] = []
@@ -327,4 +327,6 @@ class Card:
         end.on_data = listen
 
     def _hear(self, envelope: Envelope[Any]) -> None:
+        if "/camera/" in envelope.topic:  # the pictures of a flight would fill the memory
+            return
         self.heard.setdefault(envelope.topic.partition("/")[2], []).append(envelope)

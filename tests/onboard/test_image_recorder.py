@@ -112,6 +112,18 @@ def test_another_camera_is_refused() -> None:
         rig.stage.begin("record_images", camera="front", every_s=1.0)
 
 
+def test_one_of_several_cameras_is_recorded_and_its_silence_is_told() -> None:
+    rig = Rig()
+    for camera in ("ground", "front_left"):
+        rig.run(0.2, camera=camera)
+    rig.stage.begin("record_images", camera="front_left", every_s=0.2)
+    rig.run(0.5, camera="front_left")
+    rig.run(3.0, camera="ground")
+    assert {picture.image.camera for picture in rig.shelf.pictures} == {"front_left"}
+    assert [picture.file for picture in rig.shelf.pictures][:2] == ["front_left-00001.png", "front_left-00002.png"]
+    assert rig.stage.status.reason == "no picture of front_left comes"
+
+
 def test_a_picture_is_tagged_with_the_pose_of_its_own_time() -> None:
     rig = Rig()
     stage = rig.stage

@@ -29,7 +29,7 @@ GeoPosition = tuple[Latitude, Longitude, Height]
 Speed = Annotated[float, msgspec.Meta(gt=0.0, le=50.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
-WallDistance = Annotated[float, msgspec.Meta(ge=0.9, le=6.0)]
+WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
 """No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
 
 

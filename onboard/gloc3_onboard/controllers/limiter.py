@@ -11,7 +11,8 @@ from gloc3.ports import Inbox, Input, Keep, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, ObstacleScan, Pose, Setpoint
 from gloc3_onboard.motion_limits import SetpointLimiter, careful_speed_m_s
-from gloc3_onboard.obstacle_field import Approach, ObstacleField
+from gloc3_onboard.movers import Movers
+from gloc3_onboard.obstacle_field import ObstacleField
 from gloc3_onboard.setpoint_gate import SetpointGate
 
 
@@ -20,7 +21,7 @@ class LimiterSettings(Settings, frozen=True):
 
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """Without a pose younger than this nothing passes: the fence could not be kept."""
-    keep_m: Annotated[float, Bounds(0.3, 10.0)] = 0.8
+    keep_m: Annotated[float, Bounds(0.3, 10.0)] = 1.1
     """Distance from the vehicle's middle to any obstacle that is wanted, in metres."""
     obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
     """Obstacles that were seen longer ago do not count."""
@@ -54,7 +55,7 @@ class Limiter(Controller[LimiterSettings]):
         self._settings = LimiterSettings()
         self._gate = SetpointGate()
         self._limiter: SetpointLimiter | None = None
-        self._approach = Approach()
+        self._movers = Movers()
         self._seen_s = -math.inf
 
     def initialize(self, settings: LimiterSettings) -> None:
@@ -66,7 +67,7 @@ class Limiter(Controller[LimiterSettings]):
     def start(self) -> None:
         """Waits for the limits."""
         self._limiter = None
-        self._approach, self._seen_s = Approach(), -math.inf
+        self._movers, self._seen_s = Movers(), -math.inf
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Limits what the owner of motion wants."""
@@ -95,9 +96,9 @@ class Limiter(Controller[LimiterSettings]):
         if self._limiter is None or pose is None or not scan.payload.is_valid or scan.t_s <= self._seen_s:
             return
         self._seen_s = scan.t_s
-        at, points, keep_m = pose.payload.position_ned_m, scan.payload.points_ne_m, self._settings.keep_m
-        farther_m = self._approach.see(ObstacleField(points, at, keep_m), at, scan.t_s)
-        self._limiter.obstacles = ObstacleField(points, at, keep_m + farther_m)
+        at, points = pose.payload.position_ned_m, scan.payload.points_ne_m
+        soon = self._movers.see(points, at, scan.t_s, pose.payload.reset_counter)
+        self._limiter.obstacles = ObstacleField([*points, *soon], at, self._settings.keep_m)
 
     def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
         if self._limiter is None:

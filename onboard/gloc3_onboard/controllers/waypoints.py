@@ -43,6 +43,8 @@ class WaypointsSettings(Settings, frozen=True):
     """Speed of a return home that names none."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
     """Longest wait for the vehicle to come to a waypoint, before the action fails."""
+    detour_s: Annotated[float, Bounds(0.0, 600.0)] = 15.0
+    """It waits longer by the time for which an obstacle was in the way, but by no more than this."""
     follow_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
     """Longest wait for the autopilot to follow the setpoints, before the action fails."""
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.2
@@ -50,7 +52,7 @@ class WaypointsSettings(Settings, frozen=True):
     there; in a wind that never lets it rest it is done after some seconds."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """A pose older than this is lost."""
-    keep_m: Annotated[float, Bounds(0.3, 10.0)] = 0.8
+    keep_m: Annotated[float, Bounds(0.3, 10.0)] = 1.1
     """Something nearer to the way than this is gone around, in metres; as in the limiter, which does it."""
     obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
     """Obstacles that were seen longer ago do not count."""
@@ -87,6 +89,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         self._wall: WallKeeper | None = None
         self._points: list[tuple[float, float]] | None = None
         """What stands around; None where nobody looks."""
+        self._is_in_the_way, self._hindered_s = False, 0.0
         self._passed = 0
         """Waypoints that an earlier attempt had passed."""
         self._yaw_rad = 0.0
@@ -113,6 +116,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         if order.wall_distance_m is not None and self._points is None:
             raise Refused("nobody sees the wall to keep the distance from: there are no obstacles of a laser scanner")
         self._order = order
+        self._is_in_the_way, self._hindered_s = False, 0.0
         self._passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
         if self._passed and not order.hold_s:
             self._passed = next_ahead(pose.position_ned_m, order.waypoints_ned_m, self._passed, order.acceptance_m)
@@ -177,12 +181,15 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         self.cross_track_m = math.dist(target.position_ned_m, pose.position_ned_m)
         count = len(order.waypoints_ned_m)
         progress = (self._passed + follower.progress * (count - self._passed)) / count
-        problem = leader.problem(self._settings.settle_s, self._settings.follow_s)
+        self._hindered_s += (now_s - self._last_s) * self._is_in_the_way
+        settle_s = self._settings.settle_s + min(self._hindered_s, self._settings.detour_s)
+        problem = leader.problem(settle_s, self._settings.follow_s)
         if self._wall is not None and self._wall.blind_s > self._settings.wall_s:
             problem = "it does not see the wall that it is to keep the distance from"
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
-            self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away)")
+            why = ", an obstacle is in the way" if self._is_in_the_way else ""
+            self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away{why})")
         else:
             state = ActionState.DONE if leader.is_there(order.acceptance_m) else ActionState.RUNNING
             self.advance(now_s, progress, state, achieved=int(progress * count + 1e-6))
@@ -203,7 +210,8 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             seen = wall_ahead(points, at, yaw_of(pose.ned_from_frd))
             wall.see(seen, at, target.position_ned_m, min(now_s - self._last_s, 0.1))
             target = target._replace(position_ned_m=wall.moved(target.position_ned_m))
-        leader.follower.slack_m = DETOUR_M if self._is_blocked(at, target, points) else 0.0
+        self._is_in_the_way = self._is_blocked(at, target, points)
+        leader.follower.slack_m = DETOUR_M if self._is_in_the_way else 0.0
         return target
 
     def _is_blocked(self, at: Vector3, target: Target, points: list[tuple[float, float]]) -> bool:

@@ -41,24 +41,31 @@ POSE_GAP_S: Final = 0.25
 """A picture is tagged only with poses that are no farther from its time, and no farther apart."""
 
 
+SILENT_S: Final = 2.0
+"""When no picture of the camera has come for so long, this is told."""
+
+
 class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
-    """Performs `record_images` for one camera."""
+    """Performs `record_images` for the cameras whose topics it is given, one at a time."""
 
     performs: ClassVar = {"record_images": RecordImages}
     loggable = ("recorded",)
 
-    image = Input(Image)
+    image = Input(Image, Keep.ALL)
     pose = Input(Pose, Keep.ALL)
     image_recorded = Output(ImageRecorded)
 
     def __init__(self, device: PictureStore) -> None:
         self.recorded = 0
+        """Number of the last picture."""
         self._store = device
         self._order: RecordImages | None = None
         self._in_action = 0
         self._last_s = -math.inf
         self._last_ned_m: Vector3 | None = None
-        self._camera = ""
+        self._numbers: dict[str, int] = {}
+        """Of the last picture of each camera that is known."""
+        self._came_s = 0.0
         self._poses: deque[Envelope[Pose]] = deque(maxlen=32)
 
     def start(self) -> None:
@@ -71,9 +78,10 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
 
     def begin_action(self, capability: str, arguments: RecordImages, now_s: float) -> None:
         """The first picture is taken at once; those of an earlier attempt count."""
-        if self._camera and arguments.camera != self._camera:
-            raise Refused(f"this recorder has camera {self._camera!r}, not {arguments.camera!r}")
-        self._order = arguments
+        if self._numbers and arguments.camera not in self._numbers:
+            names = ", ".join(map(repr, sorted(self._numbers)))
+            raise Refused(f"this recorder has camera {names}, not {arguments.camera!r}")
+        self._order, self._came_s = arguments, now_s
         count = arguments.count or 0
         self._in_action = min(int(self.earlier_progress * count + 1e-6), max(count - 1, 0))
         self._last_s, self._last_ned_m = -math.inf, None
@@ -83,20 +91,27 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         results: list[Result] = []
         self._poses.extend(envelope for envelope in inbox.new(self.pose) if envelope.payload.is_valid)
         for envelope in inbox.new(self.image):
-            if envelope.payload.is_valid:
-                self._know(envelope.payload.camera)
-            if self.is_running and self._order is not None and envelope.payload.is_valid:
-                results += self._record(self._order, envelope, now_s)
+            if not envelope.payload.is_valid:
+                continue
+            self._know(envelope.payload.camera)
+            order = self._order
+            if self.is_running and order is not None and order.camera == envelope.payload.camera:
+                self._came_s = now_s
+                results += self._record(order, envelope, now_s)
+        if self.is_running and self._order is not None and now_s - self._came_s > SILENT_S:
+            self.advance(now_s, self._progress(self._order), reason=f"no picture of {self._order.camera} comes")
         return [*results, *self.action_reports(now_s)]
 
     def _know(self, camera: str) -> None:
         """Goes on with the numbers of pictures that an earlier life has written; none is ever overwritten."""
-        if camera != self._camera:
-            self._camera = camera
-            self.recorded = max(self.recorded, self._store.highest(camera))
+        if camera not in self._numbers:
+            self._numbers[camera] = self._store.highest(camera)
+
+    def _progress(self, order: RecordImages) -> float:
+        return self._in_action / order.count if order.count else 0.0
 
     def _record(self, order: RecordImages, envelope: Envelope[Image], now_s: float) -> list[Result]:
-        progress = self._in_action / order.count if order.count else 0.0
+        progress = self._progress(order)
         place = self._place(envelope.t_s)
         if place is None:
             self.advance(now_s, progress, reason="there is no valid pose of the time of the picture")
@@ -107,17 +122,17 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
             return []
         action_id = self.action_id
         self._last_s, self._last_ned_m = envelope.t_s, position
-        self.recorded += 1
+        self.recorded = self._numbers[order.camera] = self._numbers[order.camera] + 1
         self._in_action += 1
-        file = f"{envelope.payload.camera}-{self.recorded:05d}.png"
+        file = f"{order.camera}-{self.recorded:05d}.png"
         is_done = order.count is not None and self._in_action >= order.count
-        progress = self._in_action / order.count if order.count else 0.0
+        progress = self._progress(order)
         state = ActionState.DONE if is_done else ActionState.RUNNING
         self.advance(now_s, progress, state, achieved=self._in_action if order.count else None)
         picture = Picture(file, envelope.t_s, envelope.payload, position, ned_from_frd)
         recorded = ImageRecorded(
             action_id=action_id,
-            camera=envelope.payload.camera,
+            camera=order.camera,
             file=file,
             index=self.recorded,
             position_ned_m=position,

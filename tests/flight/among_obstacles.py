@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 from tests.flight.card import Card
+from tests.flight.missions import platform
 
 from gloc3.frames import Vector3
 from gloc3.perception import Odometry, PositionFix
@@ -127,10 +128,12 @@ def along_the_wall(seed: int) -> WallCourse:
     return WallCourse(Course(SIDE_WORLD, text), distance_m)
 
 
-def through_the_duct(seed: int) -> Course:
-    """Along the duct, where a laser scanner cannot tell how far."""
+def through_the_duct(seed: int, length_m: float = 5.0) -> Course:
+    """Along the duct, by about so much, where a laser scanner cannot tell how far."""
     random = np.random.default_rng([seed, 34])
-    places = [(float(random.uniform(4.0, 6.0)), float(random.uniform(-0.1, 0.1)), float(random.uniform(1.0, 1.6)))]
+    places = [
+        (length_m + float(random.uniform(-1.0, 1.0)), float(random.uniform(-0.1, 0.1)), float(random.uniform(1.0, 1.6)))
+    ]
     return Course("corridor", way(places, float(random.uniform(0.4, 0.8)), place=DUCT))
 
 
@@ -223,15 +226,12 @@ def corridor_platform() -> str:
     return _pelican({"  hold: {origin": "  corridor: {origin"})
 
 
-def blind_platform() -> str:
-    """The Pelican whose limiter and controller are told of no obstacles."""
-    name = "log: [travelled_m, waypoint, cross_track_m]"
-    return _pelican(
-        {
-            "ports: {setpoint_wanted: [": "ports: {obstacles: [], setpoint_wanted: [",
-            f"action_status: action_status/waypoints}}, {name}": f"action_status: action_status/waypoints, obstacles: []}}, {name}",
-        }
-    )
+def scanner_platform() -> str:
+    """The Pelican that flies by satellites, which costs a tenth, with a laser scanner and a limiter that is told."""
+    rows = find_platform("pelican").read_text().splitlines()
+    rows = [row for row in rows if row.startswith(("  - {name: laser,", "  - {name: obstacles,"))]
+    assert len(rows) == 2
+    return platform({"obstacles: [], ": "", "  # data processors\n": "\n".join([*rows, "  # data processors", ""])})
 
 
 def _pelican(changes: dict[str, str]) -> str:

@@ -43,7 +43,7 @@ def detours() -> int:
     points = [(3.0 * np.cos(a), 3.0 * np.sin(a)) for a in np.linspace(-pi, pi, 180)]
     field, detour = ObstacleField(points, (0.0, 0.0, 0.0), 0.8), Detour()
     for _ in range(1000):
-        detour.heading(field, (0.0, 0.0, 0.0), 0.0, 5.0)
+        detour.heading(field, (0.0, 0.0, 0.0), 0.0, 5.0, 0.0)
     return 1000
 
 

@@ -205,8 +205,8 @@ def lost_and_found(
 
 
 def off_the_wall_m(places_m: Sequence[tuple[float, Vector3]], distance_m: float) -> float:
-    """The largest deviation from a distance to the starboard side, once the way along it has begun."""
-    return max(abs(y - WALL_Y_M - distance_m) for _, (x, y, _) in places_m if x > ALONG_FROM_M)
+    """The largest deviation from a distance to the starboard side, once the way along it has begun; infinite if it never has."""
+    return max([abs(y - WALL_Y_M - distance_m) for _, (x, y, _) in places_m if x > ALONG_FROM_M], default=math.inf)
 
 
 def corridor_ratios(reports: Sequence[Odometry]) -> tuple[list[float], list[float]]:

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -26,12 +27,10 @@ def keep(folder: Path, tlog: Path, *frames: bytes) -> list[str]:
         loop = asyncio.get_running_loop()
         clock = Clock(loop)
         recorder = Recorder(folder / "log.mcap", clock, TopicTable.installed(), {})
-        traffic = Traffic(tlog, recorder, clock, loop, warnings.append)
-        for frame in frames:
-            traffic.keep("radio", "in", frame)
-            await asyncio.sleep(1.0)
-        traffic.close()
-        recorder.close()
+        with closing(recorder), closing(Traffic(tlog, recorder, clock, loop, warnings.append)) as traffic:
+            for frame in frames:
+                traffic.keep("radio", "in", frame)
+                await asyncio.sleep(1.0)
 
     run_virtual(work())
     return warnings

@@ -40,7 +40,7 @@ BETTER: Final = 0.1
 LEAN: Final = 0.75
 """Walls may lean: where they stand at another height is not known better than by so much of the climb."""
 LEVEL_M: Final = 0.03
-"""A climb that is less is none."""
+"""A climb that is less is none; one that goes on over many references counts from its begin."""
 NEW_LEVEL_M: Final = 0.2
 """After such a climb the map begins anew."""
 _NO_DOUBT: Final = np.zeros((3, 3))
@@ -108,7 +108,9 @@ class LaserOdometer:
         self._heading_rad: float | None = None
         self._travelled_m = 0.0
         self._height_m: float | None = None
-        """Of the scan that the motion is told from."""
+        """From where climbs count: follows the height of what the motion is told from, `LEVEL_M` behind."""
+        self._map_height_m: float | None = None
+        """Of the scan that the map began with."""
         self._bad = 0
 
     def update(
@@ -142,7 +144,7 @@ class LaserOdometer:
             return self._nothing(t_s, "hardly anything of the scan is above the floor")
         self._ranges = scan.ranges_m
         if not self._has_begun:
-            self._height_m = tilt.height_m
+            self._height_m = self._map_height_m = tilt.height_m
             return self._begin(points, Planar(), t_s, heading_rad, "the map begins with this scan")
         found = self._fit(points.points_m, expected)
         if found.share < self._settings.lowest_share:
@@ -212,8 +214,8 @@ class LaserOdometer:
     ) -> LaserMotion:
         information = found.information._replace(sigma_m=CAUTION * found.information.sigma_m)
         covariance = information.covariance(UNKNOWN_VARIANCE) + _FLOOR
-        climb_m = abs(height_m - self._height_m) if height_m is not None and self._height_m is not None else 0.0
-        covariance[:2, :2] += max(0.0, LEAN * (climb_m - LEVEL_M)) ** 2 * np.eye(2)
+        climb_m = _between(height_m, self._height_m)
+        covariance[:2, :2] += max(0.0, LEAN * (abs(climb_m) - LEVEL_M)) ** 2 * np.eye(2)
         step = self._pose.inverse() @ found.pose
         self._velocity = step.part(1.0 / (t_s - self._t_s))
         self._travelled_m += step.distance_m
@@ -230,12 +232,16 @@ class LaserOdometer:
         )
         settings = self._settings
         is_far = motion.distance_m > settings.key_distance_m or abs(motion.yaw_rad) > settings.key_turn_rad
-        is_degenerate, has_climbed = found.information.is_degenerate, climb_m > NEW_LEVEL_M
+        is_degenerate = found.information.is_degenerate
+        has_climbed = abs(_between(height_m, self._map_height_m)) > NEW_LEVEL_M
         # Who does not know how far it has come may be far: the direction that is not known is only known so well.
         is_far |= is_degenerate and t_s - self._key_t_s > DARK_S
         if is_far or has_climbed or found.share < settings.key_share:
-            self._take_in(points, t_s, covariance, is_new=is_degenerate or has_climbed)
-            self._height_m = height_m
+            is_new = is_degenerate or has_climbed
+            self._take_in(points, t_s, covariance, is_new=is_new)
+            if height_m is not None:
+                self._height_m = height_m - max(-LEVEL_M, min(climb_m, LEVEL_M))
+                self._map_height_m = height_m if is_new or self._map_height_m is None else self._map_height_m
         return report
 
     def _take_in(self, points: ScanPoints, t_s: float, covariance: Array, *, is_new: bool) -> None:
@@ -294,6 +300,11 @@ class Expected(NamedTuple):
     motion: Planar
     window: Window | None
     """How wrong that may be; None before the first scan."""
+
+
+def _between(height_m: float | None, before_m: float | None) -> float:
+    """The climb from one height to another; 0 where one of them is not known."""
+    return 0.0 if height_m is None or before_m is None else height_m - before_m
 
 
 def _since(key: Planar, key_covariance: Array, pose: Planar, covariance: Array) -> Array:

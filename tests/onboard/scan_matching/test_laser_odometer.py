@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.onboard.scan_matching.rays import CORRIDOR, HOLD, Scanner, box, flight
+from tests.onboard.scan_matching.rays import CORRIDOR, HOLD, Scanner, Wall, box, flight
 
 from gloc3.frames import wrap_pi
 from gloc3.perception import UNKNOWN_VARIANCE, LaserScan
-from gloc3_onboard.scan_matching.laser_odometer import PATIENCE, LaserMotion, LaserOdometer
+from gloc3_onboard.scan_matching.laser_odometer import PATIENCE, LaserMotion, LaserOdometer, LaserOdometerSettings
 from gloc3_onboard.scan_matching.planar import Planar
 from gloc3_onboard.scan_matching.scan_points import Mount, Tilt
 
@@ -187,6 +187,28 @@ def test_a_scan_that_comes_again_or_too_late_is_not_taken() -> None:
     assert "beam for beam" in odometer.update(scan, 0.3).reason
     assert "not newer" in odometer.update(scanner.scan(Planar(), random), 0.1).reason
     assert odometer.update(scanner.scan(Planar(0.15), random), 0.4).is_valid
+
+
+@pytest.mark.parametrize("key_share", [0.7, 1.0], ids=["few references", "a reference each scan"])
+@pytest.mark.parametrize("climb_m_s", [0.15, -0.8])
+def test_beside_a_wall_that_leans_a_climb_is_doubted_however_it_is_cut_up(key_share: float, climb_m_s: float) -> None:
+    """The only wall across recedes by 0.7 m of each metre climbed: that looks like motion."""
+    random, odometer = np.random.default_rng(1), LaserOdometer(LaserOdometerSettings(key_share=key_share))
+    claimed_m, moved_m, last = 0.0, 0.0, None
+    steps = round(1.2 / abs(climb_m_s) / 0.1)
+    for number in range(steps + 1):
+        height_m = 2.0 + climb_m_s * 0.1 * number
+        across: Wall = ((2.0 + 0.7 * height_m, -30.0), (2.0 + 0.7 * height_m, 2.0))
+        scanner = Scanner([across, ((-30.0, 2.0), (2.0 + 0.7 * height_m, 2.0))], range_max_m=12.0)
+        motion = odometer.update(scanner.scan(Planar(), random), 0.1 * number, Tilt(height_m=height_m))
+        if last is not None and motion.reference_t_s != last.reference_t_s:
+            claimed_m += float(np.sqrt(last.covariance[0, 0]))
+            moved_m += last.motion.x_m
+        last = motion if motion.is_valid else last
+    assert last is not None
+    claimed_m, moved_m = claimed_m + float(np.sqrt(last.covariance[0, 0])), moved_m + last.motion.x_m
+    assert abs(moved_m) > 0.4, "the wall that leans has been taken for motion"
+    assert claimed_m > abs(moved_m)
 
 
 def test_after_a_clock_was_set_back_it_begins_anew() -> None:

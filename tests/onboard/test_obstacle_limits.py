@@ -15,6 +15,8 @@ from gloc3_onboard.obstacle_field import CLOSED_S, SLACK_M, STUCK_S, Detour, Obs
 from .messages import LIMITS, grant, pose, setpoint
 from .stage import Stage
 
+pytestmark = pytest.mark.thorough
+
 Points = list[tuple[float, float]]
 STEP_S = 0.05
 KEEP_M = 1.1

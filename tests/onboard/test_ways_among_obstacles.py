@@ -24,6 +24,8 @@ from gloc3_onboard.wall_keeper import WallKeeper, wall_ahead
 from .messages import LIMITS, grant, pose
 from .stage import Stage
 
+pytestmark = pytest.mark.thorough
+
 STEP_S = 0.05
 LAG = 6
 """The vehicle is where its setpoint was so many steps ago."""

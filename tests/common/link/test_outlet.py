@@ -8,6 +8,8 @@ import pytest
 from gloc3.link.codec import Encoder, Frame, Parser, message
 from gloc3.link.outlet import BURST_S, SHARES, Kind, Outlet
 
+pytestmark = pytest.mark.thorough
+
 RADIO_BYTE_S = 5760.0
 
 

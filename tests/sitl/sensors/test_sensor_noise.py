@@ -14,6 +14,8 @@ from gloc3_sitl.sensors.readings import FixKind
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.vehicles import PELICAN
 
+pytestmark = pytest.mark.thorough
+
 Still = Callable[..., Truth]
 SEEDS = range(60)
 

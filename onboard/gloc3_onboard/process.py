@@ -14,6 +14,7 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.link.message import MavlinkMessage
 from gloc3.link.router import Router
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event, Severity
@@ -25,6 +26,7 @@ from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import HostComputer
+from gloc3_onboard.herald import Herald
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
@@ -37,6 +39,7 @@ from gloc3_onboard.storage import PictureFolder, RecordFile
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.traffic import Traffic
 from gloc3_onboard.viewer.catalogue import Catalogue
+from gloc3_onboard.vitals import VitalSigns
 
 DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
 """What this host has; installed packages bring more."""
@@ -102,6 +105,7 @@ class OnboardProcess:
         self._router = Router(self._autopilot.own, self._system_restarted)
         self._recorder: Recorder | None = None
         self._traffic: Traffic | None = None
+        self._herald: Herald | None = None
         folder = find_platform(options.platform).parent
         self._rig = PlatformRig(platform, folder)
         for warning in self._rig.warnings:
@@ -141,6 +145,15 @@ class OnboardProcess:
             platform.platform,
             lambda: [self._autopilot.send_message, *(station.send for station in self._stations)],
         )
+        self._herald = Herald(
+            self.exchange,
+            platform.platform,
+            self._autopilot.own,
+            self._clock,
+            self._loop,
+            VitalSigns(self._out).look,
+            self._tell_stations,
+        )
         await self._loop.run_in_executor(None, self._computer.measure)
         log = self._open_log()
         context = HostContext(platform.platform, self.exchange, self._clock, self._loop, self._topics, self._random)
@@ -156,6 +169,8 @@ class OnboardProcess:
         if self._onboard is not None:
             await self._onboard.stop(lambda text: self.say(Severity.WARNING, text))
             self._onboard.close()
+        if self._herald is not None:
+            self._herald.close()
         self._autopilot.close()
         for station in self._stations:
             station.close()
@@ -179,6 +194,10 @@ class OnboardProcess:
         """Keeps a MAVLink frame, once there is a log."""
         if self._traffic is not None:
             self._traffic.keep(link, direction, frame)
+
+    def _tell_stations(self, message: MavlinkMessage) -> None:
+        for station in self._stations:
+            station.send(message)
 
     def _lament(self, text: str) -> None:
         self.say(Severity.WARNING, text)

@@ -20,12 +20,12 @@ WAYPOINT, TAKE_OFF = 16, 22
 
 
 def test_stations_of_others_reach_the_autopilot_through_the_onboard_process(tmp_path: Path) -> None:
-    companion, first, second = free_ports(3, socket.SOCK_DGRAM)
-    stations = [word for port in (first, second) for word in ("--station", f"udpin://127.0.0.1:{port}")]
+    port, first, second = free_ports(3, socket.SOCK_DGRAM)
+    stations = [word for each in (first, second) for word in ("--station", f"udpin://127.0.0.1:{each}")]
     with (
-        program("sitl", "--link", f"companion=udpout://127.0.0.1:{companion}", folder=tmp_path),
+        program("sitl", "--link", f"companion=udpout://127.0.0.1:{port}", folder=tmp_path),
         program(
-            *("onboard", "pelican_rtk", "--autopilot", f"udpin://127.0.0.1:{companion}"),
+            *("onboard", "pelican_rtk", "--autopilot", f"udpin://127.0.0.1:{port}"),
             *(*stations, "--out", "out"),
             folder=tmp_path,
         ) as onboard,
@@ -51,6 +51,8 @@ def test_stations_of_others_reach_the_autopilot_through_the_onboard_process(tmp_
         assert onboard.end() == 0, onboard.text
     kept = read_back(tmp_path / "out" / "log.tlog")
     assert {(1, 1), (1, 191), (245, 190)} <= {(frame.system, frame.component) for frame in kept}
+    companion = {frame.shape.name for frame in kept if frame.sender == (1, 191) and frame.shape is not None}
+    assert {"HEARTBEAT", "ONBOARD_COMPUTER_STATUS", "TUNNEL"} <= companion
     with LogReader(tmp_path / "out" / "log.mcap") as reader:
         logged = list(reader.frames())
     assert [frame.data for frame in logged] == [frame.raw for frame in kept], "both logs hold the same frames"

@@ -19,7 +19,7 @@ from tests.flight.test_flying_on_our_own_pose import errors_m
 from gloc3_sitl.vehicles import PELICAN
 
 SEEDS = range(1, 21)
-OWN = range(1, 5)
+OWN = range(1, 21)
 """Flights by all of its own sensors, which cost ten times as much."""
 CONTROLS = range(1, 4)
 WALL_M = 0.15

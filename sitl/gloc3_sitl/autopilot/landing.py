@@ -8,6 +8,8 @@ class TouchdownDetector:
 
     SETTLE_S = 0.5
     """How long the signs of touchdown must last."""
+    CERTAIN_S = 3.0
+    """After so long without weight on the rotors and without motion it stands, whatever a range finder says."""
 
     def __init__(self) -> None:
         self.is_landed = True
@@ -45,12 +47,12 @@ class TouchdownDetector:
             if wants_up and thrust_share > 0.9 and (speed_down_m_s < -0.15 or height_m > 0.3):
                 self._become(False, now_s)
             return
-        is_down = wants_down and thrust_share < 0.6 and abs(speed_down_m_s) < 0.25 and not height_m > 0.5
+        is_down = wants_down and thrust_share < 0.6 and abs(speed_down_m_s) < 0.25
         if not is_down:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = now_s
-        elif now_s - self._since_s >= self.SETTLE_S:
+        elif now_s - self._since_s >= (self.CERTAIN_S if height_m > 0.5 else self.SETTLE_S):
             self._become(True, now_s)
             self._since_s = None
 

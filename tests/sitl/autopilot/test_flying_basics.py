@@ -37,6 +37,16 @@ def test_a_whole_flight_ends_disarmed_where_it_began(style: str) -> None:
 
 
 @STYLES
+def test_a_range_finder_that_is_stuck_keeps_no_landing_from_its_end(style: str) -> None:
+    bench = Bench(style)
+    bench.take_off()
+    bench.sim.sensors.fail("height", "stuck")
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 20.0)
+    assert abs(bench.position[2]) < 0.02
+
+
+@STYLES
 def test_streamed_positions_with_velocities_are_followed_within_centimetres(style: str) -> None:
     bench = Bench(style)
     bench.take_off()

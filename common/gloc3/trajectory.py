@@ -139,7 +139,7 @@ def _rows(path: Path) -> tuple[list[list[float]], list[tuple[int, bool]]]:
             try:
                 rows.append([float(word) for word in bare.replace(",", " ").split()])
             except ValueError as error:
-                word = next((word for word in bare.replace(",", " ").split() if not _is_number(word)), bare)
+                word = next((word for word in bare.replace(",", " ").split() if not is_number(word)), bare)
                 message = (
                     f"{word!r} is no number: poses are lines of TUM (8 numbers), KITTI (12) or EuRoC (with commas)"
                 )
@@ -148,7 +148,8 @@ def _rows(path: Path) -> tuple[list[list[float]], list[tuple[int, bool]]]:
     return rows, lines
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
+    """Whether a word of a text file is a number."""
     try:
         float(word)
     except ValueError:

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Hashable
 from enum import StrEnum
+from functools import cache
+from itertools import count
 from typing import Final
 
 import msgspec
@@ -21,8 +23,6 @@ BURST_S: Final = 0.05
 """So much of its time a line may take at once: what an UART's buffer holds."""
 QUANTUM_BYTES: Final = 64
 """A class of weight 1 may send so much in its turn."""
-BURST_BYTES: Final = 280
-"""At least one frame of the largest size may always leave."""
 
 
 class Kind(StrEnum):
@@ -74,6 +74,7 @@ _NAMES: Final = {
 }
 
 
+@cache
 def kinds() -> dict[int, Kind]:
     """Message id to kind, for every message that is not telemetry."""
     return {codec.shape(name).id: kind for kind, names in _NAMES.items() for name in names.split()}
@@ -94,9 +95,9 @@ class Outlet:
         """Telemetry that a newer frame of its kind took the place of."""
         self._send, self._rate_byte_s = send, rate_byte_s
         self._kinds = kinds()
-        self._waiting: dict[Kind, deque[bytes]] = {kind: deque() for kind in Kind}
-        self._latest: dict[Hashable, bytes] = {}
-        """Telemetry that waits, by sender, message and instance, in the order of its coming."""
+        self._waiting: dict[Kind, dict[Hashable, bytes]] = {kind: {} for kind in Kind}
+        """Frames in the order of their coming: telemetry by sender, message and instance, all others by a number."""
+        self._numbers = count()
         self._credit = dict.fromkeys(Kind, 0)
         self._turns = deque(Kind)
         self._free_s = 0.0
@@ -105,7 +106,7 @@ class Outlet:
     @property
     def waiting(self) -> int:
         """Frames that wait."""
-        return sum(map(len, self._waiting.values())) + len(self._latest)
+        return sum(map(len, self._waiting.values()))
 
     def put(self, frame: Frame, now_s: float) -> None:
         """Takes in a frame that is to leave."""
@@ -113,20 +114,16 @@ class Outlet:
             self._send(frame.raw)
             return
         kind = self._kinds.get(frame.message_id, Kind.TELEMETRY)
-        is_full = SHARES[kind].most
+        waiting = self._waiting[kind]
+        which: Hashable = next(self._numbers)
         if kind is Kind.TELEMETRY:
             which = (frame.system, frame.component, frame.message_id, frame.instance)
-            if which in self._latest:
-                self.overtaken += 1
-            elif len(self._latest) >= is_full:
-                self.dropped[kind] += 1
-                return
-            self._latest[which] = frame.raw
-        elif len(self._waiting[kind]) >= is_full:
+        if which in waiting:
+            self.overtaken += 1
+        elif len(waiting) >= SHARES[kind].most:
             self.dropped[kind] += 1
             return
-        else:
-            self._waiting[kind].append(frame.raw)
+        waiting[which] = frame.raw
         self.pump(now_s)
 
     def next_s(self) -> float | None:
@@ -147,23 +144,10 @@ class Outlet:
             return None
         while True:
             kind = self._turns[0]
-            head = self._head(kind)
-            if head is not None and self._credit[kind] >= len(head):
-                self._credit[kind] -= len(head)
-                return self._take(kind)
+            waiting = self._waiting[kind]
+            first = next(iter(waiting), None)
+            if first is not None and self._credit[kind] >= len(waiting[first]):
+                self._credit[kind] -= len(waiting[first])
+                return waiting.pop(first)
             self._turns.rotate(-1)
-            if head is None:
-                self._credit[kind] = 0
-            else:
-                self._credit[kind] += QUANTUM_BYTES * SHARES[kind].weight
-
-    def _head(self, kind: Kind) -> bytes | None:
-        if kind is Kind.TELEMETRY:
-            return next(iter(self._latest.values()), None)
-        waiting = self._waiting[kind]
-        return waiting[0] if waiting else None
-
-    def _take(self, kind: Kind) -> bytes:
-        if kind is Kind.TELEMETRY:
-            return self._latest.pop(next(iter(self._latest)))
-        return self._waiting[kind].popleft()
+            self._credit[kind] = 0 if first is None else self._credit[kind] + QUANTUM_BYTES * SHARES[kind].weight

@@ -75,11 +75,6 @@ class RouterLink:
         self.senders: dict[int, _Sender] = {}
         """By `system << 8 | component`."""
 
-    @property
-    def addresses(self) -> list[Address]:
-        """Who has been heard here."""
-        return [Address(key >> 8, key & 0xFF) for key in sorted(self.senders)]
-
     def has(self, system: int, component: int) -> bool:
         """Whether an address has been heard here; component 0 asks for any of the system."""
         if component:
@@ -108,10 +103,6 @@ class Router:
         link = RouterLink(name, send)
         self.links.append(link)
         return link
-
-    def detach(self, link: RouterLink) -> None:
-        """Takes a link away, with all that was heard there."""
-        self.links.remove(link)
 
     def route(self, source: RouterLink, frame: Frame, now_s: float) -> None:
         """Passes on one frame that has come in by a link."""

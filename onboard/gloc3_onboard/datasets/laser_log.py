@@ -12,6 +12,7 @@ import numpy as np
 
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.perception import LaserScan
+from gloc3.trajectory import is_number
 from gloc3_onboard.scan_matching.planar import Array, Planar
 
 INTERVAL_S = 0.1
@@ -74,7 +75,7 @@ class Line:
         try:
             found = np.array(self.words[begin:end], np.float64)
         except ValueError as error:
-            index = next(index for index in range(begin, end) if not _is_number(self.words[index]))
+            index = next(index for index in range(begin, end) if not is_number(self.words[index]))
             raise self.wrong(index, f"{self.words[index]!r} is not a number") from error
         if not may_be_nan and not np.isfinite(found).all():
             raise self.wrong(begin + int(np.argmin(np.isfinite(found))), "this number is not finite")
@@ -88,14 +89,6 @@ class Line:
         """Three words: x, y to the left, heading counter-clockwise."""
         x, y, heading = self.numbers(index, index + 3).tolist()
         return Planar(x, -y, -heading)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def scan_of(ranges_m: Array, angle_min_rad: float, angle_step_rad: float, range_max_m: float) -> LaserScan:

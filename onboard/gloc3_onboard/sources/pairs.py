@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Final
 
 import msgspec
@@ -36,12 +37,11 @@ class PairedCameras:
         """
         self._lefts.clear()
         self._rights.clear()
-        self._left.open()
-        try:
+        with ExitStack() as undo:
+            self._left.open()
+            undo.callback(self._left.close)
             self._right.open()
-        except BaseException:
-            self._left.close()
-            raise
+            undo.pop_all()
 
     def close(self) -> None:
         """Closes both."""

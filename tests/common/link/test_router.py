@@ -159,12 +159,6 @@ def test_a_restart_forgets_the_routes_of_that_system(net: Net) -> None:
     assert net.links["radio"].has(255, 190), "others keep theirs"
 
 
-def test_a_link_that_goes_takes_its_routes_along(net: Net) -> None:
-    net.router.detach(net.links["wifi"])
-    assert net.say("serial", AUTOPILOT) == {"radio": 1}
-    assert command(net, "serial", AUTOPILOT, 254, 190) == {}
-
-
 def test_gaps_in_the_numbers_are_counted_as_lost_frames(net: Net) -> None:
     lost_before = net.links["serial"].counts.lost
     for number in range(300):

@@ -23,7 +23,8 @@ app = App(
     - `gloc3 onboard my.yaml --autopilot serial:///dev/ttyACM0:57600 --station udpout://192.168.1.10:14550`
     - `gloc3 onboard my.yaml --device ground_camera=v4l2:///dev/video0 --device laser=rplidar:///dev/ttyUSB0`
 
-    Its log, pictures and what must survive a restart go to the folder of --out.""",
+    It passes MAVLink on between the autopilot and all stations, so that QGroundControl and others reach the autopilot
+    through it. Its log, every MAVLink frame, pictures and what must survive a restart go to the folder of --out.""",
     help_format="markdown",
     version_flags=[],
 )

@@ -297,6 +297,7 @@ class VehicleSummary(Message, frozen=True):
     """The autopilot's mode in its own words."""
     is_armed: bool
     landed: str
+    """A `LandedState`; `under_way` for the one in the air where the vehicle does not fly."""
     battery_percent: int
     """-1 where it is not known."""
     position_m: tuple[float, float, float]

@@ -22,6 +22,8 @@ from gloc3.guard import guard
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
+monotonic_s: Final = time.monotonic
+"""What asyncio's loops have for their time."""
 VIRTUAL_EPOCH_S: Final = datetime(2026, 1, 1, tzinfo=UTC).timestamp()
 """UTC at which virtual time starts, in seconds since 1970."""
 

@@ -17,6 +17,7 @@ from gloc3.frames import GeoPoint, LocalFrame
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
+Height = Annotated[float, msgspec.Meta(ge=-11_000.0, le=1e6)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 
@@ -64,9 +65,9 @@ class Limits(_Row, frozen=True, kw_only=True):
     landing_m_s: Positive = 0.5
     """Speed of the last part of a landing; landings are estimated with it."""
     acceleration_m_s2: Positive = 2.5
-    height_min_m: NotNegative = 0.3
-    """Least height above home of a waypoint."""
-    height_max_m: Positive = 30.0
+    height_min_m: Height = 0.3
+    """Least height above home of a waypoint; negative for what dives."""
+    height_max_m: Height = 30.0
     """Greatest height above home."""
     fence_margin_m: NotNegative = 0.5
     """Distance that waypoints and legs keep from the fence."""

@@ -2,8 +2,9 @@
 
 import msgspec
 
+from gloc3.link_traffic import LinkTraffic
 from gloc3.messages import Message
-from gloc3.vehicle import Style
+from gloc3.vehicle import Style, VehicleClass
 
 
 class ReadSetup(Message, frozen=True):
@@ -35,6 +36,7 @@ class AutopilotSetup(Message, frozen=True):
     """The last `ReadSetup` that was asked before this reading began; the reading has ended."""
     is_complete: bool = False
     """Whether a reading has ended since the autopilot came or restarted."""
+    vehicle: VehicleClass | None = None
 
 
 class LinkCondition(msgspec.Struct, frozen=True, array_like=True):
@@ -44,6 +46,8 @@ class LinkCondition(msgspec.Struct, frozen=True, array_like=True):
     problem: str
     """Why it leads nowhere; empty where it does lead somewhere, as far as can be known."""
     bytes_received: int = 0
+    traffic: LinkTraffic = LinkTraffic()
+    """What has passed it."""
 
 
 class SensorCondition(msgspec.Struct, frozen=True, array_like=True):

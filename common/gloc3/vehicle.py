@@ -22,6 +22,16 @@ class Style(StrEnum):
     ARDUPILOT = "ardupilot"
 
 
+class VehicleClass(StrEnum):
+    """What an autopilot steers, told by its heartbeat; its modes and manners differ by it."""
+
+    COPTER = "copter"
+    ROVER = "rover"
+    BOAT = "boat"
+    SUB = "sub"
+    PLANE = "plane"
+
+
 class FlightMode(StrEnum):
     """What an autopilot's mode means to us; each style maps its own numbers to these."""
 
@@ -68,6 +78,11 @@ class AutopilotState(Message, frozen=True):
     """0 to 1; negative where it is not known."""
     is_failsafe: bool = False
     """The autopilot acts by itself (MAV_STATE critical or emergency)."""
+    vehicle: VehicleClass | None = None
+    doubts: list[str] = []
+    """What its sensors' health and its estimator's flags say against a start, in words."""
+    has_home: bool = False
+    """Whether it has told where its home is."""
 
 
 class AutopilotPose(Message, frozen=True):
@@ -183,6 +198,8 @@ class ManoeuvreKind(StrEnum):
     TAKE_OFF = "take_off"
     LAND = "land"
     HOLD = "hold"
+    SET_OFF = "set_off"
+    """Arm and be led by setpoints from where it stands: what does not climb by itself."""
 
 
 class Manoeuvre(Message, frozen=True):

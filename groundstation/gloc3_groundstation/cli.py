@@ -85,7 +85,8 @@ def station(
         exit_when_done: Close the terminal when the mission has ended.
         override: With --headless: why the mission shall start although pre-flight checks are red; it is logged onboard
             with your name.
-        wait: With --headless: give up when the platform is not heard within so many seconds.
+        wait: With --headless: give up when the platform is not heard within so many seconds; it may take as long again to
+            be ready.
         station_id: The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
             configuration file, else 255.
         signing_key: A file with the MAVLink signing key of all links, which nobody else may read: 64 hexadecimal digits,

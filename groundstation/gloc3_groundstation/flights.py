@@ -15,7 +15,8 @@ from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 
 WELL: Final = (Health.WORKING, Health.QUIET)
-READY_WITHIN_S: Final = 30.0
+READY_WITHIN_S: Final = 90.0
+"""An autopilot that has just been switched on takes up to a minute to find its satellites and to settle."""
 GRANTED_WITHIN_S: Final = 12.0
 """The holder of control is given 10 s to answer."""
 SETTLED_AFTER_S: Final = 3.0

@@ -48,7 +48,7 @@ class Headless:
 
         Args:
             plan: the mission, checked.
-            wait_s: how long to wait for the platform to be heard.
+            wait_s: how long to wait for the platform to be heard, and then for it to be ready.
             override: why it shall start although checks are red; empty to have it refused then.
             author: whose override that is.
 
@@ -59,7 +59,7 @@ class Headless:
         self._begin()
         try:
             name = await self._found(wait_s)
-            lacks = await flights.await_ready(station, name)
+            lacks = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
             if lacks:
                 self.say(f"{name} still lacks {', '.join(lacks)}; it will say itself whether it starts")
             await flights.stream(station, name, plan)

@@ -10,6 +10,7 @@ from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, Trouble, Undelivered
 from gloc3.exchange.tunnel.pacing import LinkBudget
 from gloc3.link.codec import Encoder, Frame, Parser, enums, shape
+from gloc3.link.gaps import Gaps
 from gloc3.link.heartbeat import Heartbeat, Peer, Peers
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
@@ -18,6 +19,8 @@ from gloc3.link.signing import Signing, timestamp
 from gloc3.topics import TopicTable
 
 STATION_COMPONENT: Final = 190
+MOST_LOCKED: Final = 16
+"""Of so many systems it is told that they sign and we do not."""
 
 Tap = Callable[[bytes], None]
 """Is given every frame of a link, in and out, as it is."""
@@ -81,7 +84,9 @@ class Link:
         self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
         self._own = own
         self._has_told_of_double = False
-        self._signed_only = SignedOnly(signing, told)
+        self._locked: set[int] = set()
+        self._gaps = Gaps()
+        self._signed_only = None if signing is None else SignedOnly(signing, told)
         end = TunnelEndpoint(Role.STATION, str(system), own, boot, topics, budget or LinkBudget())
         self._tunnel = MavlinkExchange(end, loop, self._send_message)
         self._tunnel.listen(self._happened)
@@ -93,8 +98,12 @@ class Link:
         now_s = self._loop.time()
         for frame in self._parser.receive(data):
             self._tap(frame.raw)
-            if not self._signed_only.passes(frame, now_s):
+            if self._signed_only is None:
+                if frame.is_signed:
+                    self._is_locked_out(frame)
+            elif not self._signed_only.passes(frame, now_s):
                 continue
+            self._gaps.hear(frame)
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
@@ -146,6 +155,21 @@ class Link:
         """Frames that were dropped since their signature is missing or wrong."""
         return 0 if self._signing is None else self._signing.refused
 
+    @property
+    def refusals(self) -> dict[str, int]:
+        """By reason, how many these are."""
+        return {} if self._signed_only is None else self._signed_only.refused()
+
+    @property
+    def genuine(self) -> int:
+        """Frames with a right signature."""
+        return 0 if self._signed_only is None else self._signed_only.genuine
+
+    @property
+    def lost(self) -> int:
+        """Frames that did not come here: lost, or left out before a slow line."""
+        return self._gaps.lost
+
     def platforms(self) -> list[tuple[str, Address]]:
         """The platforms whose companions are heard here, with the companions' addresses."""
         return [(peer.name, peer.address) for peer in self._tunnel.endpoint.peers() if peer.name]
@@ -184,6 +208,16 @@ class Link:
             self._told(happening.text)
         elif isinstance(happening, Undelivered):
             self._undelivered(happening)
+
+    def _is_locked_out(self, frame: Frame) -> None:
+        """Who signs takes nothing that is not signed: without a key an operator sees it, and is not heard."""
+        if frame.system not in self._locked and len(self._locked) < MOST_LOCKED:
+            self._locked.add(frame.system)
+            who = f"{frame.system}/{frame.component}"
+            self._told(
+                f"{who} signs what it sends, and this link has no key: it is seen, but takes nothing from here; "
+                "see --signing-key"
+            )
 
     def _is_doubled(self) -> None:
         if not self._has_told_of_double:

@@ -1,6 +1,10 @@
 """What a station knows of one of its links at one moment."""
 
+from typing import Final
+
 import msgspec
+
+TELLING_LOSS: Final = 0.01
 
 
 class LinkSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,3 +27,17 @@ class LinkSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Whose heartbeats come in: `autopilot 1/1`."""
     platforms: tuple[str, ...] = ()
     """The vehicles whose command interface is behind it."""
+    lost: int = 0
+    """Frames that did not come, told by the gaps in their numbers: lost, or left out before a slow line."""
+    refusals: dict[str, int] = {}
+    """By reason, frames that were dropped since their signature is missing or wrong."""
+    genuine: int = 0
+    """Frames with a right signature."""
+
+    def remark(self) -> str:
+        """What a person should know of its frames; empty where all is well."""
+        parts = [f"{count:,} refused: {reason}" for reason, count in self.refusals.items()]
+        share = self.lost / max(1, self.lost + self.frames_in)
+        if share >= TELLING_LOSS:
+            parts.append(f"{share:.0%} lost or left out")
+        return "; ".join(parts)

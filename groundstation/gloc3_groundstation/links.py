@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Final
 
 from gloc3.clock import Clock
@@ -10,9 +11,10 @@ from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.exchange.tunnel.happenings import Undelivered
-from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.link.message import Address
 from gloc3.link.signing import Signing, timestamp
+from gloc3.link.signing_key import read_signing_key
 from gloc3.topics import TopicTable
 from gloc3_groundstation.link import GivenUp, Link, Tap, Told
 from gloc3_groundstation.link_snapshot import LinkSnapshot
@@ -46,7 +48,8 @@ class Links:
         self._open: list[_Opened] = []
         self._ways = 0
         self._given_up = UndeliveredEverywhere()
-        self._make: Callable[[str, Endpoint, int], Link] | None = None
+        self._make: Callable[[str, Endpoint, int, bytes | None], Link] | None = None
+        self._signing_key: bytes | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     async def open(
@@ -62,7 +65,7 @@ class Links:
         tap: Tap = lambda _: None,
         signing_key: bytes | None = None,
     ) -> None:
-        """Opens links; with a key all frames are signed, and those of others must be.
+        """Opens links; with a key, theirs or that of their URL, all frames are signed, and those of others must be.
 
         See `Link` for the arguments, and `UndeliveredEverywhere` for what is told as undelivered.
 
@@ -72,7 +75,7 @@ class Links:
         loop = asyncio.get_running_loop()
         utc_offset_s = Clock(loop).utc_offset_s
 
-        def make(url: str, endpoint: Endpoint, way: int) -> Link:
+        def make(url: str, endpoint: Endpoint, way: int, key: bytes | None) -> Link:
             return Link(
                 endpoint.send,
                 loop=loop,
@@ -83,14 +86,14 @@ class Links:
                 told=lambda text: told(f"{url}: {text}"),
                 undelivered=partial(self._give_up, way, undelivered),
                 is_datagram=endpoint.is_datagram,
-                budget=budget_of(url),
+                budget=budget_of(url, is_signed=key is not None),
                 tap=tap,
                 signing=None
-                if signing_key is None
-                else Signing(signing_key, link_id=way & 0xFF, now=timestamp(loop.time() + utc_offset_s)),
+                if key is None
+                else Signing(key, link_id=way & 0xFF, now=timestamp(loop.time() + utc_offset_s)),
             )
 
-        self._make = make
+        self._make, self._signing_key = make, signing_key
         self._timer = loop.call_later(MEASURE_EVERY_S, self._measure, loop)
         for url in urls:
             await self.add(url)
@@ -100,16 +103,19 @@ class Links:
 
         Raises:
             Refused: it is open already, the URL is wrong, or its address cannot be had.
+            InputError: the key file that it names has no key, or others may read it.
         """
         if self._make is None:
             raise Refused("the station is closed")
         if any(opened.endpoint.url == url for opened in self._open):
             raise Refused(f"link {url} is open already")
+        file = parse_url(url).key
+        key = read_signing_key(Path(file).expanduser()) if file else self._signing_key
         made: list[Link] = []
         loop = asyncio.get_running_loop()
         endpoint = await open_endpoint(url, loop, lambda data: made[0].receive(data) if made else None)
         self._ways += 1
-        made.append(self._make(url, endpoint, self._ways))
+        made.append(self._make(url, endpoint, self._ways, key))
         self._open.append(_Opened(self._ways, endpoint, made[0]))
 
     async def remove(self, url: str) -> None:
@@ -141,6 +147,9 @@ class Links:
                 dropped=endpoint.dropped,
                 heard=tuple(link.heard()),
                 platforms=tuple(name for name, _ in link.platforms() if name in names),
+                lost=link.lost,
+                refusals=link.refusals,
+                genuine=link.genuine,
             )
             for opened in self._open
             for endpoint, link in ((opened.endpoint, opened.link),)

@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3_groundstation.counting import counted
+from gloc3.counting import counted
 
 UNITS: Final[Mapping[str, str]] = {
     "_rad_s2": "rad/s²",
@@ -56,7 +56,7 @@ class Field(NamedTuple):
 
 def fields_of(message: Any) -> list[Field]:
     """All fields of a message; a structure is followed by its own fields, one level deeper."""
-    plain = msgspec.to_builtins(message, builtin_types=(bytes,), enc_hook=str)
+    plain = msgspec.to_builtins(_named(message), builtin_types=(bytes,), enc_hook=str)
     return list(_walk(plain, "", 0)) if isinstance(plain, dict) else []
 
 
@@ -71,6 +71,15 @@ def numbers_of(message: Any) -> dict[str, tuple[float, ...]]:
         for field in fields_of(message)
         if (numbers := field.numbers) and (is_valid or isinstance(field.value, bool))
     }
+
+
+def _named(value: Any) -> Any:
+    """A structure by the names of its fields, also where it travels without them; a short row of structures is numbered."""
+    if isinstance(value, msgspec.Struct):
+        return {name: _named(getattr(value, name)) for name in value.__struct_fields__}
+    if isinstance(value, list | tuple) and 0 < len(value) <= LONG and isinstance(value[0], msgspec.Struct):
+        return {str(number): _named(one) for number, one in enumerate(value, 1)}
+    return value
 
 
 def _walk(values: Mapping[Any, Any], path: str, depth: int) -> Iterator[Field]:

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from gloc3.counting import counted
 from gloc3.errors import Refused
-from gloc3_groundstation.counting import counted
 from gloc3_groundstation.service_jobs import Begin, Service
 from gloc3_groundstation.services.parameter_table import DiffKind, ParameterDiff, ParameterTable
 from gloc3_groundstation.services.parameters import ParameterService, WriteReport

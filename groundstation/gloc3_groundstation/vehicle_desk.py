@@ -5,11 +5,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.link.calibration import CalibrationKind, CalibrationState, Phase, Side, SideState
 from gloc3.link.plan import PlanType
 from gloc3.messages import Severity
-from gloc3_groundstation.counting import counted
 from gloc3_groundstation.parameter_desk import ParameterDesk
 from gloc3_groundstation.plan_desk import PlanDesk
 from gloc3_groundstation.service_jobs import Job, Jobs, Outcome, Service, Work, attempt

@@ -1,6 +1,8 @@
 """The command `gloc3 onboard`: the companion process of a platform, in wall time, until it is told to stop."""
 
 import asyncio
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -41,6 +43,7 @@ def onboard(
     out: Path | None = None,
     system_id: int = 1,
     signing_key: Path | None = None,
+    take_plans: Annotated[bool, Parameter(negative=())] = False,
     quiet: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
     """Run the onboard companion process.
@@ -48,8 +51,9 @@ def onboard(
     Args:
         platform: A platform file, or the name of one that is installed, such as pelican.
         autopilot: Where the autopilot is: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD;
-            with :auto as BAUD the rate is found.
-        station: Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550.
+            with :auto as BAUD the rate is found. ?key=FILE behind it signs the link with that key.
+        station: Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550. Behind it
+            ?rate=BIT_S tells what a radio on the way carries, and ?key=FILE (or &key=FILE) goes before --signing-key.
         device: Where a sensor's data comes from, as NAME=URL, such as ground_camera=v4l2:///dev/video0; may be given
             again. It goes before what the platform file says. docs/sensors.md lists the URLs.
         out: Folder for the log, pictures and state; default: gloc3-PLATFORM here.
@@ -57,6 +61,8 @@ def onboard(
         signing_key: A file with the MAVLink signing key of the links to ground stations, which nobody else may read: 64
             hexadecimal digits, or `passphrase: ...`; the stations have the same. Then frames without its signature are
             dropped and told.
+        take_plans: Plans that ground stations of others (QGroundControl, say) send to the autopilot become missions of
+            this process, and do not reach the autopilot. Without it they become missions only when sent to component 191.
         quiet: No narration on stderr.
     """
     if not 1 <= system_id <= MOST_SYSTEM_ID:
@@ -72,6 +78,17 @@ def onboard(
         out=out,
         system_id=system_id,
         is_quiet=quiet,
+        takes_plans=take_plans,
         signing_key=None if signing_key is None else read_signing_key(signing_key.expanduser()),
     )
-    return asyncio.run(run(options))
+    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+        return runner.run(run(options))
+
+
+def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    """The loop that passes frames on promptly, where there is one."""
+    if sys.platform != "linux":
+        return None
+    from gloc3.link.prompt_loop import PromptLoop
+
+    return PromptLoop

@@ -2,13 +2,12 @@
 
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Final
 
 from gloc3.clock import Clock
-from gloc3.link.endpoints import Endpoint
 from gloc3.readiness import ComputerState, LinkCondition, SensorCondition
 
 MEASURED_BYTES: Final = 4_000_000
@@ -38,7 +37,7 @@ class HostComputer:
         folder: where log and pictures go.
         clock: the process's time.
         log_problem: tells why the log is not written any more; empty while it is.
-        endpoints: the links that are open.
+        links: tells how the links are.
         sensors: tells how the sensors are.
     """
 
@@ -47,12 +46,12 @@ class HostComputer:
         folder: Path,
         clock: Clock,
         log_problem: Callable[[], str] = lambda: "",
-        endpoints: Sequence[Endpoint] = (),
+        links: Callable[[], list[LinkCondition]] = list,
         sensors: Callable[[], list[SensorCondition]] = list,
     ) -> None:
         self._sensors = sensors
         self._folder, self._clock = folder, clock
-        self._log_problem, self._endpoints = log_problem, endpoints
+        self._log_problem, self._links = log_problem, links
         self._write_mb_s = 0.0
         self._problem = ""
 
@@ -83,12 +82,7 @@ class HostComputer:
             disk_problem=self._problem,
             log_problem=self._log_problem(),
             utc_minus_t_s=round(self._clock.utc_s() - self._clock.now_s(), 3),
-            links=[
-                LinkCondition(
-                    one.url, "" if one.is_connected else one.problem or "nothing is heard there", one.bytes_received
-                )
-                for one in self._endpoints
-            ],
+            links=self._links(),
             sensors=self._sensors(),
         )
 

@@ -8,7 +8,7 @@ from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Envelope
 from gloc3.perception import ImuSample, LaserScan
-from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image
+from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image, VehicleClass
 
 
 class Stamped(NamedTuple):
@@ -195,16 +195,32 @@ class Answer(NamedTuple):
     reason: str
 
 
+class Manners(NamedTuple):
+    """How an autopilot of one family and class wants to be commanded."""
+
+    vehicle: VehicleClass = VehicleClass.COPTER
+    arm_in_mode: FlightMode | None = None
+    """The mode in which it wants to be armed before it sets off; None for any."""
+    stream_before_guided_s: float = 0.0
+    """How long setpoints must have been streamed before guided mode is accepted."""
+    climbs: bool = True
+    """Whether it takes off by a command of its own; others are armed, and led by setpoints from where they stand."""
+    land_mode: FlightMode = FlightMode.LAND
+    """The mode in which a motion ends: it lands, surfaces, or stops."""
+    disarms_itself: bool = True
+    """Whether it disarms by itself once it has landed; else we ask for it."""
+    at_rest_s: float = 0.0
+    """With that: how long it must have stood still in `land_mode`."""
+    lands_into: tuple[str, ...] = ()
+    """Modes, in the autopilot's words, that it enters by itself when a landing is over."""
+
+
 class AutopilotControl(Protocol):
     """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
 
     @property
-    def arm_in_mode(self) -> FlightMode | None:
-        """The mode in which this style wants to be armed for a take-off; None for any."""
-
-    @property
-    def stream_before_guided_s(self) -> float:
-        """How long setpoints must have been streamed before guided mode is accepted."""
+    def manners(self) -> Manners:
+        """How the autopilot that is there now wants to be commanded."""
 
     def send_setpoint(
         self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None

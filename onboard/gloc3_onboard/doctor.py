@@ -11,7 +11,7 @@ from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.platform import Platform
 from gloc3.port_advice import port_advice
 from gloc3.preflight import Check, Group, Verdict, in_order
-from gloc3.readiness import SensorCondition
+from gloc3.readiness import LinkCondition, SensorCondition
 from gloc3.vehicle import Pose
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.checklist import checklist
@@ -47,7 +47,9 @@ async def examine(question: Question) -> list[Check]:
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
     endpoints: list[Endpoint] = []
-    computer = HostComputer(question.out, clock, endpoints=endpoints, sensors=partial(_sensors, question))
+    computer = HostComputer(
+        question.out, clock, links=partial(_conditions, endpoints), sensors=partial(_sensors, question)
+    )
     await loop.run_in_executor(None, computer.measure)
     link = AutopilotLink(loop, clock, question.system_id)
     problem = ""
@@ -66,6 +68,13 @@ async def examine(question: Question) -> list[Check]:
         for one in endpoints:
             await one.close()
     return in_order(_with_port(checks, problem))
+
+
+def _conditions(endpoints: list[Endpoint]) -> list[LinkCondition]:
+    return [
+        LinkCondition(one.url, "" if one.is_connected else one.problem or "nothing is heard there", one.bytes_received)
+        for one in endpoints
+    ]
 
 
 def _sensors(question: Question) -> list[SensorCondition]:

@@ -1,4 +1,4 @@
-"""What the onboard computer tells other people's ground stations: status texts, and how the computer is doing.
+"""What the onboard computer tells other people's ground stations by itself: status texts, and how the computer is doing.
 
 Our own stations get both as events and topics. MAVLink, common: STATUSTEXT, ONBOARD_COMPUTER_STATUS.
 """
@@ -7,7 +7,6 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange
 from gloc3.link import codec
 from gloc3.link.codec import Address, MavlinkMessage
@@ -16,9 +15,6 @@ from gloc3.messages import Envelope, Event, Severity
 from gloc3_onboard.vitals import UNKNOWN, Vitals
 
 PERIOD_S: Final = 5.0
-"""A computer changes slowly, and a radio is slow."""
-FIRST_S: Final = 1.0
-"""After the start."""
 MOST_TEXTS: Final = 10
 """In a period; what is more is counted and told at its end."""
 _CORES, _HISTORY = 8, 10
@@ -53,15 +49,13 @@ def computer_status(vitals: Vitals, utc_s: float) -> MavlinkMessage:
 
 
 class Herald:
-    """Sends texts and figures on every link to stations.
+    """Sends texts on every link to stations.
 
     Args:
         exchange: brings the components' events.
         platform: whose.
         own: as whom it sends.
-        clock: of the process.
         loop: wakes it.
-        look: looks at the computer.
         send: sends a message to all stations.
     """
 
@@ -70,16 +64,16 @@ class Herald:
         exchange: Exchange,
         platform: str,
         own: Address,
-        clock: Clock,
         loop: asyncio.AbstractEventLoop,
-        look: Callable[[], Vitals],
         send: Callable[[MavlinkMessage], None],
     ) -> None:
         self._texts = StatusTextSender(own)
-        self._clock, self._loop, self._look, self._send = clock, loop, look, send
+        self.least_severity = Severity.WARNING
+        """Events that are at least so severe are told."""
+        self._loop, self._send = loop, send
         self._said = self._unsaid = 0
         self._unsubscribe = exchange.subscribe(f"{platform}/components/*/event", self._hear)
-        self._timer = loop.call_later(FIRST_S, self._tick)
+        self._timer = loop.call_later(PERIOD_S, self._tick)
 
     def close(self) -> None:
         """Says nothing any more."""
@@ -88,7 +82,7 @@ class Herald:
 
     def _hear(self, envelope: Envelope[Event]) -> None:
         event = envelope.payload
-        if event.severity > Severity.WARNING:
+        if event.severity > self.least_severity:
             return
         if self._said >= MOST_TEXTS:
             self._unsaid += 1
@@ -106,4 +100,3 @@ class Herald:
         if self._unsaid:
             self._say(Severity.WARNING, f"and {self._unsaid} more")
         self._said = self._unsaid = 0
-        self._send(computer_status(self._look(), self._clock.utc_s()))

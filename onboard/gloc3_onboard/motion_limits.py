@@ -33,6 +33,9 @@ REACTION_S: Final = 0.4
 """So much later the vehicle does what the point does; the fence is kept by the vehicle, not only by the point."""
 GENTLE_M_S2: Final = 0.8
 """Braking before an obstacle is planned with no more than this, which the vehicle can follow without overshooting."""
+EASING_HZ: Final = 1.5
+"""Where it is to be slower at once, a fast point loses this share of its speed a second, and a slow one brakes gently: the
+vehicle would overshoot, and come back just when it can no longer be told to stay."""
 AMONG_M_S: Final = 0.6
 AMONG_HZ: Final = 0.7
 """Where an obstacle is as near as it may be the point is no faster than the first; with each metre more by the second."""
@@ -79,9 +82,12 @@ class SetpointLimiter:
         self._resets: int | None = None
         self.obstacles: ObstacleField | None = None
         """What stands around; may be replaced at any time. None where nobody looks."""
+        self._flees = False
         self._detour = Detour()
         self.careful_m_s = math.inf
         """No faster than that for now, in any direction."""
+        self._eased_m_s = math.inf
+        """As it is slowing down to that."""
         self.highest_m = math.inf
         """Greatest height above the origin of NED; infinite while nothing limits it."""
         self.limits = limits
@@ -142,7 +148,8 @@ class SetpointLimiter:
             raise Misuse("the limiter has not been told where the vehicle is")
         duration_s = min(max(now_s - self._last_s, 0.0), LONGEST_STEP_S)
         self._last_s = max(now_s, self._last_s)
-        self._among_m_s = math.inf
+        self._among_m_s, self._flees = math.inf, False
+        self._ease(duration_s)
         if wanted.position_ned_m is None:
             return self._limit_velocity(wanted, duration_s)
         target, reason = self._inside(wanted.position_ned_m)
@@ -229,9 +236,10 @@ class SetpointLimiter:
         if before is None or duration_s <= 0.0:
             return _AT_REST
         seen = _plus(_AT_REST, _minus(target, before), 1.0 / duration_s)
-        if told is not None and self._agree(told, seen):
+        usual = (self._limits.speed_m_s, self._limits.climb_m_s)  # it may well be faster than what is followed now
+        if told is not None and self._agree(told, seen, usual):
             return told
-        return seen if self._is_slow(seen) else _AT_REST
+        return seen if self._is_slow(seen, usual) else _AT_REST
 
     # --- obstacles ---
 
@@ -242,13 +250,19 @@ class SetpointLimiter:
         if field is None or field.is_empty:
             return target, reason
         nearest_m, place = min((field.clearance_m(place), place) for place in (at, self._ahead_ned_m))
-        if nearest_m < field.keep_m - SLACK_M:
+        self._flees = nearest_m < field.keep_m - SLACK_M
+        if self._flees:
             north, east, _ = field.refuge(place)
             return self._kept_inside((north, east, target[2])), "an obstacle is too near"
         self._among_m_s = AMONG_M_S + AMONG_HZ * max(0.0, nearest_m - field.keep_m)
         if field.clearance_m(target) >= field.keep_m:
             return target, reason
         return self._kept_inside(field.pushed_out(target, at)), IN_THE_WAY
+
+    @property
+    def _in_the_way(self) -> ObstacleField | None:
+        """What may stop it; who gets out of the way of something is not stopped by what is not there yet."""
+        return self.obstacles.present if self.obstacles is not None and self._flees else self.obstacles
 
     def _kept_inside(self, place: Vector3) -> Vector3:
         """A place to flee to, not beyond the fence."""
@@ -259,7 +273,7 @@ class SetpointLimiter:
     def _around(self, wish: Vector3, distance_m: float) -> Vector3:
         """The wanted velocity, turned aside where something is in the way."""
         assert self._at is not None
-        field, across = self.obstacles, math.hypot(wish[0], wish[1])
+        field, across = self._in_the_way, math.hypot(wish[0], wish[1])
         if field is None or field.is_empty or across < TOLERANCE_M:
             return wish
         wanted_rad = math.atan2(wish[1], wish[0])
@@ -274,7 +288,7 @@ class SetpointLimiter:
     def _is_clear(self, stop: Vector3, way_m: float) -> bool:
         """Whether the way to a stop comes no nearer to an obstacle than it may, or than it is now."""
         assert self._at is not None
-        field = self.obstacles
+        field = self._in_the_way
         if field is None or field.is_empty:
             return True
         now_m, least_m = field.clearance_m(self._at), field.keep_m - SLACK_M
@@ -355,21 +369,28 @@ class SetpointLimiter:
 
     # --- speeds ---
 
-    def _agree(self, told: Vector3, seen: Vector3) -> bool:
+    def _agree(self, told: Vector3, seen: Vector3, most: tuple[float, float] | None = None) -> bool:
         """Whether a velocity that is told fits what is seen from one setpoint to the next."""
         near_m_s = 0.05 + 0.5 * self._limits.acceleration_m_s2 * LONGEST_STEP_S
-        return math.dist(told, seen) <= near_m_s and self._is_slow(told)
+        return math.dist(told, seen) <= near_m_s and self._is_slow(told, most)
 
-    def _is_slow(self, velocity: Vector3) -> bool:
-        most_m_s, most_climb_m_s = self._speeds
+    def _is_slow(self, velocity: Vector3, most: tuple[float, float] | None = None) -> bool:
+        """Whether it is within speeds, across and up or down; within those of now if none are given."""
+        most_m_s, most_climb_m_s = most or self._speeds
         across = math.hypot(velocity[0], velocity[1])
         return across <= most_m_s * 1.001 + 1e-3 and abs(velocity[2]) <= most_climb_m_s * 1.001 + 1e-3
+
+    def _ease(self, duration_s: float) -> None:
+        """Slows down to `careful_m_s` as fast as the vehicle can follow."""
+        speed = math.hypot(*self._velocity)
+        braking = max(GENTLE_M_S2, EASING_HZ * speed)
+        self._eased_m_s = max(self.careful_m_s, speed - braking * duration_s)
 
     @property
     def _speeds(self) -> tuple[float, float]:
         """How fast it may go now, across and up or down."""
-        return min(self._limits.speed_m_s, self.careful_m_s, self._among_m_s), min(
-            self._limits.climb_m_s, self.careful_m_s
+        return min(self._limits.speed_m_s, self._eased_m_s, self._among_m_s), min(
+            self._limits.climb_m_s, self._eased_m_s
         )
 
     def _slowed(self, velocity: Vector3) -> Vector3:

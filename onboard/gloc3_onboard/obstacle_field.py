@@ -35,13 +35,28 @@ REFUGES: Final = 24
 
 
 class ObstacleField:
-    """The points of one scan around a vehicle, and the distance that is kept from them."""
+    """The points of one scan around a vehicle, and the distance that is kept from them.
 
-    def __init__(self, points_ne_m: Sequence[tuple[float, float]], around: Vector3, keep_m: float) -> None:
-        points = np.array(points_ne_m, np.float64).reshape(-1, 2)
+    Args:
+        points_ne_m: what stands there.
+        around: the vehicle.
+        keep_m: the distance.
+        soon_ne_m: where something will be in the next moments.
+    """
+
+    def __init__(
+        self,
+        points_ne_m: Sequence[tuple[float, float]],
+        around: Vector3,
+        keep_m: float,
+        soon_ne_m: Sequence[tuple[float, float]] = (),
+    ) -> None:
+        points = np.array([*points_ne_m, *soon_ne_m], np.float64).reshape(-1, 2)
         near = np.hypot(*(points - around[:2]).T) < FARTHEST_M
         self._points = points[near]
         self.keep_m: Final = keep_m
+        self.present: Final[ObstacleField] = ObstacleField(points_ne_m, around, keep_m) if soon_ne_m else self
+        """What is there now: who stands where something will be has to get away, whatever will be on the way."""
 
     @property
     def is_empty(self) -> bool:

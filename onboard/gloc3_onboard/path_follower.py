@@ -20,6 +20,8 @@ CRAWL_M_S: Final = 0.05
 """Before a stop the speed fades, to so much of the way that is left a second; the last centimetres are crawled."""
 SHARP: Final = 0.5
 """Where the direction changes by more than this (30 degrees; it is the distance of the unit vectors) is a corner."""
+NEARER_M: Final = 0.2
+"""A vehicle that has come nearer by so much is still on its way to where the point waits."""
 LEAD_M: Final = 0.3
 LEAD_S: Final = 0.35
 """The point slows down for a vehicle that is farther behind than `LEAD_M` and the way of this time at its speed, and
@@ -89,6 +91,8 @@ class PathFollower:
         is_there = math.dist(start_ned_m, self._waypoints[0]) <= SAME_M
         self._rest_s = hold_s if is_there else 0.0
         self._is_waiting = False
+        self._nearest_m = math.inf
+        """How near the vehicle came to the waypoint at which the point waits for it."""
         self._lay(start_ned_m, list(enumerate(self._waypoints)))
         self.length_m = sum(leg.length_m for leg in self._legs)
 
@@ -163,7 +167,9 @@ class PathFollower:
     def _stay(self, duration_s: float, behind_m: float) -> None:
         """At a waypoint: waits for the vehicle, then rests with it."""
         if behind_m > self._acceptance_m:
-            self._count_wait(duration_s, is_moving=False)
+            is_nearer = behind_m < self._nearest_m - NEARER_M
+            self._nearest_m = behind_m if is_nearer else self._nearest_m
+            self._count_wait(duration_s, is_moving=is_nearer)
         else:
             self._is_waiting, self.waited_s = False, 0.0
             self._rest_s -= duration_s
@@ -186,6 +192,7 @@ class PathFollower:
             self._index, self._on_leg_m = self._index + 1, 0.0
             if leg.is_checked:
                 self._is_waiting, self._rest_s = behind_m > self._acceptance_m, self._hold_s
+                self._nearest_m = behind_m
                 if self._is_staying:
                     self._now_m_s = 0.0
                     return

@@ -31,6 +31,8 @@ class PilotWatch:
     def __init__(self) -> None:
         self.has_control = False
         self.reason = ""
+        self.lands_into: tuple[str, ...] = ()
+        """Modes, in the autopilot's words, that it enters by itself when a landing of ours is over."""
         self._expected: FlightMode | None = None
         self._commanded: dict[FlightMode, float] = {}
         """Modes that we have commanded and not seen yet, oldest first, with the time until which they may come."""
@@ -118,8 +120,9 @@ class PilotWatch:
                 del self._commanded[next(iter(self._commanded))]
             del self._commanded[ours]
         elif state.is_armed:
-            settles = self._expected is FlightMode.TAKE_OFF and state.mode is FlightMode.HOLD
-            if not (settles and may_settle):
+            settles = may_settle and self._expected is FlightMode.TAKE_OFF and state.mode is FlightMode.HOLD
+            has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
+            if not (settles or has_landed):
                 self.lose(self._chosen(state))
         self._expected = state.mode
 

@@ -10,23 +10,33 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.context import HostContext
+from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.link_budget import budget_of
-from gloc3.link.endpoints import Endpoint, open_endpoint
+from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.link.message import MavlinkMessage
+from gloc3.link.parser import Frame
 from gloc3.link.router import Router
 from gloc3.link.signing import Signing, timestamp
+from gloc3.link.signing_key import read_signing_key
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
 from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.readiness import LinkCondition
 from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.requested_path import RequestedPath
 from gloc3.topics import TopicTable
+from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.companion.companion import Companion
+from gloc3_onboard.companion.files import shared_files
+from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.herald import Herald
+from gloc3_onboard.rate_watch import RateWatch
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
@@ -61,6 +71,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     is_quiet: bool = False
     signing_key: bytes | None = None
     """Of the links to ground stations; None for links that are not signed."""
+    takes_plans: bool = False
+    """Plans that stations of others send to the autopilot become missions, and do not reach it."""
 
 
 async def run(options: ProcessOptions) -> int:
@@ -101,11 +113,32 @@ class OnboardProcess:
         self._endpoints: list[Endpoint] = []
         self._routed: list[RoutedLink] = []
         self._stations: list[StationLink] = []
-        self._autopilot = AutopilotLink(loop, self._clock, options.system_id, self.say)
+        self._news = LinkNews(self.exchange, platform.platform, self._random.getrandbits(32), loop.time)
+        self._authority = ArmAuthority(self.exchange, platform.platform)
+        self._autopilot = AutopilotLink(
+            loop,
+            self._clock,
+            options.system_id,
+            self._autopilot_says,
+            self._signing(options.autopilot, 0, None),
+            lambda: self._authority.why_not(loop.time()),
+        )
         self._router = Router(self._autopilot.own, self._system_restarted)
         self._recorder: Recorder | None = None
         self._traffic: Traffic | None = None
-        self._herald: Herald | None = None
+        self._herald = Herald(self.exchange, platform.platform, self._autopilot.own, self._loop, self._tell_stations)
+        self._may_write = True
+        self._companion = Companion(
+            self._autopilot.own,
+            platform,
+            self.exchange,
+            self._clock,
+            self._loop,
+            self._random.getrandbits(32),
+            VitalSigns(self._out).look,
+            own_parameters(self._tell_from, self._allow_writing),
+            takes_plans=options.takes_plans,
+        )
         folder = find_platform(options.platform).parent
         self._rig = PlatformRig(platform, folder)
         for warning in self._rig.warnings:
@@ -115,7 +148,9 @@ class OnboardProcess:
         host = SourceHost(loop, folder, self._autopilot.t_s_of_boot, self._autopilot.sensors, self._autopilot)
         self._sources = make_sources(urls, host)
         watch = SensorWatch(urls, self._sources, self._rig, self._clock.now_s)
-        self._computer = HostComputer(self._out, self._clock, self._log_problem, self._endpoints, watch.conditions)
+        self._computer = HostComputer(
+            self._out, self._clock, self._log_problem, self._link_conditions, watch.conditions
+        )
         self._onboard: Onboard | None = None
         self._links: dict[str, str] = {}
         """What was told last of each link, by its URL."""
@@ -127,7 +162,8 @@ class OnboardProcess:
         """Opens the links and the log, and brings the components up."""
         platform, options = self._platform, self._options
         await self._open_link(options.autopilot, self._autopilot)
-        for number, url in enumerate(options.stations):
+        for number, url in enumerate(options.stations, 1):
+            signing = self._signing(url, number, options.signing_key)
             link = StationLink(
                 platform.platform,
                 options.system_id,
@@ -135,8 +171,8 @@ class OnboardProcess:
                 self.exchange,
                 self._topics,
                 self._random.getrandbits(32),
-                budget_of(url),
-                self._signing(number),
+                budget_of(url, is_signed=signing is not None),
+                signing,
             )
             self._stations.append(link)
             await self._open_link(url, link)
@@ -145,17 +181,9 @@ class OnboardProcess:
             platform.platform,
             lambda: [self._autopilot.send_message, *(station.send for station in self._stations)],
         )
-        self._herald = Herald(
-            self.exchange,
-            platform.platform,
-            self._autopilot.own,
-            self._clock,
-            self._loop,
-            VitalSigns(self._out).look,
-            self._tell_stations,
-        )
         await self._loop.run_in_executor(None, self._computer.measure)
         log = self._open_log()
+        self._share()
         context = HostContext(platform.platform, self.exchange, self._clock, self._loop, self._topics, self._random)
         self._onboard = Onboard(platform, context, self._devices(log))
         self._onboard.begin()
@@ -169,13 +197,16 @@ class OnboardProcess:
         if self._onboard is not None:
             await self._onboard.stop(lambda text: self.say(Severity.WARNING, text))
             self._onboard.close()
-        if self._herald is not None:
-            self._herald.close()
+        self._herald.close()
+        self._companion.close()
+        if refused := self._companion.reasons.said:
+            self.say(Severity.INFO, f"refused of other programs' stations: {counted(refused, 'request')}")
         self._autopilot.close()
         for station in self._stations:
             station.close()
         for routed in self._routed:
             routed.close()
+            self.say(Severity.INFO, f"{routed.url}: {routed.condition().traffic.describe()}")
         for endpoint in self._endpoints:
             await endpoint.close()
         if self._traffic is not None:
@@ -189,6 +220,12 @@ class OnboardProcess:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
             self._narrator.say(f"onboard: {text}")
+
+    def _autopilot_says(self, severity: Severity, text: str) -> None:
+        """Tells what happens on the autopilot's link; what is narrated as an event is not narrated twice."""
+        self._news.say(severity, text)
+        if severity > Severity.WARNING:
+            self.say(severity, text)
 
     def _keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
         """Keeps a MAVLink frame, once there is a log."""
@@ -212,6 +249,20 @@ class OnboardProcess:
             for line in event.details.splitlines():
                 self.say(event.severity, f"    {line}")
 
+    def _tell_from(self, severity: Severity) -> None:
+        self._herald.least_severity = severity
+
+    def _allow_writing(self, is_allowed: bool) -> None:
+        self._may_write = is_allowed
+
+    def _share(self) -> None:
+        """Shares missions, logs and metadata with stations of others."""
+        try:
+            files = shared_files(self._out, self._companion.metadata.files)
+        except OSError as error:
+            raise Refused(f"the folder {self._out} cannot be written: {error.strerror}") from error
+        self._companion.share(files, lambda: self._may_write)
+
     def _open_log(self) -> Path:
         """Begins the next log of the folder; its file."""
         try:
@@ -232,13 +283,30 @@ class OnboardProcess:
     def _log_problem(self) -> str:
         return self._recorder.problem if self._recorder is not None else ""
 
-    def _signing(self, number: int) -> Signing | None:
+    def _link_conditions(self) -> list[LinkCondition]:
+        return [routed.condition() for routed in self._routed]
+
+    def _signing(self, url: str, number: int, default: bytes | None) -> Signing | None:
         """What signs the link of this number, where there is a key."""
-        key = self._options.signing_key
+        file = parse_url(url).key
+        key = read_signing_key(Path(file).expanduser()) if file else default
         return None if key is None else Signing(key, link_id=number & 0xFF, now=timestamp(self._clock.utc_s()))
 
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
-        routed = RoutedLink(url, self._router, self._loop, link.take, self._keep)
+        is_to_stations = isinstance(link, StationLink)
+        send = link.send if isinstance(link, StationLink) else link.send_message
+        hear = self._companion.attach(send, is_to_stations=is_to_stations)
+
+        watch = RateWatch(self._autopilot.ask_streams_again, self._loop.time) if is_to_stations else None
+
+        def listen(frames: list[Frame]) -> None:
+            link.take(frames)
+            hear(frames)
+            if watch is not None:
+                watch.hear(frames)
+
+        keeps = self._companion.keeps if is_to_stations and self._options.takes_plans else None
+        routed = RoutedLink(url, self._router, self._loop, listen, self._keep, link.signed_only, keeps)
         endpoint = await open_endpoint(url, self._loop, routed.receive)
         self._endpoints.append(endpoint)
         self._routed.append(routed)

@@ -92,7 +92,8 @@ class StationLink:
     ) -> None:
         self._loop = loop
         self._signing = signing
-        self._signed_only = SignedOnly(signing, self._warn)
+        self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
+        """Judges what is heard; None on a link without a key."""
         self._utc_offset_s = Clock(loop).utc_offset_s
         self._endpoint: ByteLink | None = None
         self._parser = Parser()
@@ -130,13 +131,13 @@ class StationLink:
 
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard."""
-        self.take(self._parser.receive(data))
+        now_s, gate = self._loop.time(), self.signed_only
+        frames = self._parser.receive(data)
+        self.take(frames if gate is None else [frame for frame in frames if gate.passes(frame, now_s)])
 
-    def take(self, frames: Iterable[Frame]) -> list[Frame]:
-        """Takes in frames that somebody else has found; those that are what they say they are, to be passed on."""
-        now_s = self._loop.time()
-        genuine = [frame for frame in frames if self._signed_only.passes(frame, now_s)]
-        for frame in genuine:
+    def take(self, frames: Iterable[Frame]) -> None:
+        """Takes in frames that somebody else has found and judged."""
+        for frame in frames:
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
@@ -146,7 +147,6 @@ class StationLink:
                 message = frame.decode()
                 if message is not None and message.type == GROUND_STATION:
                     self._hear(frame.sender)
-        return genuine
 
     def _happened(self, happening: Happening) -> None:
         """What a person should know of the link is an event as any other: logged, and told to the stations."""

@@ -15,6 +15,7 @@ from gloc3.frames import GeoPoint
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.narrate import narrate
 from gloc3_sitl.autopilot.mavlink.links import Receive
+from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.record_cli import record
 from gloc3_sitl.sensor_server import SensorServer
 from gloc3_sitl.simulator import STYLES, LinkKind, Simulator
@@ -25,6 +26,8 @@ from gloc3_sitl.world import World
 
 DEFAULT_LINKS: Final = ("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540")
 """Where PX4's and ArduPilot's own simulations send, too: 14550 for ground stations, 14540 for companions and MAVSDK."""
+ARDUPILOTS_LINK: Final = "station=tcpin://127.0.0.1:5760"
+"""Where ArduPilot's own simulation listens, too: MAVProxy, dronekit and pymavlink look for it there."""
 
 MOST_PORT: Final = 65535
 _COMPANION_PORTS: Final = range(14540, 14550)
@@ -36,7 +39,8 @@ app = App(
 
     Without --link it sends to 127.0.0.1:14550, where ground stations listen (QGroundControl; MAVSDK as
     udpin://0.0.0.0:14550), and to 127.0.0.1:14540, where companions listen (MAVSDK as udpin://0.0.0.0:14540,
-    gloc3 onboard). What it does and what the autopilot says goes to stderr.""",
+    gloc3 onboard); in ArduPilot's style it also listens on TCP 127.0.0.1:5760, where MAVProxy and pymavlink look.
+    What it does and what the autopilot says goes to stderr.""",
     version_flags=[],
 )
 
@@ -125,6 +129,10 @@ def sitl(
     seconds: float | None = None,
     sensors: int | None = None,
     out: Path | None = None,
+    firmware: str | None = None,
+    firmware_binary: Path | None = None,
+    firmware_running: Annotated[bool, Parameter(negative=())] = False,
+    firmware_port: int | None = None,
 ) -> int:
     """Run the simulated vehicle until Ctrl-C.
 
@@ -148,6 +156,10 @@ def sitl(
         sensors: TCP port on 127.0.0.1 that serves cameras and laser scanner (0: any), as sources tcp://127.0.0.1:PORT of
             `gloc3 onboard --device`.
         out: Folder for truth.mcap, the log of where the vehicle truly was.
+        firmware: A real autopilot, ardupilot or px4, in place of ours; see docs/firmware.md.
+        firmware_binary: Its program; else arducopter or px4 on PATH.
+        firmware_running: It is started by somebody else, and waited for.
+        firmware_port: Where our physics listens for it, in place of UDP 9002 (ArduPilot) or TCP 4560 (PX4).
     """
     if vehicle not in VEHICLES:
         raise Refused(f"no vehicle {vehicle!r}; {nearest(vehicle, list(VEHICLES))}")
@@ -165,19 +177,51 @@ def sitl(
         raise Refused("--seconds must be above 0")
     if sensors is not None and not 0 <= sensors <= MOST_PORT:
         raise Refused(f"--sensors must be a port from 0 to {MOST_PORT}")
+    if firmware_port is not None and not 0 <= firmware_port <= MOST_PORT:
+        raise Refused(f"--firmware-port must be a port from 0 to {MOST_PORT}")
     place, heading = (None, None) if home is None else read_home(home)
+    air = gusty(wind, wind_from) if wind > 0.0 else CALM
+    parameters = dict(read_parameter(text) for text in param or ())
+    if firmware is not None:
+        if battery != 1.0:
+            raise Refused("--battery: a real firmware simulates its own battery; see docs/firmware.md")
+        from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
+
+        return asyncio.run(
+            run_firmware(
+                FirmwareOptions(
+                    firmware=firmware,
+                    world=World.load(world, place, heading),
+                    body=BodySettings(
+                        vehicle=vehicle, seed=seed, wind=air, is_without_gps=no_gps, is_plain_gps=plain_gps
+                    ),
+                    parameters=parameters,
+                    links=tuple(read_link(text).url for text in link or ()),
+                    binary=firmware_binary,
+                    is_running=firmware_running,
+                    port=firmware_port,
+                    speed=speed,
+                    seconds=seconds,
+                    sensor_port=sensors,
+                    out=out,
+                )
+            )
+        )
+    if firmware_binary is not None or firmware_running or firmware_port is not None:
+        raise Refused("--firmware-… needs --firmware ardupilot or --firmware px4")
     simulator = Simulator(
         World.load(world, place, heading),
         vehicle=vehicle,
         style=autopilot,
         seed=seed,
-        wind=gusty(wind, wind_from) if wind > 0.0 else CALM,
+        wind=air,
         is_plain_gps=plain_gps,
         is_without_gps=no_gps,
         battery_remaining=battery,
-        parameters=dict(read_parameter(text) for text in param or ()),
+        parameters=parameters,
     )
-    links = [read_link(text) for text in link or DEFAULT_LINKS]
+    usual = (*DEFAULT_LINKS, ARDUPILOTS_LINK) if autopilot == "ardupilot" else DEFAULT_LINKS
+    links = [read_link(text) for text in link or usual]
     title = f"{vehicle}, {autopilot}, world {simulator.world.name}"
     return asyncio.run(_run(simulator, links, Extras(speed, seconds, sensors, seed, out, vehicle), title))
 
@@ -244,6 +288,9 @@ async def _watch(simulator: Simulator, stopped: asyncio.Event, seconds: float | 
         if simulator.late > late and late == 0:
             late = simulator.late
             _tell("this computer is too slow for the speed asked for; simulated time goes slower")
+        if simulator.is_off:
+            _tell("the autopilot was shut down")
+            return
         if seconds is not None and simulator.now_s >= seconds:
             return
 

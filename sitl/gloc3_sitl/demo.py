@@ -33,6 +33,8 @@ class DemoOptions(msgspec.Struct, frozen=True, kw_only=True):
     out: Path
     platform: str = "pelican_rtk"
     autopilot: str = "px4"
+    """Style of the simulated autopilot, or the name of the real firmware."""
+    is_firmware: bool = False
     is_headless: bool = False
 
 
@@ -103,7 +105,7 @@ class Demo:
                 "sitl",
                 *_place(self._mission.mission),
                 *(["--no-gps"] if is_without_satellites(self._platform) else []),
-                *("--autopilot", options.autopilot),
+                *("--firmware" if options.is_firmware else "--autopilot", options.autopilot),
                 *("--link", f"companion=udpout://127.0.0.1:{to_companion}"),
                 *("--sensors", str(sensors)),
                 *("--out", str(options.out)),

@@ -35,6 +35,7 @@ def demo(
     *,
     platform: str | None = None,
     autopilot: Literal["px4", "ardupilot"] = "px4",
+    firmware: Literal["ardupilot"] | None = None,
     out: Path = Path("runs/demo"),
     headless: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
@@ -45,6 +46,7 @@ def demo(
         platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
             Pelican, with a receiver for satellites where the mission is on Earth.
         autopilot: The style of the simulated autopilot.
+        firmware: A real autopilot in its place, whose program is on PATH; see docs/firmware.md.
         out: Folder for everything that the flight leaves, in place of an earlier flight's.
         headless: Narrate, also on a terminal.
     """
@@ -59,7 +61,8 @@ def demo(
     options = DemoOptions(
         mission=path,
         platform=platform,
-        autopilot=autopilot,
+        autopilot=firmware or autopilot,
+        is_firmware=firmware is not None,
         out=out,
         is_headless=headless or not is_terminal or sys.stdin is None,
     )

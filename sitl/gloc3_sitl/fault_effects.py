@@ -10,6 +10,7 @@ from gloc3.link.memory import MemoryLink
 from gloc3_sitl.autopilot.modes import Behaviour, Style
 from gloc3_sitl.device_faults import ALL, CAMERA, LASER, SIZES, DeviceFault
 from gloc3_sitl.fault_form import Ended, Form, Parsed
+from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
 from gloc3_sitl.flight import Flight
 from gloc3_sitl.sensors.sensor import SIZED, FaultMode
 from gloc3_sitl.sim_devices import NoCamera, SimLaser
@@ -79,11 +80,21 @@ def _spoil_sensor(flight: Flight, given: Parsed, _: bool) -> Ended:
     return lambda: sensors.repair(given.target)
 
 
-def _check_sensor(_: Flight, given: Parsed) -> None:
+def _check_sensor(flight: Flight, given: Parsed) -> None:
     if given.target not in SENSORS:
         raise Refused(f"there is no sensor {given.target!r}; {nearest(given.target, SENSORS)}")
+    _check_ours(flight, given.target)
     if given.word == FaultMode.SCALED and given.target != "height":
         raise Refused("only the height can be scaled")
+
+
+def _check_battery(flight: Flight, _: Parsed) -> None:
+    _check_ours(flight, "battery")
+
+
+def _check_ours(flight: Flight, sensor: str) -> None:
+    if flight.plan.is_firmware and sensor not in FLOWN_BY:
+        raise Refused(f"a real firmware simulates its own {sensor}; of ours it has {' and '.join(FLOWN_BY)}")
 
 
 # --- components ---
@@ -227,7 +238,9 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _blow,
     ),
     "battery": Effect(
-        Form(text="battery=SHARE", does="so much charge is left, 0 to 1", bounds=_SHARE, is_event=True), _drain
+        Form(text="battery=SHARE", does="so much charge is left, 0 to 1", bounds=_SHARE, is_event=True),
+        _drain,
+        _check_battery,
     ),
     "sensor": Effect(
         Form(

@@ -25,7 +25,7 @@ from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, Undelivered
 from gloc3.exchange.tunnel.layout import Role
 from gloc3.frames import TangentPlane
-from gloc3.link.codec import Address, Encoder, MavlinkMessage, Parser
+from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.messages import Envelope, Message
@@ -40,9 +40,12 @@ from gloc3_groundstation import flights
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
+from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.computer import SimulatedComputer
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
@@ -51,6 +54,8 @@ from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
+from gloc3_sitl.firmware.body import BodySettings
+from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
 from gloc3_sitl.flight_messages import SimFault, SimTruth
 from gloc3_sitl.mission_file import is_without_satellites
 from gloc3_sitl.path_error import Sample
@@ -82,6 +87,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """A file, or the name of an example."""
     platform: str = "pelican_rtk"
     autopilot: str = "px4"
+    is_firmware: bool = False
+    """That autopilot's real firmware flies, in place of one of ours; `autopilot` is `ardupilot` then."""
     seed: int = 0
     wind: Wind = CALM
     out: Path | None = None
@@ -171,16 +178,7 @@ class Flight:
         self._journal, self._progress = MemoryRecords(), MemoryRecords()
         self.recorder = self._open_log()
         world = self._world()
-        self.simulator: Final = Simulator(
-            world,
-            style=plan.autopilot,
-            seed=plan.seed,
-            wind=plan.wind,
-            is_plain_gps=plan.is_plain_gps,
-            is_without_gps=is_without_satellites(self.platform),
-            battery_remaining=plan.battery,
-            parameters=plan.parameters,
-        )
+        self.simulator: Final = self._simulator(world)
         self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
         self._pictures = PictureFolder(plan.out / "images", self.rig) if plan.out is not None else NoPictures()
         """The cameras and the laser scanner; they cost nothing until they are opened."""
@@ -219,6 +217,22 @@ class Flight:
 
         return World.load("open", home=home_of(self.mission))
 
+    def _simulator(self, world: World) -> Simulator | FirmwareInStep:
+        plan, is_without_gps = self.plan, is_without_satellites(self.platform)
+        if plan.is_firmware:
+            settings = BodySettings(seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
+            return FirmwareInStep(world, settings, plan.parameters, plan.out)
+        return Simulator(
+            world,
+            style=plan.autopilot,
+            seed=plan.seed,
+            wind=plan.wind,
+            is_plain_gps=plan.is_plain_gps,
+            is_without_gps=is_without_gps,
+            battery_remaining=plan.battery,
+            parameters=plan.parameters,
+        )
+
     def _looks_down(self) -> bool:
         """Whether pictures of the ground are used: one costs as much as everything else together."""
         if any(action.capability == "record_images" for action in self.mission.actions().values()):
@@ -253,11 +267,17 @@ class Flight:
     def start_onboard(self) -> None:
         """Starts the onboard process, the first time or after it was killed."""
         platform, boot = self.platform, self.random.getrandbits(32)
-        self.autopilot_link = AutopilotLink(self.loop, self.clock)
+        news = LinkNews(self.exchange, platform.platform, boot ^ 2, self.loop.time)
+        authority = self._authority = ArmAuthority(self.exchange, platform.platform)
+        self.autopilot_link = AutopilotLink(
+            self.loop, self.clock, say=news.say, why_not_arm=lambda: authority.why_not(self.loop.time())
+        )
         self.imu.wire(AutopilotImu(self.autopilot_link.sensors))
         self.cable.b.on_data = self.autopilot_link.receive
         self.station_link = StationLink(platform.platform, 1, self.loop, self.exchange, self.topics, boot)
-        self.radio.b.on_data = self.station_link.receive
+        own = self.autopilot_link.own
+        self.companion = Companion(own, platform, self.exchange, self.clock, self.loop, boot ^ 1)
+        self.radio.b.on_data = self._serve(self.companion.attach(self.station_link.send))
         self._heartbeat = HeartbeatSource(
             self.exchange, platform.platform, lambda: [self.station_link.send, self.autopilot_link.send_message]
         )
@@ -280,6 +300,17 @@ class Flight:
         self.autopilot_link.open(self.cable.b)
         self.onboard.begin()
 
+    def _serve(self, hear: Callable[[list[Frame]], None]) -> Callable[[bytes], None]:
+        """What is heard on the radio goes to our own command interface, and to the services for others."""
+        parser = Parser(is_datagram=True)
+
+        def take(data: bytes) -> None:
+            frames = parser.receive(data)
+            self.station_link.take(frames)
+            hear(frames)
+
+        return take
+
     def _sensors(self) -> dict[str, Any]:
         """The devices that samplers read."""
         ground = {} if self._looks_down() else {"ground_camera": NoCamera()}
@@ -299,6 +330,8 @@ class Flight:
         if self.onboard is not None:
             self.onboard.close()
             self._heartbeat.close()
+            self.companion.close()
+            self._authority.close()
             self.autopilot_link.close()
             self.station_link.close()
             self.cable.b.on_data = self.radio.b.on_data = None
@@ -351,7 +384,8 @@ class Flight:
             Gloc3Error: the platform turned something down.
         """
         await flights.await_platform(self.station, self.name)
-        lacks = await flights.await_ready(self.station, self.name)
+        within_s = READY_WITHIN_S if self.plan.is_firmware else flights.READY_WITHIN_S
+        lacks = await flights.await_ready(self.station, self.name, within_s)
         if lacks:
             raise Gloc3Error(f"{self.name} still lacks {', '.join(lacks)}")
         plan = Plan(name=self.mission_file.name, title=self.mission.name, text=self.mission.text)

@@ -11,6 +11,7 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.platform import Platform
 from gloc3_sitl.faults import schedule_faults
+from gloc3_sitl.firmware.in_step import FirmwareInStep
 from gloc3_sitl.flight import Flight, FlightPlan
 from gloc3_sitl.flight_report import FlightReport, as_json, judge
 from gloc3_sitl.flight_watch import FlightWatch, Narrate
@@ -30,6 +31,8 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     """A file of any format."""
     platform: str = "pelican_rtk"
     autopilot: str = "px4"
+    is_firmware: bool = False
+    """The real firmware of that name in place of an autopilot of ours."""
     seed: int = 0
     wind: Wind = CALM
     faults: tuple[str, ...] = ()
@@ -65,6 +68,7 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         mission=mission.file,
         platform=options.platform,
         autopilot=options.autopilot,
+        is_firmware=options.is_firmware,
         seed=options.seed,
         wind=options.wind,
         world=options.world,
@@ -78,6 +82,8 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         report = watch.report
         ready_s = Clock.cost_s()
         report.mission_state, report.reason = await _to_the_end(flight, mission.duration_s)
+        if isinstance(flight.simulator, FirmwareInStep) and flight.simulator.problem:
+            report.mission_state, report.reason = "failed", flight.simulator.problem
         watch.land(flight.loop.time())
         judge(report, flight.samples, watch.path.flights)
         if flight.recorder is not None:

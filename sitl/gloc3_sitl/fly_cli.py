@@ -52,6 +52,7 @@ def fly(
     *,
     platform: str | None = None,
     autopilot: Literal["px4", "ardupilot"] = "px4",
+    firmware: Literal["ardupilot"] | None = None,
     seed: int = 0,
     wind: float = 0.0,
     fault: Annotated[list[str], Parameter(negative=())] | None = None,
@@ -67,6 +68,8 @@ def fly(
         platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
             Pelican, with a receiver for satellites where the mission is on Earth.
         autopilot: The style of the simulated autopilot.
+        firmware: A real autopilot in its place, in step with the flight's clock, whose program is on PATH; see
+            docs/firmware.md.
         seed: Of all chance: sensor noise, turbulence, links, boot numbers.
         wind: Mean wind in m/s from the west, gusty; 0 is calm air.
         fault: Something that goes wrong, such as link_loss@30..60; may be given several times.
@@ -104,7 +107,8 @@ def fly(
     options = FlyOptions(
         mission=path,
         platform=platform,
-        autopilot=autopilot,
+        autopilot=firmware or autopilot,
+        is_firmware=firmware is not None,
         seed=seed,
         wind=gusty(wind, from_deg=270.0) if wind > 0.0 else CALM,
         faults=tuple(fault or ()),

@@ -27,6 +27,8 @@ class Form(StrEnum):
     """Rectified stereo pictures, as the odometry benchmark has them."""
     EUROC = "euroc"
     """Stereo pictures with distortion, and an inertial unit."""
+    GROUND = "ground"
+    """Pictures straight down, with attitude and height."""
     CARMEN = "carmen"
     """A log of laser scans."""
 
@@ -47,7 +49,8 @@ def record(
     """Fly smoothly through a world, without physics, and write what is seen there as a data set with its truth.
 
     Args:
-        form: kitti (rectified stereo), euroc (stereo with distortion, inertial unit) or carmen (laser).
+        form: kitti (rectified stereo), euroc (stereo with distortion, inertial unit), ground (pictures straight down, attitude,
+            height along the body's down axis) or carmen (laser).
         out: A folder that is not there or empty; with carmen a file NAME.log that is not there.
         world: World to fly in: the name of one of ours, or a world file.
         way: A corner of the way as X,Y,HEIGHT in the world's frame; given again for each. Default: a lap in the middle.
@@ -76,7 +79,7 @@ def record(
         raise Refused(f"the way takes {duration_s:.0f} s; say with --seconds how much of it is wanted")
     _check_clear(place, flight, duration_s)
     count = _write(form, out, place, flight, duration_s, rate, seed)
-    what = "scans" if form is Form.CARMEN else "pairs of pictures"
+    what = {Form.CARMEN: "scans", Form.GROUND: "pictures"}.get(form, "pairs of pictures")
     narrate(f"record: {count} {what} in {duration_s:.1f} s, {flight.length_m:.1f} m of way in all, to {out}")
     return 0
 
@@ -138,6 +141,10 @@ def _write(
         from gloc3_sitl.sequences.carmen import write_carmen
 
         return write_carmen(out, world, truths, seed=seed)
+    if form is Form.GROUND:
+        from gloc3_sitl.sequences.ground import write_ground
+
+        return write_ground(out, world, truths, rate_hz=steps_hz, seed=seed)
     from gloc3_sitl.sequences.kitti import write_kitti
 
     return write_kitti(out, world, truths, seed=seed)

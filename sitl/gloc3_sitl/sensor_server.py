@@ -7,7 +7,7 @@ from typing import Final, NamedTuple, Self
 
 from gloc3.errors import Refused
 from gloc3.frame_stream import MOST_WISH_BYTES, GreyFrame, ScanFrame, encode, encode_scan, read_wish
-from gloc3_sitl.simulator import Simulator
+from gloc3_sitl.scene import Scene
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
@@ -32,9 +32,9 @@ class SensorServer:
     A sensor that nobody wishes for costs nothing. Two that have the same rate look at the same instant.
     """
 
-    def __init__(self, simulator: Simulator, loop: asyncio.AbstractEventLoop, seed: int) -> None:
-        self._simulator, self._loop = simulator, loop
-        self.feeds: Final[Mapping[str, Feed]] = _feeds(simulator.world, seed)
+    def __init__(self, scene: Scene, loop: asyncio.AbstractEventLoop, seed: int) -> None:
+        self._scene, self._loop = scene, loop
+        self.feeds: Final[Mapping[str, Feed]] = _feeds(scene.world, seed)
         """By name."""
         self._slots = dict.fromkeys(self.feeds, -1)
         self._clients: dict[asyncio.StreamWriter, frozenset[str]] = {}
@@ -58,7 +58,7 @@ class SensorServer:
         except OSError as error:
             reason = "it is in use by another program" if error.errno == errno.EADDRINUSE else error.strerror
             raise Refused(f"sensor port {port}: {reason}") from error
-        self.feeds["ground"].take(self._simulator.truth())  # to paint takes long, and time does not run yet
+        self.feeds["ground"].take(self._scene.truth())  # to paint takes long, and time does not run yet
         self._tick()
         return self
 
@@ -89,7 +89,7 @@ class SensorServer:
         due = [name for name in self.feeds if name in wanted and self._is_due(name)]
         if not due:
             return
-        truth = self._simulator.truth()
+        truth = self._scene.truth()
         records = {name: self.feeds[name].take(truth) for name in due}
         for client, wish in self._clients.items():
             data = b"".join(record for name, record in records.items() if name in wish)
@@ -97,7 +97,7 @@ class SensorServer:
                 client.write(data)
 
     def _is_due(self, name: str) -> bool:
-        slot = int(self._simulator.now_s * self.feeds[name].rate_hz + 1e-6)
+        slot = int(self._scene.now_s * self.feeds[name].rate_hz + 1e-6)
         is_new = slot != self._slots[name]
         self._slots[name] = slot
         return is_new

@@ -2,13 +2,16 @@
 
 from asyncio import AbstractEventLoop, TimerHandle
 from collections import deque
-from collections.abc import Mapping
-from math import radians
+from collections.abc import Callable, Mapping, Sequence
+from math import inf, radians
 from typing import Final
+
+from msgspec.structs import replace
 
 from gloc3.clock import VIRTUAL_EPOCH_S
 from gloc3.errors import Misuse, nearest
 from gloc3_sitl.autopilot.autopilot import STEP_S, Autopilot
+from gloc3_sitl.autopilot.control.mixer import IDLE, Throttles
 from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.modes import Severity, Style
@@ -16,9 +19,14 @@ from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.sources import WITHOUT_SATELLITES
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.px4 import PX4
+from gloc3_sitl.autopilot.surroundings import Failure, Power, Unit
+from gloc3_sitl.autopilot.verdict import Verdict
+from gloc3_sitl.ground import PERIOD_STEPS, raise_ground
+from gloc3_sitl.injection import inject
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.sensors.height import level_ground
 from gloc3_sitl.sensors.magnetic_field import declination_deg
+from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.wind import CALM, Wind
@@ -31,13 +39,30 @@ STYLES: Final[Mapping[str, Style]] = {"px4": PX4, "ardupilot": ARDUPILOT}
 PERIOD_S: Final = 0.02
 """How often a running simulator advances, in simulated time: the period of the autopilot's outer loops."""
 
-_GROUND_PERIOD_STEPS: Final = 10
-_STEP_UP_M: Final = 0.3
-"""What is higher above the vehicle than this is not ground that it has sunk into, but something that it is under."""
+BOOT_S: Final = 1.5
+"""So long an autopilot that boots says and hears nothing."""
 _MOST_LATE_S: Final = 5.0
 """A simulator that is further behind the wall clock than this gives up catching up: its clock slips."""
 _MOST_AT_ONCE_S: Final = 0.5
 """So much is caught up with before others have their turn."""
+
+
+class _Wire:
+    """A link as the outside holds it: it stays when the autopilot behind it boots anew."""
+
+    __slots__ = ("is_datagram", "kind", "receive", "send")
+
+    def __init__(self, send: Send, kind: LinkKind, is_datagram: bool) -> None:
+        self.send, self.kind, self.is_datagram = send, kind, is_datagram
+        self.receive: Receive = _deaf
+
+    def take(self, data: bytes) -> None:
+        """Passes on what came in."""
+        self.receive(data)
+
+
+def _deaf(data: bytes) -> None:
+    """Nobody is there."""
 
 
 class Simulator:
@@ -89,9 +114,8 @@ class Simulator:
             battery_remaining=battery_remaining,
             probe=level_ground if world.is_flat else WorldProbe(world),
         )
-        self.autopilot: Final = Autopilot(
-            STYLES[style], self._say, declination_rad=radians(declination_deg(world.home))
-        )
+        self._style: Final = STYLES[style]
+        self.autopilot = self._new_autopilot()
         if is_without_gps:
             self.sensors.fail("fix", "lost")
             for name, value in WITHOUT_SATELLITES[style].items():
@@ -103,10 +127,14 @@ class Simulator:
         """What the autopilot said last: time, severity, text."""
         self.texts_said = 0
         """How many it has said in all."""
-        self.front: Final = Front(self.autopilot)
+        self.front = Front(self.autopilot)
+        self._wires: list[_Wire] = []
+        self._step: Callable[[Sequence[Reading], float], Throttles] = self.autopilot.step
+        self._boot_s = 0.0
+        self._up_s = inf
         self.late = 0
         """Times that a wall clock ran away."""
-        self._throttles = self.autopilot.throttles
+        self._throttles = IDLE
         self._timer: TimerHandle | None = None
         self._is_flat = world.is_flat
 
@@ -119,15 +147,15 @@ class Simulator:
 
     def advance(self, now_s: float) -> None:
         """Simulates up to a time, in whole steps of 5 ms; a time that is past already changes nothing."""
-        quadrotor, sample, step = self.quadrotor, self.sensors.sample, self.autopilot.step
+        quadrotor, sample = self.quadrotor, self.sensors.sample
         throttles = self._throttles
         rate_hz = quadrotor.rate_hz
         for count in range(quadrotor.steps + 1, int(now_s * rate_hz + 1e-6) + 1):
             quadrotor.step(throttles)
             t_s = count / rate_hz
-            throttles = step(sample(quadrotor, t_s), t_s)
-            if not self._is_flat and count % _GROUND_PERIOD_STEPS == 0:
-                self._raise_ground()
+            throttles = self._step(sample(quadrotor, t_s), t_s)
+            if not self._is_flat and count % PERIOD_STEPS == 0:
+                raise_ground(quadrotor, self.world, self.now_s)
         self._throttles = throttles
 
     def start(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:
@@ -168,7 +196,11 @@ class Simulator:
         Returns:
             What is to be called with each piece of data that comes in.
         """
-        return self.front.attach(send, kind, is_datagram=is_datagram)
+        wire = _Wire(send, kind, is_datagram)
+        self._wires.append(wire)
+        if not self.is_down:
+            wire.receive = self.front.attach(send, kind, is_datagram=is_datagram)
+        return wire.take
 
     @property
     def pilot(self) -> Pilot:
@@ -188,6 +220,59 @@ class Simulator:
     def wind(self, wind: Wind) -> None:
         self.quadrotor.wind = wind
 
+    # -- power --------------------------------------------------------------------------------------------------------
+
+    @property
+    def is_down(self) -> bool:
+        """Whether the autopilot is booting or switched off."""
+        return self._step == self._stay_down
+
+    @property
+    def is_off(self) -> bool:
+        """Whether the autopilot was switched off for good."""
+        return self.is_down and self._up_s == inf
+
+    def switch(self, power: Power) -> None:
+        """Boots the autopilot anew, or leaves it without power, from the next step on."""
+        self._up_s = self.now_s + BOOT_S if power is Power.REBOOT else inf
+        self._step = self._go_down
+
+    def _go_down(self, readings: Sequence[Reading], t_s: float) -> Throttles:
+        for wire in self._wires:
+            wire.receive = _deaf
+        self._step = self._stay_down
+        return self._stay_down(readings, t_s)
+
+    def _stay_down(self, readings: Sequence[Reading], t_s: float) -> Throttles:
+        del readings
+        if t_s >= self._up_s:
+            self._boot(t_s)
+        return IDLE
+
+    def _boot(self, t_s: float) -> None:
+        """Begins anew, with the clock of the autopilot at 0 and what stood on its memory card."""
+        before, front = self.autopilot, self.front
+        self.autopilot = self._new_autopilot(before)
+        self.autopilot.utc_offset_s = before.utc_offset_s + t_s - self._boot_s if before.utc_offset_s else 0.0
+        self.front = Front(self.autopilot, front)
+        self._boot_s = t_s
+        for wire in self._wires:
+            wire.receive = self.front.attach(wire.send, wire.kind, is_datagram=wire.is_datagram)
+        self._step = self._step_since_boot
+
+    def _step_since_boot(self, readings: Sequence[Reading], t_s: float) -> Throttles:
+        boot_s = self._boot_s
+        shifted = [replace(reading, t_s=reading.t_s - boot_s) for reading in readings]
+        return self.autopilot.step(shifted, t_s - boot_s)
+
+    def _new_autopilot(self, before: Autopilot | None = None) -> Autopilot:
+        declination = radians(declination_deg(self.world.home))
+        return Autopilot(self._style, self._say, declination_rad=declination, surroundings=self, before=before)
+
+    def inject(self, unit: Unit, failure: Failure) -> Verdict:
+        """Makes something fail, or repairs it."""
+        return inject(self, unit, failure)
+
     # -- inside -------------------------------------------------------------------------------------------------------
 
     def _say(self, severity: Severity, text: str) -> None:
@@ -195,13 +280,6 @@ class Simulator:
         self.texts.append((self.now_s, severity, text))
         self.autopilot.logger.note(text)
         self.front.say(severity, text)
-
-    def _raise_ground(self) -> None:
-        """Brings the ground under the vehicle to the height of the box or slope below it."""
-        truth = self.quadrotor.truth()
-        x, y, height = self.world.local(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
-        ground_m = self.world.height_at(x, y, self.now_s, height + _STEP_UP_M)
-        self.quadrotor.set_ground(self.world.frame.origin.altitude_m + ground_m)
 
 
 __all__ = ["PERIOD_S", "STYLES", "LinkKind", "Simulator"]

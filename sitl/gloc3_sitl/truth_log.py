@@ -10,7 +10,7 @@ from gloc3.frames import TangentPlane
 from gloc3.record import Recorder
 from gloc3.topics import TopicTable
 from gloc3_sitl.flight_messages import TOPICS, SimTruth
-from gloc3_sitl.simulator import Simulator
+from gloc3_sitl.scene import Scene
 
 PERIOD_S: Final = 0.1
 
@@ -18,15 +18,15 @@ PERIOD_S: Final = 0.1
 class TruthLog:
     """`truth.mcap` in a folder: `sim/truth` at 10 Hz, in NED at the origin of the world's frame, on the wall clock."""
 
-    def __init__(self, simulator: Simulator, loop: asyncio.AbstractEventLoop, out: Path, platform: str) -> None:
+    def __init__(self, scene: Scene, loop: asyncio.AbstractEventLoop, out: Path, platform: str) -> None:
         out.mkdir(parents=True, exist_ok=True)
         clock, exchange = Clock(loop), LocalExchange()
-        self._simulator, self._loop = simulator, loop
+        self._scene, self._loop = scene, loop
         self._recorder = Recorder(out / "truth.mcap", clock, TopicTable(TOPICS), {"platform": platform})
         self._recorder.attach(exchange, loop)
         self._publisher = Publisher(exchange, platform, "simulator", 0)
         self._topic = f"{platform}/sim/truth"
-        self._plane = TangentPlane(simulator.world.frame.origin)
+        self._plane = TangentPlane(scene.world.frame.origin)
         self._timer: asyncio.TimerHandle | None = None
         self._tick()
 
@@ -37,7 +37,7 @@ class TruthLog:
         self._recorder.close()
 
     def _tick(self) -> None:
-        truth = self._simulator.truth()
+        truth = self._scene.truth()
         message = SimTruth(
             position_ned_m=self._plane.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m),
             velocity_ned_m_s=truth.velocity_ned_m_s,

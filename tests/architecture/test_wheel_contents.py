@@ -15,7 +15,10 @@ PACKAGES = ("common/gloc3", "onboard/gloc3_onboard", "groundstation/gloc3_ground
 BY_NAME = (
     *(f"{Path(package).name}/py.typed" for package in PACKAGES),
     *(f"gloc3/mission/examples/{name}.yaml" for name in ("hop", "inspection", "patrol")),
-    *(f"gloc3_onboard/platforms/{name}.yaml" for name in ("hummingbird", "pelican", "pelican_rtk")),
+    *(
+        f"gloc3_onboard/platforms/{name}.yaml"
+        for name in ("copter", "hummingbird", "pelican", "pelican_rtk", "rover", "submarine")
+    ),
     "gloc3_sitl/world/worlds/hold.yaml",
     "gloc3_sitl/aircraft/pelican/pelican.xml",
 )

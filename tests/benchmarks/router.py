@@ -1,6 +1,7 @@
 """The router beside others': processor time of each forwarded message, delay, and what gets through.
 
-Each router runs as a process of its own between two UDP sockets; the sender is another process. Ours is always there.
+Each router runs as a process of its own between two UDP sockets; the sender is another process. All have their turn in
+each round, and what is told is the median of the rounds. Ours is always there, and so is the way without any router.
 MAVProxy is taken from the interpreter of `MAVPROXY_PYTHON` or `runs/peers/mavproxy`, mavlink-router from PATH or
 `runs/peers/mavlink-routerd`; a peer that is not there is left out, and the text says so.
 """
@@ -17,24 +18,43 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from statistics import quantiles
+from statistics import median, quantiles
 from typing import NamedTuple
 
 from gloc3.link.codec import Encoder, Frame, Parser, message, shape
 from gloc3.link.endpoints import open_endpoint
 from gloc3.link.message import Address
+from gloc3.link.prompt_loop import PromptLoop
 from gloc3.link.router import Router
+from gloc3.link.udp import enlarge
 from gloc3_onboard.routing import RoutedLink
 
 ROOT = Path(__file__).parents[2]
 PEERS = ROOT / "runs" / "peers"
 HOST = "127.0.0.1"
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-SETTLE_S = 2.0
-QUIET_HZ, QUIET_S = 200.0, 3.0
-STEADY_HZ, STEADY_S = 2_000.0, 3.0
-FAST_HZ, FAST_S = 10_000.0, 2.0
+SETTLE_S = 1.5
+ROUNDS = 3
 BUFFER_BYTES = 1 << 23
+DIRECT, OURS, C_PEER, PYTHON_PEER = "no router", "gloc3", "mavlink-router", "MAVProxy"
+
+
+class Stream(NamedTuple):
+    """What is sent through a router."""
+
+    rate_hz: float
+    """Frames a second."""
+    for_s: float
+    together: int = 1
+    """Frames in a datagram; what comes by a fast serial line or from an autopilot's buffer comes so."""
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        return f"{self.rate_hz:,.0f}/s{f' by {self.together}' if self.together > 1 else ''}"
+
+
+QUIET, STEADY, TOGETHER, FAST = Stream(200, 2), Stream(2_000, 2), Stream(2_000, 2, 10), Stream(10_000, 2)
+STREAMS = (QUIET, STEADY, TOGETHER, FAST)
 
 
 class Passed(NamedTuple):
@@ -46,7 +66,7 @@ class Passed(NamedTuple):
     """Processor time of the router, of each frame that came out."""
     p50_us: float
     p99_us: float
-    """Delay from the sender's socket to the receiver's."""
+    """Delay from before the sender's socket to the receiver's."""
 
 
 async def route(into: str, out: str) -> None:
@@ -54,36 +74,43 @@ async def route(into: str, out: str) -> None:
     loop = asyncio.get_running_loop()
     router = Router(Address(1, 191))
     for url in (into, out):
-        link = RoutedLink(url, router, loop, lambda frames: frames)
+        link = RoutedLink(url, router, loop)
         link.open(await open_endpoint(url, loop, link.receive))
     await asyncio.Event().wait()
 
 
-def send(port: int, rate_hz: float, for_s: float) -> None:
-    """Sends HIGHRES_IMU frames that carry the time of their sending in microseconds."""
-    encoder = Encoder(1, 1)
+def begin(into: str, out: str) -> None:
+    """The same in the loop of the onboard process."""
+    with asyncio.Runner(loop_factory=PromptLoop) as runner:
+        runner.run(route(into, out))
+
+
+def send(port: int, rate_hz: float, for_s: float, together: float = 1.0) -> None:
+    """Sends HIGHRES_IMU frames that carry the time of their sending, in nanoseconds."""
+    encoder, each = Encoder(1, 1), round(together)
     shape("HIGHRES_IMU")  # the dialect is read before the first frame is timed
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         begin_s = time.monotonic()
-        for number in range(round(rate_hz * for_s)):
+        for number in range(0, round(rate_hz * for_s), each):
             while (left_s := begin_s + number / rate_hz - time.monotonic()) > 0.0:
                 if left_s > 1e-3:
                     time.sleep(left_s - 5e-4)
-            now_us = time.monotonic_ns() // 1000
-            out.sendto(encoder.encode(message("HIGHRES_IMU", time_usec=now_us, xacc=1.0, zgyro=0.5)), (HOST, port))
+            now_ns = time.monotonic_ns()
+            imu = [message("HIGHRES_IMU", time_usec=now_ns, xacc=1.0, id_=one) for one in range(each)]
+            out.sendto(b"".join(map(encoder.encode, imu)), (HOST, port))
 
 
 def commands(into: int, out: int, scratch: Path) -> Iterator[tuple[str, list[str]]]:
     """The routers that are here, and how each is begun."""
-    program = "import asyncio, sys; from tests.benchmarks.router import route; asyncio.run(route(*sys.argv[1:]))"
-    yield "gloc3", [sys.executable, "-c", program, f"udpin://{HOST}:{into}", f"udpout://{HOST}:{out}"]
+    program = "import sys; from tests.benchmarks.router import begin; begin(*sys.argv[1:])"
+    yield OURS, [sys.executable, "-c", program, f"udpin://{HOST}:{into}", f"udpout://{HOST}:{out}"]
     routerd = shutil.which("mavlink-routerd") or str(PEERS / "mavlink-routerd")
     if Path(routerd).exists():
-        yield "mavlink-router", [routerd, "-t", "0", "-e", f"{HOST}:{out}", f"{HOST}:{into}"]
+        yield C_PEER, [routerd, "-t", "0", "-e", f"{HOST}:{out}", f"{HOST}:{into}"]
     python = os.environ.get("MAVPROXY_PYTHON", str(PEERS / "mavproxy" / "bin" / "python"))
     if Path(python).exists():
         yield (
-            "MAVProxy",
+            PYTHON_PEER,
             [
                 *(python, str(Path(python).with_name("mavproxy.py")), f"--master=udpin:{HOST}:{into}"),
                 *(f"--out=udpout:{HOST}:{out}", "--daemon", "--non-interactive", f"--state-basedir={scratch}"),
@@ -112,23 +139,23 @@ def running(command: list[str], scratch: Path) -> Iterator[subprocess.Popen[byte
 
 def cpu_s(process: subprocess.Popen[bytes]) -> float:
     """Processor time that a process has used."""
-    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
+    threads = Path(f"/proc/{process.pid}/task").iterdir()
+    return sum(int((thread / "schedstat").read_text().split()[0]) for thread in threads) * 1e-9
 
 
 def passed(
-    process: subprocess.Popen[bytes], receiver: socket.socket, into: int, rate_hz: float, for_s: float
+    process: subprocess.Popen[bytes] | None, receiver: socket.socket, into: int, stream: tuple[float, ...]
 ) -> Passed:
-    """Sends a stream through a router and looks at what comes out."""
+    """Sends a stream through a router, or straight to the receiver, and looks at what comes out."""
     wanted, parser = shape("HIGHRES_IMU").id, Parser(is_datagram=True)
-    before_s = cpu_s(process)
+    before_s = 0.0 if process is None else cpu_s(process)
     program = "import sys; from tests.benchmarks.router import send; send(int(sys.argv[1]), *map(float, sys.argv[2:]))"
     sender = subprocess.Popen(
-        [sys.executable, "-c", program, str(into), str(rate_hz), str(for_s)],
+        [sys.executable, "-c", program, str(into), *map(str, stream)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     arrived: list[tuple[int, bytes]] = []
-    receiver.settimeout(1.0)
+    receiver.settimeout(0.7)
     while True:
         try:
             data = receiver.recv(65_535)
@@ -136,17 +163,17 @@ def passed(
             if sender.poll() is not None:
                 break
             continue
-        arrived.append((time.monotonic_ns() // 1000, data))
-    used_s = cpu_s(process) - before_s
-    delays = [
-        at_us - decoded.time_usec
-        for at_us, data in arrived
+        arrived.append((time.monotonic_ns(), data))
+    used_s = 0.0 if process is None else cpu_s(process) - before_s
+    delays_us = [
+        (at_ns - decoded.time_usec) / 1e3
+        for at_ns, data in arrived
         for frame in parser.receive(data)
         if frame.message_id == wanted and (decoded := frame.decode()) is not None
     ]
-    sent = round(rate_hz * for_s)
-    cuts = quantiles(delays, n=100) if len(delays) > 1 else [float("nan")] * 99
-    return Passed(sent, len(delays), used_s / max(1, len(delays)) * 1e6, cuts[49], cuts[98])
+    cuts = quantiles(delays_us, n=100) if len(delays_us) > 1 else [float("nan")] * 99
+    sent = round(stream[0] * stream[1])
+    return Passed(sent, len(delays_us), used_s / max(1, len(delays_us)) * 1e6, cuts[49], cuts[98])
 
 
 def _drain(receiver: socket.socket) -> None:
@@ -156,52 +183,70 @@ def _drain(receiver: socket.socket) -> None:
             receiver.recv(65_535)
 
 
-def measure() -> dict[str, tuple[Passed, Passed, Passed]]:
-    """Of each router that is here: quiet, steady and fast streams."""
-    found: dict[str, tuple[Passed, Passed, Passed]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        scratch = Path(folder)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind((HOST, 0))
-            into = probe.getsockname()[1]
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
-            receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-            receiver.bind((HOST, 0))
-            for name, command in commands(into, receiver.getsockname()[1], scratch):
-                with running(command, scratch) as process:
-                    time.sleep(SETTLE_S)
-                    send(into, 10.0, 1.0)
-                    _drain(receiver)
-                    streams = ((QUIET_HZ, QUIET_S), (STEADY_HZ, STEADY_S), (FAST_HZ, FAST_S))
-                    quiet, steady, fast = (passed(process, receiver, into, *stream) for stream in streams)
-                    found[name] = quiet, steady, fast
+def one_round(scratch: Path) -> dict[str, dict[Stream, Passed]]:
+    """Every stream through every router that is here, and through none."""
+    found: dict[str, dict[Stream, Passed]] = {}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((HOST, 0))
+        into = probe.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        enlarge(receiver, BUFFER_BYTES)
+        receiver.bind((HOST, 0))
+        out = receiver.getsockname()[1]
+        found[DIRECT] = {stream: passed(None, receiver, out, stream) for stream in STREAMS}
+        for name, command in commands(into, out, scratch):
+            with running(command, scratch) as process:
+                time.sleep(SETTLE_S)
+                send(into, 10.0, 0.5)
+                _drain(receiver)
+                found[name] = {stream: passed(process, receiver, into, stream) for stream in STREAMS}
     return found
+
+
+def measure(rounds: int = ROUNDS) -> list[dict[str, dict[Stream, Passed]]]:
+    """Some rounds."""
+    with tempfile.TemporaryDirectory() as folder:
+        return [one_round(Path(folder)) for _ in range(rounds)]
+
+
+def typical(rounds: list[dict[str, dict[Stream, Passed]]]) -> dict[str, dict[Stream, Passed]]:
+    """The median of each figure; of what was received the least."""
+    return {
+        name: {
+            stream: Passed(
+                rounds[0][name][stream].sent,
+                min(each[name][stream].received for each in rounds),
+                *(median(each[name][stream][index] for each in rounds) for index in (2, 3, 4)),
+            )
+            for stream in STREAMS
+        }
+        for name in rounds[0]
+    }
 
 
 def core_us() -> float:
     """Of one frame inside our router, from bytes to the links, in processor time."""
     router, encoder = Router(Address(1, 191)), Encoder(1, 1)
     sent: list[Frame] = []
-    vehicle, station = router.attach("vehicle", sent.append), router.attach("station", sent.append)
+    vehicle, station = router.attach("vehicle", sent.extend), router.attach("station", sent.extend)
     parser = Parser(is_datagram=True)
-    for frame in parser.receive(Encoder(255, 190).encode(message("HEARTBEAT"))):
-        router.route(station, frame, 0.0)
+    router.route(station, parser.receive(Encoder(255, 190).encode(message("HEARTBEAT"))), 0.0)
     frames = [encoder.encode(message("ATTITUDE", time_boot_ms=number)) for number in range(20_000)]
     begin_s = time.process_time()
     for number, raw in enumerate(frames):
-        for frame in parser.receive(raw):
-            router.route(vehicle, frame, number * 1e-4)
+        router.route(vehicle, parser.receive(raw), number * 1e-4)
     return (time.process_time() - begin_s) / len(frames) * 1e6
 
 
 def run() -> list[str]:
-    """A line a router."""
-    found = measure()
+    """A line a router and stream."""
+    found = typical(measure())
     lines = [f"one frame inside the router, bytes to links: {core_us():.2f} µs"]
-    for name, (quiet, steady, fast) in found.items():
-        lines.append(
-            f"{name:15} {steady.cpu_us:7.1f} µs of processor a frame at {STEADY_HZ:.0f}/s    delay at {QUIET_HZ:.0f}/s "
-            f"p50 {quiet.p50_us:5.0f} p99 {quiet.p99_us:5.0f} µs    {fast.received} of {fast.sent} at {FAST_HZ:.0f}/s"
-        )
-    lines += [f"{peer}: not here" for peer in ("mavlink-router", "MAVProxy") if peer not in found]
+    for name, streams in found.items():
+        for stream, result in streams.items():
+            lines.append(
+                f"{name:15} {stream.text:13} {result.cpu_us:7.1f} µs of processor a frame    "
+                f"delay p50 {result.p50_us:6.1f} p99 {result.p99_us:7.0f} µs    {result.received} of {result.sent} frames"
+            )
+    lines += [f"{peer}: not here" for peer in (C_PEER, PYTHON_PEER) if peer not in found]
     return lines

@@ -46,14 +46,14 @@ class Program:
         """Everything that it has said."""
         return "\n".join(self.lines)
 
-    def await_line(self, is_it: Callable[[str], bool]) -> str:
+    def await_line(self, is_it: Callable[[str], bool], within_s: float = PATIENCE_S) -> str:
         """Waits for a line; fails with what was said if it does not come."""
 
         def find() -> str | None:
             return next((line for line in self.lines if is_it(line)), None)
 
         with self._said:
-            self._said.wait_for(lambda: find() is not None or self._is_over, PATIENCE_S)
+            self._said.wait_for(lambda: find() is not None or self._is_over, within_s)
         found = find()
         assert found is not None, self.text
         return found

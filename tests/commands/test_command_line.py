@@ -28,7 +28,10 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["fly"], "MISSION requires an argument"),
     (["fly", "nosuch"], "no such mission"),
     (["fly", "no/such.yaml"], "there is no file no/such.yaml"),
-    (["fly", "hop", "--platform", "nosuch"], "no such platform (known: hummingbird, pelican, pelican_rtk)"),
+    (
+        ["fly", "hop", "--platform", "nosuch"],
+        "no such platform (known: copter, hummingbird, pelican, pelican_rtk, rover, submarine)",
+    ),
     (["fly", "hop", "--autopilot", "px5"], 'Choose from: "px4", "ardupilot"'),
     (["fly", "hop", "--seed", "one"], "unable to convert"),
     (["fly", "hop", "--seed", "-1"], "--seed must be 0 or more"),

@@ -14,7 +14,8 @@ from tests.onboard.fusion.ablation import FAULTS, HARMLESS, SOURCES, suffer
 from tests.onboard.fusion.consistency import consistency
 
 SEEDS = range(10)
-LARGEST_M = 0.15
+LARGEST_M = 0.3
+"""As in flight."""
 SLOW = "scale"
 NEVER_FOUND = {("height", fault) for fault in ("frozen", "old", "scale")}
 """At a constant height these hardly say anything wrong, and nothing is lost by them."""

@@ -36,8 +36,8 @@ tasks:
   recover: {after: [sweep], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
 """
 """Along the starboard side with the heading along the way, along the port side face on, at two heights, and home."""
-NIS = (0.2, 1.3)
-"""Of innovations; below 1 is careful."""
+NIS = (0.1, 1.3)
+"""Of innovations; below 1 is careful, as it has to be where errors stay from one report to the next and do not show in them."""
 
 
 def flight(seed: int, world: str, faults: tuple[str, ...] = ()) -> dict[str, Any]:

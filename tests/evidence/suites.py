@@ -65,6 +65,29 @@ BARS = (
         suite("mavsdk", ["tests/sitl/test_mavsdk_with_px4_style.py", "tests/sitl/test_mavsdk_with_ardupilot_style.py"]),
     ),
     Bar(
+        "autopilot-cases",
+        "The embedded autopilot: every plugin of MAVSDK, and other people's cases",
+        "MAVSDK 4.1 does with the simulated vehicle what its plugins offer for a multirotor, in both styles, and is refused with "
+        "the right result where the firmware has nothing; the cases of MAVSDK's system tests, of PX4's integration tests and of "
+        "dronekit's scenarios that apply pass.",
+        suite(
+            "autopilot-cases",
+            [
+                *("-n", "2", "--dist", "loadfile"),
+                "tests/sitl/cases/test_mavsdk_on_the_ground.py",
+                "tests/sitl/cases/test_mavsdk_system.py",
+                "tests/sitl/cases/test_dronekit_scenarios.py",
+                "tests/evidence/cases/px4_multicopter.py",
+                "tests/evidence/cases/mavsdk_flights.py",
+                "tests/evidence/cases/mavsdk_slow.py",
+                "tests/sitl/autopilot/test_power.py",
+                "tests/sitl/autopilot/test_orbit_and_follow.py",
+                "tests/sitl/autopilot/test_services_of_the_bench.py",
+            ],
+        ),
+        seeds="as in the tests",
+    ),
+    Bar(
         "policies",
         "Policies, ownership of motion, and the human pilot, flown in both autopilot styles",
         "Each policy row, each sentence about the owner of motion and about the pilot, hung and crashed components and "

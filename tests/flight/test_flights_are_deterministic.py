@@ -10,19 +10,22 @@ import msgspec
 from gloc3.log.reader import LogReader
 
 RUN = "import sys; from gloc3.cli import main; sys.exit(main())"
-FAULTS = ("link_loss=0.2@5..9", "sensor:fix=noisy/0.1@6..8", "crash:limiter@8", "restart@9.5..11")
+STUMBLES = ("link_loss=0.2@5..9", "sensor:fix=noisy/0.1@6..8", "crash:limiter@8", "restart@9.5..11")
 
 
-def fly(out: Path, style: str, *, seed: int, hash_seed: int) -> Path:
-    """Flies the shortest mission in a process of its own, with faults in wind; returns the folder that it left."""
-    options = ["--autopilot", style, "--wind", "6", "--quiet", "--seed", str(seed), "--out", str(out)]
-    for fault in FAULTS:
-        options += ["--fault", fault]
+def fly(out: Path, *options: str, mission: str = "hop", seed: int = 3, hash_seed: int) -> Path:
+    """Flies a mission in a process of its own; returns the folder that it left."""
     environment = {"PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-c", RUN, "fly", "hop", *options]
+    options = (mission, *options, "--quiet", "--seed", str(seed), "--out", str(out))
+    command = [sys.executable, "-c", RUN, "fly", *options]
     told = subprocess.run(command, check=False, env=environment, capture_output=True, text=True, timeout=120)
     assert (out / "log.mcap").is_file(), told.stderr
     return out
+
+
+def faults(*texts: str) -> list[str]:
+    """Options of the command."""
+    return [word for text in texts for word in ("--fault", text)]
 
 
 def report(folder: Path) -> dict[str, object]:
@@ -38,11 +41,46 @@ def truth(folder: Path) -> list[object]:
 
 
 def test_one_seed_gives_one_log_in_any_process_and_another_seed_another_flight(style: str, tmp_path: Path) -> None:
-    one = fly(tmp_path / "one", style, seed=3, hash_seed=1)
-    same = fly(tmp_path / "another" / "folder", style, seed=3, hash_seed=2)
+    options = ("--autopilot", style, "--wind", "6", *faults(*STUMBLES))
+    one = fly(tmp_path / "one", *options, hash_seed=1)
+    same = fly(tmp_path / "another" / "folder", *options, hash_seed=2)
     assert (one / "log.mcap").read_bytes() == (same / "log.mcap").read_bytes()
     assert report(one) == report(same)
     assert (one / "path.svg").read_bytes() == (same / "path.svg").read_bytes()
-    other = fly(tmp_path / "other", style, seed=4, hash_seed=1)
+    other = fly(tmp_path / "other", *options, seed=4, hash_seed=1)
     assert truth(one)
     assert truth(one) != truth(other)
+
+
+UP = """\
+mission: up
+frame: hold
+geofence: {polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}
+on_failure: land
+on_link_loss: land
+on_low_battery: land
+on_pose_lost: land
+tasks:
+  up:
+    actions:
+      climb: {take_off: {height_m: 0.5}}
+      photos: {record_images: {camera: front_left, every_s: 1}, until: down}
+      down: {land: {}, after: [climb]}
+"""
+
+
+def test_what_cameras_and_scanner_see_and_all_that_is_made_of_it_is_the_same_in_any_process(tmp_path: Path) -> None:
+    (tmp_path / "up.yaml").write_text(UP)
+    options = ("--platform", "pelican", *faults("device:stereo_camera=garbage@5..6", "crash:pose@7"))
+    one, same = (
+        fly(tmp_path / name, *options, mission=str(tmp_path / "up.yaml"), hash_seed=seed)
+        for seed, name in ((1, "one"), (2, "another/folder"))
+    )
+    assert (one / "log.mcap").read_bytes() == (same / "log.mcap").read_bytes()
+    pictures = sorted(file.name for file in (one / "images").glob("*.png"))
+    assert len(pictures) > 3
+    for name in pictures:
+        assert (one / "images" / name).read_bytes() == (same / "images" / name).read_bytes()
+    with LogReader(one / "log.mcap") as log:
+        for topic in ("odometry/stereo", "odometry/ground", "odometry/laser", "position_fix/tracker", "pose"):
+            assert any(entry.envelope.payload.is_valid for entry in log.entries(topic)), topic

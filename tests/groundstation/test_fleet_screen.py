@@ -1,9 +1,11 @@
 """The fleet screen, driven by keys: marks, orders, control with a second station, links."""
 
+import msgspec
 import pytest
 
 from gloc3.ci import ControlState, ControlVerb, Emergency, Steer, Verb
 from gloc3_groundstation.desk import Desk
+from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.tui.lines import text_of
 from gloc3_groundstation.tui.questions import AskFor, Question
@@ -28,6 +30,13 @@ def test_a_links_line_tells_what_passes_who_is_behind_it_or_what_is_wrong() -> N
     assert "heron, autopilot 1/1" in udp
     assert tcp.rstrip().endswith("connection refused")
     assert [rate(value) for value in (0.0, 9_999.0, 18_400.0, 2.5e6)] == ["0", "9999", "18.4 k", "2.5 M"]
+
+
+def test_a_links_line_tells_what_was_refused_or_did_not_come() -> None:
+    link = LinkSnapshot(url="udpin://0.0.0.0:14550", is_connected=True, heard=("autopilot 1/1",), frames_in=95, lost=5)
+    assert "autopilot 1/1; 5% lost or left out" in text_of(link_line(link, 140))
+    refused = msgspec.structs.replace(link, refusals={"not signed": 12}, heard=())
+    assert "12 refused: not signed; 5% lost or left out; nobody is heard" in text_of(link_line(refused, 200))
 
 
 def test_who_asks_for_control_is_told_with_the_keys_that_answer() -> None:

@@ -6,7 +6,9 @@ from typing import Any
 import pytest
 
 from gloc3.ci import Watch
+from gloc3.link_traffic import LinkTraffic
 from gloc3.messages import Envelope, Message, Source
+from gloc3.readiness import ComputerState, LinkCondition
 from gloc3.standard_topics import TOPICS
 from gloc3.topics import TopicTable
 from gloc3.vehicle import HeightAboveGround, Pose
@@ -236,3 +238,14 @@ def test_a_message_is_told_field_by_field_and_long_rows_are_counted() -> None:
         ("items.deep.a", 2, 1.5),
         ("many", 0, "100 items"),
     ]
+
+
+def test_the_figures_of_each_link_have_names_also_where_they_travel_without() -> None:
+    traffic = LinkTraffic(frames_in=7, dropped={"bulk": 2}, refused={"not signed": 3})
+    links = [LinkCondition("udpin://:14550", "", 120), LinkCondition("serial:///dev/ttyUSB0", "", 0, traffic)]
+    state = ComputerState(links=links)
+    values = {field.path: field.value for field in fields_of(state)}
+    assert values["links.1.url"] == "udpin://:14550"
+    assert values["links.2.traffic.frames_in"] == 7
+    assert values["links.2.traffic.dropped.bulk"] == 2
+    assert values["links.2.traffic.refused.not signed"] == 3

@@ -11,6 +11,7 @@ from gloc3.link.memory import MemoryEnd
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
 from gloc3.link.statustext import StatusTextSender
+from gloc3.link.timesync import TimeSync
 
 TICK_S = 0.02
 VEHICLE = Address(1, 1)
@@ -19,13 +20,17 @@ HOLD = {"px4": 4 << 16 | 3 << 24, "ardupilot": 17}
 USUAL_HZ = {"LOCAL_POSITION_NED": 1.0, "GPS_GLOBAL_ORIGIN": 0.0, "SYS_STATUS": 1.0, "EXTENDED_SYS_STATE": 0.0}
 USUAL_HZ |= {"ATTITUDE_QUATERNION": 1.0, "DISTANCE_SENSOR": 0.0, "GLOBAL_POSITION_INT": 0.0, "HEARTBEAT": 0.0}
 USUAL_HZ |= {"HIGHRES_IMU": 0.0, "SCALED_IMU": 0.0, "OBSTACLE_DISTANCE": 0.0}
+USUAL_HZ |= {"HOME_POSITION": 0.0, "EKF_STATUS_REPORT": 0.0, "ESTIMATOR_STATUS": 0.0}
 
 
 class FakeAutopilot:
     """Answers commands as `refuses` and `is_deaf` say, and sends what it was asked to send."""
 
-    def __init__(self, loop: VirtualLoop, end: MemoryEnd, style: str = "px4", own: Address = VEHICLE) -> None:
+    def __init__(
+        self, loop: VirtualLoop, end: MemoryEnd, style: str = "px4", own: Address = VEHICLE, vehicle_type: int = 2
+    ) -> None:
         self.own = own
+        self.vehicle_type = vehicle_type
         self.style = style
         self.ran: list[CommandRequest] = []
         self.heard: list[MavlinkMessage] = []
@@ -34,11 +39,15 @@ class FakeAutopilot:
         self.silent_on: set[int] = set()
         """Commands that are heard and not answered."""
         self.north_m = 0.0
+        self.estimator_flags = 0x3F
+        self.prearm_health = 1 << 28
         self.is_off = False
         self._loop, self._end = loop, end
         self._encoder = codec.Encoder(*own)
         self._parser = codec.Parser(is_datagram=True)
         end.on_data = self._hear
+        self.has_clock = True
+        """Answers TIMESYNC."""
         self.boot()
         loop.call_soon(self._tick)
 
@@ -48,13 +57,28 @@ class FakeAutopilot:
         self._booted_s = self._loop.time()
         self._commands = CommandServer(own, is_autopilot=True)
         self._texts = StatusTextSender(own)
-        self.heartbeat = Heartbeat(own, vehicle_type=2, autopilot=FAMILIES.get(self.style, 4))
+        self.heartbeat = Heartbeat(own, vehicle_type=self.vehicle_type, autopilot=FAMILIES.get(self.style, 4))
         self.heartbeat.custom_mode, self.heartbeat.base_mode = HOLD.get(self.style, 0), 1
         self._streams = StreamScheduler(own, USUAL_HZ)
         self._node = Node(own, [self._commands, self._texts, self.heartbeat])
+        if self.has_clock:
+            self._node.add(TimeSync(own, tell_s=lambda _: self.boot_s))
 
     def say(self, text: str, severity: int = 4) -> None:
         self._texts.say(severity, text)
+
+    @property
+    def boot_s(self) -> float:
+        """Its own time."""
+        return self._loop.time() - self._booted_s
+
+    def stall(self, seconds: float) -> None:
+        """Its clock has not gone on for a while, as that of a simulation that is starved of its computer."""
+        self._booted_s += seconds
+
+    def set_rate(self, name: str, rate_hz: float) -> None:
+        """Sends a message at another rate from now on."""
+        self._streams.set_rate(name, rate_hz, self._loop.time())
 
     def rate_hz(self, name: str) -> float:
         return self._streams.rate_hz(name)
@@ -105,7 +129,7 @@ class FakeAutopilot:
             case "EXTENDED_SYS_STATE":
                 self.send(name, landed_state=1)
             case "SYS_STATUS":
-                health = 1 << 28
+                health = self.prearm_health
                 self.send(
                     name,
                     onboard_control_sensors_health=health,
@@ -113,5 +137,9 @@ class FakeAutopilot:
                     current_battery=150,
                     battery_remaining=80,
                 )
+            case "HOME_POSITION":
+                self.send(name, latitude=395_000_000, longitude=26_000_000, altitude=5_000)
+            case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS":
+                self.send(name, flags=self.estimator_flags)
             case "HEARTBEAT":
                 self.heartbeat.send_now()

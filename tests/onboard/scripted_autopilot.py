@@ -3,8 +3,9 @@
 from msgspec.structs import replace
 
 from gloc3.frames import Vector3
-from gloc3.vehicle import AutopilotState, FlightMode, LandedState
-from gloc3_onboard.devices import Answer
+from gloc3.vehicle import AutopilotState, FlightMode, LandedState, VehicleClass
+from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
+from gloc3_onboard.devices import Answer, Manners
 
 from .messages import standing
 
@@ -16,8 +17,9 @@ class ScriptedAutopilot:
         style: `px4` or `ardupilot`.
     """
 
-    def __init__(self, style: str = "px4") -> None:
+    def __init__(self, style: str = "px4", vehicle: VehicleClass = VehicleClass.COPTER) -> None:
         self.is_px4 = style == "px4"
+        self.vehicle = vehicle
         self.state: AutopilotState = standing(FlightMode.HOLD if self.is_px4 else FlightMode.MANUAL)
         self.setpoints: list[tuple[float, Vector3 | None, Vector3 | None]] = []
         """When, position, velocity."""
@@ -35,12 +37,9 @@ class ScriptedAutopilot:
     # --- the device ---
 
     @property
-    def arm_in_mode(self) -> FlightMode | None:
-        return None if self.is_px4 else FlightMode.GUIDED
-
-    @property
-    def stream_before_guided_s(self) -> float:
-        return 1.0 if self.is_px4 else 0.0
+    def manners(self) -> Manners:
+        classes = px4_facts.CLASSES if self.is_px4 else ardupilot_facts.CLASSES
+        return classes[self.vehicle].manners
 
     def send_setpoint(
         self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None

@@ -11,7 +11,7 @@ from gloc3.link.node import Node
 from gloc3.link.parameter import ParameterEncoding, ParameterType, parameter
 from gloc3.link.parameter_server import ParameterServer
 from gloc3.link.version import Capability, Version, VersionServer, version_number
-from gloc3.vehicle import Style
+from gloc3.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.inspection import Inspection
 
 OWN, VEHICLE = Address(1, 191), Address(1, 1)
@@ -44,7 +44,7 @@ class Rig:
         self.style = style
 
     def adopt(self) -> None:
-        self.inspection.adopt(VEHICLE, self.style, NAMES, self.now_s)
+        self.inspection.adopt(VEHICLE, self.style, VehicleClass.COPTER, NAMES, self.now_s)
 
     def run(self, seconds: float) -> None:
         end_s = self.now_s + seconds

@@ -17,6 +17,7 @@ from gloc3.vehicle import FlightMode, LandedState, Style
 from gloc3_onboard.autopilot.commands import KEPT, NOBODY
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE
+from gloc3_onboard.rate_watch import RateWatch
 
 from .fake_autopilot import VEHICLE, FakeAutopilot
 
@@ -27,13 +28,14 @@ SET_POSITION = "SET_POSITION_TARGET_LOCAL_NED"
 class Rig:
     """A companion and an autopilot on a link of 20 ms."""
 
-    def __init__(self, style: str = "px4", *, loss: float = 0.0, own: Address = VEHICLE) -> None:
+    def __init__(self, style: str = "px4", *, loss: float = 0.0, own: Address = VEHICLE, vehicle_type: int = 2) -> None:
         self.loop = VirtualLoop()
         self.wire = MemoryLink(self.loop, Random(3), Conditions(latency_s=0.02, loss=loss))
         self.said: list[str] = []
-        self.link = AutopilotLink(self.loop, Clock(self.loop), say=self._say)
+        self.why_not_arm = ""
+        self.link = AutopilotLink(self.loop, Clock(self.loop), say=self._say, why_not_arm=lambda: self.why_not_arm)
         self.wire.a.on_data = self.link.receive
-        self.autopilot = FakeAutopilot(self.loop, self.wire.b, style, own)
+        self.autopilot = FakeAutopilot(self.loop, self.wire.b, style, own, vehicle_type)
         self.link.open(self.wire.a)
 
     def _say(self, severity: Severity, text: str) -> None:
@@ -66,7 +68,7 @@ class Rig:
 def test_it_is_found_told_apart_and_asked_for_everything_that_is_needed(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        assert rig.said[0] == f"{style} autopilot found as 1/1"
+        assert rig.said[0] == f"{style} autopilot found as 1/1, of a copter"
         assert rig.link.state().style is Style(style)
         for stream in COMMON_STREAMS:
             name = codec.name_of(stream.message_id)
@@ -124,15 +126,58 @@ def test_a_stream_that_stays_away_is_asked_for_again_and_a_refused_one_is_not() 
     with Rig() as rig:
         rig.autopilot.refuses[511] = CommandResult.DENIED, "no"
         rig.run(10.0)
-        assert len(rig.asked(511)) == len(COMMON_STREAMS)
-        assert len([text for text in rig.said if "refuses to send" in text]) == len(COMMON_STREAMS)
+        assert len(rig.asked(511)) == len(rig.link.style.streams)
+        assert len([text for text in rig.said if "refuses to send" in text]) == len(rig.link.style.streams)
         assert any(text.startswith("the autopilot refuses to send SYS_STATUS at 2 Hz: denied") for text in rig.said)
+
+
+def test_a_stream_that_another_station_has_slowed_down_is_asked_for_again_and_one_that_flows_is_not() -> None:
+    with Rig() as rig:
+        rig.run(5.0)
+        asked = len(rig.asked(511))
+        rig.run(30.0)
+        assert len(rig.asked(511)) == asked
+        usual_hz = rig.autopilot.rate_hz("LOCAL_POSITION_NED")
+        assert usual_hz > 8.0
+        rig.autopilot._streams.set_rate("LOCAL_POSITION_NED", 4.0, rig.loop.time())
+        rig.until(lambda: rig.autopilot.rate_hz("LOCAL_POSITION_NED") == pytest.approx(usual_hz), 12.0)
+        assert len(rig.asked(511)) == asked + 1
+
+
+def test_when_a_station_asks_for_all_streams_ours_are_asked_for_right_behind_it() -> None:
+    with Rig() as rig:
+        rig.run(5.0)
+        watch, station = RateWatch(rig.link.ask_streams_again, rig.loop.time), codec.Encoder(255, 190)
+        wanted = {codec.name_of(stream.message_id): stream.rate_hz for stream in rig.link.style.streams}
+        parser = codec.Parser()
+        slow = codec.message(
+            "REQUEST_DATA_STREAM", target_system=1, target_component=1, req_message_rate=4, start_stop=1
+        )
+        other = codec.message("COMMAND_LONG", target_system=1, target_component=1, command=ARM_DISARM)
+        watch.hear(parser.receive(station.encode(other)))
+        rig.run(1.0)
+        asked = len(rig.asked(511))
+        for _ in range(2):  # as MAVProxy sends it
+            rig.autopilot._streams.receive(slow, codec.Address(255, 190), rig.loop.time())
+            watch.hear(parser.receive(station.encode(slow)))
+            rig.run(0.02)
+        assert {name: rig.autopilot.rate_hz(name) for name in wanted} == pytest.approx(wanted, rel=1e-3)
+        rig.run(2.0)
+        assert len(rig.asked(511)) <= asked + 4 * len(wanted)
+        asked = len(rig.asked(511))
+        for _ in range(500):  # a flood of them is answered a few times
+            rig.autopilot._streams.receive(slow, codec.Address(255, 190), rig.loop.time())
+            watch.hear(parser.receive(station.encode(slow)))
+        rig.run(1.0)
+        assert {name: rig.autopilot.rate_hz(name) for name in wanted} == pytest.approx(wanted)
+        assert len(rig.asked(511)) <= asked + 8 * len(wanted)
 
 
 def test_an_autopilot_of_another_kind_is_left_alone() -> None:
     with Rig("paparazzi") as rig:
         rig.run(5.0)
-        assert rig.said == ["1/1 is an autopilot of a kind that is not supported (MAV_AUTOPILOT 4): it is left alone"]
+        kind = "an autopilot of a kind that is not supported (MAV_AUTOPILOT 4, MAV_TYPE 2)"
+        assert rig.said == [f"1/1 is {kind}: it is left alone"]
         ticket = rig.link.command_arm()
         rig.link.send_setpoint((0.0, 0.0, 0.0), None, None)
         rig.run(1.0)
@@ -146,7 +191,7 @@ def test_an_autopilot_of_another_system_is_taken_when_it_has_been_alone() -> Non
         rig.run(2.0)
         assert rig.said == []
         rig.run(2.0)
-        assert rig.said == ["px4 autopilot found as 7/1"]
+        assert rig.said == ["px4 autopilot found as 7/1, of a copter"]
 
 
 def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_ours() -> None:
@@ -154,7 +199,7 @@ def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_our
         gimbal = codec.Encoder(1, 154).encode(codec.message("HEARTBEAT", type=26, autopilot=0))
         rig.link.receive(gimbal)
         rig.run(2.0)
-        assert rig.said[0] == "px4 autopilot found as 1/1"
+        assert rig.said[0] == "px4 autopilot found as 1/1, of a copter"
 
 
 def test_a_command_before_there_is_an_autopilot_is_refused_and_never_sent_later() -> None:

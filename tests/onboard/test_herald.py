@@ -3,27 +3,28 @@
 import asyncio
 from pathlib import Path
 
-from gloc3.clock import Clock, run_virtual
+from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.link.codec import Encoder, MavlinkMessage, Parser
 from gloc3.link.message import Address
 from gloc3.link.statustext import StatusTextReceiver
 from gloc3.messages import Event, Severity
-from gloc3_onboard.herald import FIRST_S, MOST_TEXTS, PERIOD_S, Herald, computer_status
+from gloc3_onboard.herald import MOST_TEXTS, PERIOD_S, Herald, computer_status
 from gloc3_onboard.vitals import Vitals, VitalSigns
 
 OWN = Address(1, 191)
 HALF_BUSY = "cpu  50 0 30 {idle} 20 0 0 0 0 0\ncpu0 1 1 1 1\n"
 
 
-def told(events: list[Event], for_s: float) -> tuple[list[tuple[int, str]], list[MavlinkMessage]]:
-    """What stations hear of events that happen at once: texts, and everything else."""
+def told(events: list[Event], for_s: float, least: Severity = Severity.WARNING) -> list[tuple[int, str]]:
+    """The texts that stations hear of events that happen at once."""
     heard: list[MavlinkMessage] = []
 
     async def work() -> None:
         loop = asyncio.get_running_loop()
         exchange = LocalExchange()
-        herald = Herald(exchange, "pelican", OWN, Clock(loop), loop, Vitals, heard.append)
+        herald = Herald(exchange, "pelican", OWN, loop, heard.append)
+        herald.least_severity = least
         publisher = Publisher(exchange, "pelican", "camera", 1)
         for event in events:
             publisher.publish("pelican/components/camera/event", event, loop.time())
@@ -34,21 +35,18 @@ def told(events: list[Event], for_s: float) -> tuple[list[tuple[int, str]], list
 
     run_virtual(work())
     receiver, encoder, parser = StatusTextReceiver(Address(255, 190)), Encoder(*OWN), Parser(is_datagram=True)
-    others = []
     for message in heard:
         for frame in parser.receive(encoder.encode(message)):
             decoded = frame.decode()
             assert decoded is not None
-            if decoded.name == "STATUSTEXT":
-                receiver.receive(decoded, OWN, 0.0)
-            else:
-                others.append(decoded)
-    return [(text.severity, text.text) for text in receiver.events()], others
+            assert decoded.name == "STATUSTEXT"
+            receiver.receive(decoded, OWN, 0.0)
+    return [(text.severity, text.text) for text in receiver.events()]
 
 
 def test_warnings_and_worse_are_status_texts_of_any_length() -> None:
     long = "no frame for 1.0 s, the device has gone away; it is tried again, and again, and again"
-    texts, _ = told(
+    texts = told(
         [
             Event(severity=Severity.ERROR, text=long),
             Event(severity=Severity.INFO, text="standby -> working"),
@@ -61,14 +59,15 @@ def test_warnings_and_worse_are_status_texts_of_any_length() -> None:
 
 def test_a_storm_of_texts_is_cut_short_and_counted() -> None:
     storm = [Event(severity=Severity.WARNING, text=f"number {number}") for number in range(MOST_TEXTS + 7)]
-    texts, _ = told(storm, FIRST_S + 1.0)
+    texts = told(storm, PERIOD_S + 1.0)
     assert [text for _, text in texts[:-1]] == [f"camera: number {number}" for number in range(MOST_TEXTS)]
     assert texts[-1] == (4, "and 7 more")
 
 
-def test_the_computer_is_told_every_period_until_it_is_closed() -> None:
-    _, others = told([Event(severity=Severity.INFO, text="")], FIRST_S + 3.5 * PERIOD_S)
-    assert [message.name for message in others] == ["ONBOARD_COMPUTER_STATUS"] * 4
+def test_how_severe_an_event_must_be_can_be_changed() -> None:
+    events = [Event(severity=Severity.INFO, text="standby -> working"), Event(severity=Severity.ERROR, text="gone")]
+    assert told(events, 1.0, Severity.INFO) == [(6, "camera: standby -> working"), (3, "camera: gone")]
+    assert told(events, 1.0, Severity.CRITICAL) == []
 
 
 def test_what_is_known_is_told_in_the_protocols_units_and_the_rest_as_unknown() -> None:

@@ -72,6 +72,20 @@ def test_without_an_attitude_or_a_scan_it_says_so_and_goes_on_afterwards() -> No
     assert found.is_valid
 
 
+def test_who_no_longer_hears_a_height_goes_on_from_the_last_one_by_how_far_it_has_come_down() -> None:
+    component, random = LaserOdometryProcessor(), np.random.default_rng(1)
+    component.initialize(LaserOdometrySettings())
+    component.start()
+    reasons = []
+    for t_s, height_m in ((0.0, 1.5), (0.1, 1.5), (20.0, 1.5), (20.1, 0.1)):
+        given: dict[str, Any] = {"laser": at(t_s, SCANNER.scan(Planar(), random))}
+        given["autopilot_pose"] = at(t_s, autopilot_pose(height=height_m + 3.0))
+        if t_s < 1.0:
+            given["height"] = at(t_s, HeightAboveGround(height_m=height_m, is_valid=True))
+        reasons.append("above the floor" in odometry(component, t_s, **given).reason)
+    assert reasons == [False, False, False, True]
+
+
 def obstacles(component: ObstacleProcessor, t_s: float, **given: Any) -> ObstacleScan:
     found = message(component.work(t_s, inbox_of(**given))[0])
     assert isinstance(found, ObstacleScan)

@@ -1,6 +1,7 @@
 """The limiter's algorithm: what it lets pass, how it approaches, and that the fence is kept at speed."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -60,6 +61,30 @@ def test_what_obeys_all_limits_passes_to_the_millimetre() -> None:
         out = stream.feed((north, 0.0, -2.0), (speed, 0.0, 0.0))
         assert out.setpoint == setpoint((north, 0.0, -2.0), (speed, 0.0, 0.0))
         assert not out.is_clamped
+
+
+@pytest.mark.parametrize(("speed_m_s", "within_s", "most_m_s2"), [(0.7, 0.9, 1.1), (3.0, 1.9, 2.6)])
+def test_where_it_is_to_hold_at_once_it_slows_down_as_the_vehicle_can(
+    speed_m_s: float, within_s: float, most_m_s2: float
+) -> None:
+    stream = Stream(LIMITS, (0.0, 0.0, -2.0), (speed_m_s, 0.0, 0.0))
+    stream.limiter.careful_m_s = 0.0
+    stream.feed((40.0, 0.0, -2.0), seconds=3.0)
+    speeds = [north for north, _, _ in stream.speeds()]
+    assert max(a - b for a, b in pairwise(speeds)) / STEP_S < most_m_s2
+    assert speeds[round(within_s / STEP_S)] == pytest.approx(0.0, abs=0.01)
+    assert stream.places[-1] == stream.places[-2]
+
+
+def test_behind_a_target_that_moves_on_it_slows_down_no_faster() -> None:
+    stream = Stream(LIMITS, (0.0, 0.0, -2.0), (0.7, 0.0, 0.0))
+    for number in range(1, 61):
+        stream.limiter.careful_m_s = 0.0 if number > 20 else math.inf
+        stream.feed((0.7 * STEP_S * number, 0.0, -2.0), (0.7, 0.0, 0.0))
+    speeds = [north for north, _, _ in stream.speeds()]
+    assert speeds[18] == pytest.approx(0.7)
+    assert max(a - b for a, b in pairwise(speeds[18:])) / STEP_S < 1.1
+    assert speeds[-1] == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_far_position_is_approached_within_speed_and_acceleration_and_without_overshoot() -> None:

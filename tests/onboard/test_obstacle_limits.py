@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 import pytest
+from tests.evidence.obstacles import LEAST_M, among_boxes
 
 from gloc3.frames import Vector3
 from gloc3.vehicle import ObstacleScan, Setpoint
@@ -47,7 +48,7 @@ class Room:
             points = self.points(now_s)
             if number % 2:
                 soon = self.movers.see(points, vehicle, now_s)
-                self.limiter.obstacles = ObstacleField([*points, *soon], vehicle, KEEP_M)
+                self.limiter.obstacles = ObstacleField(points, vehicle, KEEP_M, soon)
             before = self.places[-8] if len(self.places) > 7 else vehicle
             north, east, down = ((b - a) / STEP_S for a, b in zip(before, vehicle, strict=True))
             self.limiter.see(vehicle, (north, east, down), now_s)
@@ -111,6 +112,12 @@ def test_a_box_that_crosses_the_way_is_not_met() -> None:
     end = room.feed(lambda now_s: setpoint((min(0.8 * now_s, 9.0), 0.0, -2.0)), 16.0)
     assert end[0] > 8.9
     assert room.nearest_m > 0.5
+
+
+def test_who_flees_from_what_comes_out_of_a_box_beside_it_is_not_stopped_by_what_is_not_there_yet() -> None:
+    found = among_boxes(10)
+    assert found["state"] == "done"
+    assert found["nearest_m"] > LEAST_M
 
 
 def test_what_moves_is_told_where_it_will_be_and_the_wall_behind_it_is_not() -> None:

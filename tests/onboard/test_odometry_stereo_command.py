@@ -94,6 +94,9 @@ def test_a_vehicle_at_rest_drifts_by_less_than_three_millimetres() -> None:
     assert cost.inputs == 40
     assert cost.reasons == {BEGUN: 1}
     assert np.linalg.norm(estimate.position_m - estimate.position_m[0], axis=1).max() < 0.003
+    lines = (IMAGES / "euroc_rest" / "mav0" / "cam0" / "data.csv").read_text().splitlines()[1:]
+    stamps_s = [int(line.split(",")[0]) * 1e-9 for line in lines]
+    np.testing.assert_allclose(estimate.t_s, stamps_s, atol=1e-6, rtol=0.0)
 
 
 @pytest.mark.thorough

@@ -164,6 +164,22 @@ def test_at_a_corner_it_waits_until_the_vehicle_is_near() -> None:
     assert flight.follower.progress == 1.0
 
 
+def test_a_vehicle_that_comes_slowly_is_waited_for_as_long_as_it_comes_nearer() -> None:
+    def held(at: Vector3, target: Vector3) -> Vector3:
+        return at
+
+    flight = Flight([(1.0, 0.0, -2.0)], 0.5, start=(0.0, 3.0, -2.0), vehicle=held)
+    flight.follower.slack_m = 5.0
+    longest_s = 0.0
+    for _ in range(2400):
+        flight.step()
+        x, y, z = flight.at
+        flight.at = (x, y - 0.03 * STEP_S, z) if y > 0.0 else (x, y, z)
+        longest_s = max(longest_s, flight.follower.waited_s) if y > 1.0 else longest_s
+    assert longest_s < 10.0
+    assert flight.follower.waited_s > 10.0, "it does not come nearer any more, and is not there"
+
+
 def test_after_a_pause_the_vehicle_comes_back_to_where_it_left_the_way_at_the_ways_speed() -> None:
     flight = Flight([(6.0, 0.0, -2.0), (6.0, 6.0, -2.0)])
     for _ in range(100):

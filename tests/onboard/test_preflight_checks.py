@@ -11,8 +11,8 @@ from gloc3.preflight import Check, Verdict, in_order, red, summary, worst
 from gloc3.readiness import AutopilotSetup, ComputerState, LinkCondition
 from gloc3.vehicle import AutopilotState, FlightMode, Pose, Style
 from gloc3_onboard.checks.checklist import checklist
-from gloc3_onboard.checks.parameters import TABLES
 from gloc3_onboard.checks.readings import Condition, Readings
+from gloc3_onboard.checks.tables import table_of
 
 PELICAN = load_platform("pelican_rtk")
 WELL = 1 | 2 | 4 | 8 | 32
@@ -96,7 +96,7 @@ def test_a_ready_vehicle_has_nothing_red_or_doubtful(style: Style) -> None:
 
 @pytest.mark.parametrize("style", Style)
 def test_every_parameter_of_a_table_is_read_once(style: Style) -> None:
-    names = TABLES[style].names()
+    names = table_of(style).names()
     assert len(set(names)) == len(names)
     assert set(PARAMETERS[style]) <= set(names)
     assert all(0 < len(name) <= 16 for name in names)
@@ -113,6 +113,15 @@ def test_the_autopilots_own_reasons_are_told() -> None:
     line = found(state={"is_armable": False, "reasons": ["PreArm: Compass not calibrated"]})["autopilot: ready to arm"]
     assert line.verdict is Verdict.RED
     assert "Compass not calibrated" in line.finding
+
+
+def test_what_speaks_against_arming_is_told_with_the_autopilots_reasons_and_alone_it_is_a_warning() -> None:
+    doubts = ["not well: GPS", "the estimator has no horizontal position"]
+    red_line = found(state={"is_armable": False, "reasons": [], "doubts": doubts})["autopilot: ready to arm"]
+    assert red_line.finding == "; ".join(doubts)
+    lines = found(state={"doubts": doubts})
+    assert lines["autopilot: estimator"].verdict is Verdict.WARNING
+    assert lines["autopilot: estimator"].finding == doubts[1], "sensors have a line of their own"
 
 
 @pytest.mark.parametrize(

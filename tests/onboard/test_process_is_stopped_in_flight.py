@@ -39,7 +39,10 @@ def test_hold_is_confirmed_before_the_process_ends(tmp_path: Path) -> None:
         in_flight(sitl, onboard, station)
         onboard.interrupt(signal.SIGTERM)
         assert onboard.end() == 0, onboard.text
-        assert onboard.lines[-1] == "onboard: stopping"
+        *_, stopping, autopilot_traffic, station_traffic = onboard.lines
+        assert stopping == "onboard: stopping"
+        assert autopilot_traffic.startswith(f"onboard: {autopilot}: in "), "what has passed each link"
+        assert station_traffic.startswith(f"onboard: udpout://127.0.0.1:{ground}: in "), "and no more"
         station.interrupt()
         assert station.end() == 130
         sitl.interrupt()

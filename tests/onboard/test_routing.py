@@ -52,7 +52,7 @@ def test_stations_of_others_reach_the_autopilot_through_the_onboard_process(tmp_
     kept = read_back(tmp_path / "out" / "log.tlog")
     assert {(1, 1), (1, 191), (245, 190)} <= {(frame.system, frame.component) for frame in kept}
     companion = {frame.shape.name for frame in kept if frame.sender == (1, 191) and frame.shape is not None}
-    assert {"HEARTBEAT", "ONBOARD_COMPUTER_STATUS", "TUNNEL"} <= companion
+    assert {"HEARTBEAT", "TUNNEL"} <= companion
     with LogReader(tmp_path / "out" / "log.mcap") as reader:
         logged = list(reader.frames())
     assert [frame.data for frame in logged] == [frame.raw for frame in kept], "both logs hold the same frames"
@@ -63,7 +63,10 @@ def read_back(path: Path) -> list[Frame]:
     """The frames of a `.tlog`, read by pymavlink, which refuses what is no frame."""
     source = mavutil.mavlogfile(str(path))
     raw = []
-    while (found := source.recv_msg()) is not None:
-        assert abs(found._timestamp - time.time()) < 120.0
-        raw.append(bytes(found.get_msgbuf()))
+    try:
+        while (found := source.recv_msg()) is not None:
+            assert abs(found._timestamp - time.time()) < 120.0
+            raw.append(bytes(found.get_msgbuf()))
+    finally:
+        source.close()
     return Parser().receive(b"".join(raw))

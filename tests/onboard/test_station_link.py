@@ -83,6 +83,10 @@ def test_stations_are_taken_by_their_key(platform_key: bytes | None, station_key
             assert ends.events[0].startswith(f"a frame from 255/190 is dropped ({refused})")
         else:
             assert ends.events == []
+        locked_out = [text for text in ends.told if "takes nothing from here; see --signing-key" in text]
+        assert len(locked_out) == (platform_key is not None and station_key is None), "and the operator is told, once"
+        assert bool(ends.station.genuine) == (platform_key == station_key is not None)
+        assert bool(ends.station.refusals) == (station_key is not None and not is_heard)
         ends.close()
 
     run_virtual(play())

@@ -174,7 +174,7 @@ def test_cameras_that_are_not_calibrated_are_refused() -> None:
         FeatureProcessor(Calibrated()).initialize(FeatureSettings(left="front_right", right="front_left"))
 
 
-def test_both_work_under_their_hosts_begun_by_what_comes() -> None:
+def test_features_that_are_found_once_serve_two_odometers_under_their_hosts() -> None:
     rows = [
         ComponentRow(
             name="features",
@@ -188,10 +188,17 @@ def test_both_work_under_their_hosts_begun_by_what_comes() -> None:
             trigger="features",
             ports={"features": "features/front", "odometry": "odometry/stereo"},
         ),
+        ComponentRow(
+            name="second",
+            class_name="gloc3_onboard.processors.stereo_odometry:StereoOdometryProcessor",
+            trigger="features",
+            ports={"features": "features/front", "odometry": "odometry/second"},
+        ),
     ]
     with Bench(topics=TopicTable.installed()) as bench:
         bench.host(rows[0], lambda: FeatureProcessor(Calibrated()))
-        bench.host(rows[1], lambda: StereoOdometryProcessor(Calibrated()))
+        for row in rows[1:]:
+            bench.host(row, lambda: StereoOdometryProcessor(Calibrated()))
         bench.run(0.1)
         for n in range(4):
             for topic, envelope in zip(("camera/front_left", "camera/front_right"), pair(n), strict=True):
@@ -201,3 +208,5 @@ def test_both_work_under_their_hosts_begun_by_what_comes() -> None:
         assert [odometry.is_valid for odometry in found] == [False, True, True, True]
         assert found[-1].position_m[1] == pytest.approx(3 * STEP_M, abs=0.005)
         assert bench.state("stereo_odometry") is State.WORKING
+        assert bench.all("odometry/second") == found
+        assert len(bench.all("features/front")) == 4

@@ -252,3 +252,54 @@ def test_a_take_off_is_refused_while_nothing_is_heard_of_the_autopilots_state() 
         rig.stage.step(0.1, pose=pose(0.0, 0.0, 0.0), driver=rig.driver)
     with pytest.raises(Refused, match="nothing is heard of the autopilot's state"):
         rig.begin()
+
+
+def test_driving_off_arms_and_is_done_once_the_vehicle_follows_from_where_it_stands() -> None:
+    rig = Rig(ground_m=3.0)
+    rig.stage.begin("drive_off")
+    rig.run(0.1)
+    asked = rig.stage.last(Manoeuvre)
+    assert isinstance(asked, Manoeuvre)
+    assert (asked.kind, asked.height_m, asked.may_arm) == (ManoeuvreKind.SET_OFF, 0.0, True)
+    rig.says(RUNNING)
+    rig.autopilot = flying(FlightMode.GUIDED)
+    rig.run(1.0)
+    assert rig.stage.last(Setpoint) is None, "the driver has not armed it yet"
+    rig.says(DONE)
+    rig.run(0.5)
+    setpoint = rig.stage.last(Setpoint)
+    assert isinstance(setpoint, Setpoint)
+    assert setpoint.position_ned_m == pytest.approx((0.0, 0.0, -3.0))
+    assert rig.stage.status.state == "running"
+    rig.says(DONE, is_guided=True)
+    rig.run(0.3)
+    assert rig.stage.status.state == "done"
+
+
+def test_a_dive_leads_down_by_setpoints_and_is_done_at_its_depth() -> None:
+    rig = Rig()
+    rig.stage.begin("dive", depth_m=4.0)
+    rig.run(0.1)
+    rig.says(DONE, is_guided=True)
+    rig.autopilot = flying(FlightMode.GUIDED)
+    rig.height_m, rig.climb_m_s = -2.0, -0.5
+    rig.run(1.0)
+    setpoint = rig.stage.last(Setpoint)
+    assert isinstance(setpoint, Setpoint)
+    assert setpoint.position_ned_m == pytest.approx((0.0, 0.0, 4.0))
+    assert rig.stage.status.state == "running"
+    assert rig.stage.status.progress == pytest.approx(0.5)
+    rig.height_m, rig.climb_m_s = -4.0, 0.0
+    rig.run(0.3)
+    assert rig.stage.status.state == "done"
+
+
+def test_a_refusal_to_arm_says_what_the_autopilot_and_its_estimator_say() -> None:
+    rig = Rig()
+    doubts = ["not well: GPS", "the estimator has no horizontal position"]
+    rig.autopilot = standing(is_armable=False, reasons=["PreArm: Need Position Estimate"], doubts=doubts)
+    rig.run(0.1)
+    with pytest.raises(
+        Refused, match="Need Position Estimate; not well: GPS; the estimator has no horizontal position"
+    ):
+        rig.begin()

@@ -10,6 +10,7 @@ from gloc3.link import codec
 from gloc3.vehicle import FlightMode
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.px4 import Px4
+from gloc3_onboard.autopilot.style import Command
 from gloc3_onboard.autopilot.telemetry import BootClock, Telemetry
 
 
@@ -87,6 +88,7 @@ def test_modes_are_read_by_the_style(style: Px4 | ArduPilot, custom_mode: int, m
 @pytest.mark.parametrize("style", [Px4(), ArduPilot()])
 def test_the_modes_that_are_asked_for_are_those_that_are_read(style: Px4 | ArduPilot, mode: FlightMode) -> None:
     command = style.mode_command(mode)
+    assert isinstance(command, Command)
     if command.number == 176:
         main, sub = int(command.parameters[1]), int(command.parameters[2])
         assert style.flight_mode(main << 16 | sub << 24 if isinstance(style, Px4) else main) is mode

@@ -4,9 +4,10 @@ import pytest
 
 from gloc3.frames import from_yaw
 from gloc3.vehicle import Pose
+from gloc3_onboard.devices import Answer
 from gloc3_onboard.drivers.vision_pose import VisionPoseDriver, VisionPoseSettings
 
-from .messages import autopilot_pose, pose
+from .messages import autopilot_pose, pose, standing
 from .stage import Stage
 from .test_autopilot_link import Rig
 
@@ -19,12 +20,26 @@ class Device:
     def __init__(self) -> None:
         self.poses: list[tuple[Pose, float]] = []
         self.origins: list[tuple[float, float, float]] = []
+        self.homes: list[tuple[float, float, float]] = []
+        self.sets: list[int] = []
+        self.answers: dict[int, Answer] = {}
 
     def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
         self.poses.append((pose, t_s))
 
     def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
         self.origins.append(origin_geo)
+
+    def command_home(self, place_geo: tuple[float, float, float]) -> int:
+        self.homes.append(place_geo)
+        return 1
+
+    def command_source_set(self, number: int) -> int:
+        self.sets.append(number)
+        return 2
+
+    def answer(self, ticket: int) -> Answer | None:
+        return self.answers.get(ticket)
 
 
 def test_each_valid_pose_is_sent_once_and_no_more_often_than_the_rate() -> None:
@@ -108,3 +123,61 @@ def test_the_message_is_one_that_both_styles_take(style: str) -> None:
         assert (message.reset_counter, message.quality) == (2, 80)
         assert message.time_usec * 1e-6 == pytest.approx(4.0 - 0.06, abs=0.03)
         assert heard["SET_GPS_GLOBAL_ORIGIN"].latitude == 395528000
+
+
+def test_home_is_told_where_an_autopilot_with_our_origin_has_none_for_long() -> None:
+    device = Device()
+    stage = Stage(VisionPoseDriver(device))
+    placed = pose(north=100.0, height=0.0, origin_geo=ORIGIN)
+    stage.put(autopilot=standing())
+    for _ in range(100):
+        stage.step(0.1, pose=placed, autopilot_pose=autopilot_pose(origin_geo=ORIGIN))
+    (home,) = device.homes
+    assert home[0] == pytest.approx(ORIGIN[0] + 100.0 / 111_040.0, abs=1e-5)
+    assert home[2] == pytest.approx(ORIGIN[2], abs=0.01)
+    for told in (standing(has_home=True), standing(is_armed=True)):
+        for _ in range(100):
+            stage.step(0.1, pose=placed, autopilot_pose=autopilot_pose(origin_geo=ORIGIN), autopilot=told)
+        assert len(device.homes) == 1
+
+
+def test_the_set_of_sources_follows_what_is_sent() -> None:
+    device = Device()
+    driver = VisionPoseDriver(device)
+    stage = Stage(driver, VisionPoseSettings(source_set=2, other_source_set=1))
+    for _ in range(10):
+        stage.step(0.05, pose=pose())
+    assert device.sets == [], "half a second of poses is no reason to rely on them"
+    for _ in range(20):
+        stage.step(0.05, pose=pose())
+    assert device.sets == [2]
+    device.answers[2] = Answer(False, "not supported")
+    for _ in range(40):
+        stage.step(0.05, pose=pose(is_valid=False, reason="lost"))
+    assert device.sets == [2, 1]
+    assert driver.refusal == "not supported"
+    for _ in range(40):
+        stage.step(0.05, pose=pose())
+    assert device.sets == [2, 1, 2]
+
+
+def test_without_the_setting_the_choice_is_left_alone() -> None:
+    device = Device()
+    stage = Stage(VisionPoseDriver(device))
+    for _ in range(100):
+        stage.step(0.05, pose=pose())
+    assert device.sets == []
+
+
+@pytest.mark.parametrize("style", ["px4", "ardupilot"])
+def test_sources_and_home_in_the_words_of_each_style(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        sources, home = rig.link.command_source_set(2), rig.link.command_home((47.0, 8.0, 400.0))
+        rig.run(0.5)
+        answer = rig.link.answer(sources)
+        assert answer is not None
+        assert answer.is_accepted == (style == "ardupilot")
+        assert rig.asked(42007) == ([] if style == "px4" else [(2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)])
+        assert rig.asked(179)[0][4:] == pytest.approx((47.0, 8.0, 400.0))
+        assert rig.link.answer(home) == (True, "")

@@ -9,14 +9,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import nan
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk, log_subscribe
+from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.log_files import LogFiles
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
 from mavsdk.plugins.offboard import Offboard, OffboardError
 from mavsdk.plugins.telemetry import Telemetry
+
+P = TypeVar("P")
 
 log_subscribe(lambda level, text, file, line: True)
 
@@ -25,13 +28,13 @@ LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M = 47.3977, 8.5456, 488.0
 
 
 @contextmanager
-def simulated_vehicle(*arguments: str, speed: float = 5.0) -> Iterator[int]:
+def simulated_vehicle(*arguments: str, speed: float = 5.0, link: str = "udpin://127.0.0.1:0") -> Iterator[int]:
     """Runs `gloc3 sitl`; gives the port of its link for ground stations."""
     process = subprocess.Popen(
         [
             *(sys.executable, "-c", PROGRAM, "--world", "open"),
             *("--home", f"{LATITUDE_DEG},{LONGITUDE_DEG},{ALTITUDE_M},0"),
-            *("--speed", str(speed), "--link", "station=udpin://127.0.0.1:0", *arguments),
+            *("--speed", str(speed), "--link", f"station={link}", *arguments),
         ],
         stderr=subprocess.PIPE,
         text=True,
@@ -64,9 +67,16 @@ class Client:
         self.action = Action(system)
         self.telemetry = Telemetry(system)
         self.mission = MissionRaw(system)
+        self._plugins: list[Any] = [self.action, self.telemetry, self.mission]
+
+    def plugin(self, kind: Callable[[Any], P]) -> P:
+        """One more plugin, which ends with the client."""
+        made = kind(self.system)
+        self._plugins.append(made)
+        return made
 
     def close(self) -> None:
-        for plugin in (self.action, self.telemetry, self.mission):
+        for plugin in self._plugins:
             plugin.destroy()
         self.mavsdk.destroy()
 
@@ -115,6 +125,15 @@ class Client:
                 return
         raise AssertionError("offboard was refused again and again")
 
+    def told(self, begin: Callable[..., Any], *arguments: Any, within_s: float = 30.0) -> list[Any]:
+        """Calls what tells its progress; gives everything that it told, the result last."""
+        arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        begin(*arguments, lambda *values: arrived.put(values))
+        rows: list[Any] = []
+        while not rows or rows[-1][0].name == "NEXT":
+            rows.append(arrived.get(timeout=within_s))
+        return rows
+
     def download(self, logs: LogFiles, entry: Any, path: Path, within_s: float = 30.0) -> None:
         """Fetches a log by the log protocol."""
         told: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -131,14 +150,30 @@ class Client:
 
 
 @contextmanager
+def client_at(port: int) -> Iterator[Client]:
+    """A client that has found its vehicle."""
+    client = Client(port)
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+@contextmanager
 def client_of(*arguments: str, speed: float = 5.0) -> Iterator[Client]:
     """A client that has found its simulated vehicle."""
-    with simulated_vehicle(*arguments, speed=speed) as port:
-        client = Client(port)
-        try:
-            yield client
-        finally:
-            client.close()
+    with simulated_vehicle(*arguments, speed=speed) as port, client_at(port) as client:
+        yield client
+
+
+def outcome(call: Callable[..., Any], *arguments: Any) -> str:
+    """Name of the result with which mavsdk answers a call: SUCCESS, or that of the error."""
+    try:
+        call(*arguments)
+    except MavsdkError as error:
+        result: Any = vars(error)["result"]
+        return str(result.name)
+    return "SUCCESS"
 
 
 def degrees_north(metres: float) -> float:

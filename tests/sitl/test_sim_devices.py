@@ -71,7 +71,16 @@ def test_all_devices_give_what_they_are_named_for() -> None:
         assert isinstance(laser, SimLaser)
         assert isinstance(ground, SimCamera)
         assert isinstance(tracker, SimCamera)
-        for device in (laser, ground, tracker):
+        news = {"laser": 0, "ground": 0, "tracker": 0}
+
+        def counter(name: str) -> Callable[[], None]:
+            def count() -> None:
+                news[name] += 1
+
+            return count
+
+        for device, name in ((laser, "laser"), (ground, "ground"), (tracker, "tracker")):
+            device.on_news(counter(name))
             device.open()
         await asyncio.sleep(0.35)
         turn, frame, seen = laser.scan(), ground.frame(), tracker.frame()
@@ -84,6 +93,8 @@ def test_all_devices_give_what_they_are_named_for() -> None:
         assert max(seen.image.data) > 200, "the light of the vehicle"
         assert sims.model("front_left") == rig.FRONT_LEFT
         assert sims.model("nose") is None
+        await asyncio.sleep(0.67)
+        assert news == {"laser": 10, "ground": 15, "tracker": 15}, "in 1.02 s"
 
     run(test)
 

@@ -12,6 +12,7 @@ from typing import Any, Final
 from fastcrc.crc16 import mcrf4xx as checksum
 
 from gloc3.errors import Misuse, nearest
+from gloc3.link import upstream
 from gloc3.link.message import Address, Field, MavlinkMessage, Shape
 from gloc3.link.parser import SIGNED, Frame, FrameParser
 from gloc3.link.signing import Signing
@@ -48,12 +49,13 @@ def _describe(number: int) -> Shape | None:
     """Builds the shape of one message from pymavlink's description of it."""
     kind = _dialect().mavlink_map.get(number)
     if kind is None:
-        return None
+        return upstream.describe(number)
     types = dict(zip(kind.fieldnames, kind.fieldtypes, strict=True))
     if number in _PARAMETER_IDS:
         types["param_value"] = "uint32_t"
     columns = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
     fields = [Field(name, types[name], count) for name, count in columns]
+    fields += [field for field in upstream.EXTENSIONS.get(kind.msgname, ()) if field.name not in types]
     return Shape(kind.msgname, number, kind.crc_extra, fields, kind.instance_field)
 
 
@@ -71,7 +73,7 @@ class _Names(dict[str, Shape]):
     """Shapes by message name, each built when it is first needed."""
 
     def __missing__(self, name: str) -> Shape:
-        number = getattr(_dialect(), f"MAVLINK_MSG_ID_{name}", None)
+        number = getattr(_dialect(), f"MAVLINK_MSG_ID_{name}", upstream.NUMBERS.get(name))
         found = None if number is None else _SHAPES[number]
         if found is None:
             known = [kind.msgname for kind in _dialect().mavlink_map.values()]

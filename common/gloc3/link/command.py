@@ -7,7 +7,7 @@ of a kind runs at a time. What is lost is asked again, and what is asked again i
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from enum import IntEnum
 from typing import Final
 
@@ -29,6 +29,8 @@ REPEATED_WITHIN_S: Final = 1.5
 """A COMMAND_INT has no confirmation: the same again within this, with no other command between, is a repeat."""
 DUPLICATED_WITHIN_S: Final = 0.25
 """The same COMMAND_LONG again within this, with the same confirmation, was doubled on the way."""
+ONLY_ASKS: Final = frozenset({510, 512, 519, 520})
+"""Commands that only ask for a message: whoever asks again, however soon, has not got it."""
 MOST_REMEMBERED: Final = 128
 
 _GLOBAL_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
@@ -250,6 +252,11 @@ class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):
     confirmation: int
 
 
+def serve_all(_request: CommandRequest) -> bool:
+    """Serves every command."""
+    return True
+
+
 class _Answered(msgspec.Struct):
     """What is kept of a command that ran or runs."""
 
@@ -268,12 +275,21 @@ class CommandServer(Service[CommandRequest]):
         commands: those that are handled; others are answered as unsupported. None passes all on.
         is_autopilot: answers for the whole system also what it does not support; others keep silent about what is
             addressed to everybody and not theirs.
+        serves: which commands are looked at; for others it is as if it were not there.
     """
 
     handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 
-    def __init__(self, own: Address, commands: Collection[int] | None = None, *, is_autopilot: bool = False) -> None:
+    def __init__(
+        self,
+        own: Address,
+        commands: Collection[int] | None = None,
+        *,
+        is_autopilot: bool = False,
+        serves: Callable[[CommandRequest], bool] = serve_all,
+    ) -> None:
         super().__init__(own)
+        self._serves = serves
         self.repeated = 0
         """Requests that were repeats of others."""
         self._commands = commands
@@ -286,6 +302,8 @@ class CommandServer(Service[CommandRequest]):
         if not self._is_for_us(message):
             return
         request = _read(message, sender)
+        if not self._serves(request):
+            return
         if self._commands is not None and request.command not in self._commands:
             if self._is_autopilot or request.target.component == self.own.component:
                 self._acknowledge(request, CommandResult.UNSUPPORTED)
@@ -334,6 +352,8 @@ class CommandServer(Service[CommandRequest]):
 
     def _is_repeat(self, known: _Answered, request: CommandRequest, now_s: float) -> bool:
         before = known.request
+        if request.command in ONLY_ASKS:
+            return False
         if request.is_int != before.is_int or request.frame != before.frame or not _same(request.params, before.params):
             return False
         age_s = now_s - known.t_s
@@ -363,6 +383,29 @@ class CommandServer(Service[CommandRequest]):
         )
         self._outgoing.append(ack)
         return ack
+
+
+class CommandCancel(msgspec.Struct, frozen=True):
+    """Somebody wants one of his commands, which is in progress, to end."""
+
+    command: int
+    """MAV_CMD."""
+    sender: Address
+
+
+class CancelServer(Service[CommandCancel]):
+    """Takes COMMAND_CANCEL, which is answered with the acknowledgement of the command that it ends, or not at all."""
+
+    handles = frozenset({"COMMAND_CANCEL"})
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in the wish; one for everybody is none."""
+        if (message.target_system, message.target_component) == self.own:
+            self._events.append(CommandCancel(message.command, sender))
+
+    def cancelled(self, cancel: CommandCancel) -> None:
+        """Tells that what a command had begun has ended by it, where the command itself was answered long ago."""
+        self._send_to(cancel.sender, "COMMAND_ACK", command=cancel.command, result=CommandResult.CANCELLED)
 
 
 def _to(target: Address) -> dict[str, int]:

@@ -5,6 +5,11 @@ udpout://192.168.1.10:14550    sends there, and hears from there
 tcpin://0.0.0.0:5760           listens for clients
 tcpout://192.168.1.10:5760     connects, and connects again when it is cut off
 serial:///dev/ttyACM0:57600    a serial line; serial_flowcontrol:// with RTS and CTS; with :auto its rate is found
+
+What is known of a link may follow, as in `udpout://192.168.1.10:14550?rate=57600&key=radio.key`:
+
+rate=BIT_S   a radio behind it carries so much, each byte counted as ten bits; on a serial line, less than its own rate
+key=FILE     the MAVLink signing key of the link
 """
 
 from __future__ import annotations
@@ -12,7 +17,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from typing import Final, Protocol, TypeAlias
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 import msgspec
 
@@ -27,6 +32,8 @@ NETWORK_SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout")
 SERIAL_SCHEMES: Final = ("serial", "serial_flowcontrol")
 DEFAULT_BAUD: Final = 57_600
 AUTO: Final = "auto"
+OPTIONS: Final = ("rate", "key")
+LEAST_RATE_BIT_S: Final = 1200
 
 
 class Endpoint(Protocol):
@@ -72,6 +79,22 @@ class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
     device: str = ""
     baud: int | None = DEFAULT_BAUD
     """None where it is to be found."""
+    rate_bit_s: int | None = None
+    """What a radio behind it carries, where that was said."""
+    key: str = ""
+    """The file with the link's signing key; empty where none was named."""
+
+    @property
+    def address(self) -> str:
+        """The URL without what is known of the link."""
+        return self.url.partition("?")[0]
+
+    @property
+    def line_bit_s(self) -> int | None:
+        """What leaves by the link is to stay below, a byte being ten bits; None where there is no such rate."""
+        if self.rate_bit_s is not None:
+            return self.rate_bit_s
+        return self.baud if self.scheme in SERIAL_SCHEMES else None
 
 
 def parse_url(url: str) -> EndpointUrl:
@@ -86,39 +109,62 @@ def parse_url(url: str) -> EndpointUrl:
         raise Refused(
             f"endpoint {url!r} has no scheme; write it as udpin://0.0.0.0:14550 or serial:///dev/ttyACM0:57600"
         )
+    address, _, options = rest.partition("?")
     if scheme in SERIAL_SCHEMES:
-        return _serial_url(url, scheme, rest)
+        return _serial_url(url, scheme, address, options)
     if scheme not in NETWORK_SCHEMES:
         hint = {"udp": "use udpin:// to listen or udpout:// to send", "tcp": "use tcpin:// or tcpout://"}.get(scheme)
         raise Refused(f"endpoint {url!r}: no scheme {scheme!r}; {hint or nearest(scheme, known)}")
     try:
-        parts = urlsplit(url)
+        parts = urlsplit(f"{scheme}://{address}")
         host, port = parts.hostname, parts.port
     except ValueError as error:
         raise Refused(f"endpoint {url!r}: {error}") from None
     if port is None:
         raise Refused(f"endpoint {url!r} names no port; write it as {scheme}://{host or '0.0.0.0'}:14550")
-    if parts.path not in ("", "/") or parts.query or parts.fragment or parts.username is not None:
-        raise Refused(f"endpoint {url!r}: nothing may follow the port or stand before the host")
+    if parts.path not in ("", "/") or parts.fragment or parts.username is not None:
+        raise Refused(
+            f"endpoint {url!r}: nothing but ?rate= and ?key= may follow the port, nothing stand before the host"
+        )
     if scheme in ("udpout", "tcpout"):
         if not host:
             raise Refused(f"endpoint {url!r} names no host to send to")
         if port == 0:
             raise Refused(f"endpoint {url!r}: port 0 is for listening only")
-    return EndpointUrl(url=url, scheme=scheme, host=host or "0.0.0.0", port=port)
+    rate_bit_s, key = _options(url, options)
+    return EndpointUrl(url=url, scheme=scheme, host=host or "0.0.0.0", port=port, rate_bit_s=rate_bit_s, key=key)
 
 
-def _serial_url(url: str, scheme: str, rest: str) -> EndpointUrl:
-    device, separator, baud = rest.rpartition(":")
+def _options(url: str, text: str) -> tuple[int | None, str]:
+    """The rate and the key file that follow an address."""
+    rate_bit_s, key = None, ""
+    for option in filter(None, text.split("&")):
+        name, _, value = option.partition("=")
+        if name == "key" and value:
+            key = unquote(value)
+        elif name == "rate" and value.isascii() and value.isdigit() and int(value) >= LEAST_RATE_BIT_S:
+            rate_bit_s = int(value)
+        elif name == "rate":
+            raise Refused(f"endpoint {url!r}: {value!r} is no rate; give bits a second, {LEAST_RATE_BIT_S} or more")
+        elif name == "key":
+            raise Refused(f"endpoint {url!r} names no key file; write ?key=FILE")
+        else:
+            raise Refused(f"endpoint {url!r}: no option {name!r}; {nearest(name, OPTIONS)}")
+    return rate_bit_s, key
+
+
+def _serial_url(url: str, scheme: str, address: str, options: str) -> EndpointUrl:
+    rate_bit_s, key = _options(url, options)
+    device, separator, baud = address.rpartition(":")
     if not separator:
-        device, baud = rest, str(DEFAULT_BAUD)
+        device, baud = address, str(DEFAULT_BAUD)
     if not device:
         raise Refused(f"endpoint {url!r} names no device; write it as {scheme}:///dev/ttyACM0:57600")
     if baud == AUTO:
-        return EndpointUrl(url=url, scheme=scheme, device=device, baud=None)
+        return EndpointUrl(url=url, scheme=scheme, device=device, baud=None, rate_bit_s=rate_bit_s, key=key)
     if not baud.isascii() or not baud.isdigit() or not 1 <= int(baud) <= 10_000_000:
         raise Refused(f"endpoint {url!r}: {baud!r} is no baud rate; give a number, or {AUTO} to have it found")
-    return EndpointUrl(url=url, scheme=scheme, device=device, baud=int(baud))
+    return EndpointUrl(url=url, scheme=scheme, device=device, baud=int(baud), rate_bit_s=rate_bit_s, key=key)
 
 
 async def open_endpoint(url: str, loop: asyncio.AbstractEventLoop, on_data: OnData) -> Endpoint:

@@ -175,9 +175,25 @@ def read_entries(data: bytes) -> tuple[list[Entry], int]:
     return found, count
 
 
-def checksum(pieces: Iterable[bytes]) -> int:
+class Checksum:
     """The protocol's CRC-32: the usual polynomial, begun at 0 and not inverted."""
-    crc = 0xFFFF_FFFF
+
+    def __init__(self) -> None:
+        self._crc = 0xFFFF_FFFF
+
+    def add(self, piece: bytes) -> None:
+        """Takes more in."""
+        self._crc = zlib.crc32(piece, self._crc)
+
+    @property
+    def value(self) -> int:
+        """Of all that was taken in."""
+        return self._crc ^ 0xFFFF_FFFF
+
+
+def checksum(pieces: Iterable[bytes]) -> int:
+    """The protocol's CRC-32 of some pieces."""
+    crc = Checksum()
     for piece in pieces:
-        crc = zlib.crc32(piece, crc)
-    return crc ^ 0xFFFF_FFFF
+        crc.add(piece)
+    return crc.value

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import errno
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Protocol
 
-from gloc3.link.ftp import Entry, checksum
-
-LARGEST_CHECKED_BYTES: Final = 1 << 26
-"""A checksum is calculated while everything else waits; of more than this it would take too long."""
-_PIECE_BYTES: Final = 1 << 16
+from gloc3.link.ftp import Entry
 
 
 class Files(Protocol):
@@ -47,9 +41,6 @@ class Files(Protocol):
 
     def rename(self, path: str, new_path: str) -> None:
         """Moves a file or folder; never over an existing one."""
-
-    def checksum(self, path: str) -> int:
-        """The protocol's CRC-32 of a file."""
 
 
 class FolderFiles:
@@ -133,19 +124,6 @@ class FolderFiles:
         if destination.exists():
             raise FileExistsError(new_path)
         source.rename(destination)
-
-    def checksum(self, path: str) -> int:
-        """The protocol's CRC-32 of a file."""
-        file = self._file(path)
-        if file.stat().st_size > LARGEST_CHECKED_BYTES:
-            raise OSError(errno.EFBIG, "too large to check", path)
-        return checksum(self._pieces(file))
-
-    @staticmethod
-    def _pieces(file: Path) -> Iterator[bytes]:
-        with file.open("rb") as opened:
-            while piece := opened.read(_PIECE_BYTES):
-                yield piece
 
     def _find(self, path: str) -> Path:
         """The place that a path means, whether or not something is there."""

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable
 from typing import Final, Never
 
-from gloc3.link.ftp import DATA_BYTES, FtpError, Operation, Payload, error_data, read_payload
+from gloc3.link.ftp import DATA_BYTES, Checksum, FtpError, Operation, Payload, error_data, read_payload
 from gloc3.link.ftp_files import Files
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.service import Service
@@ -18,6 +18,9 @@ MOST_CLIENTS: Final = 16
 BURST_PACKETS: Final = 100
 """After so many a burst ends, and the client asks for the next."""
 PACKETS_PER_S: Final = 400.0
+CHECKED_BYTES: Final = 1 << 16
+"""So much of a file is read at a time for its checksum, that nothing else waits for long."""
+CHECK_PAUSE_S: Final = 0.002
 
 
 class _Session:
@@ -49,23 +52,66 @@ class _Burst:
         self.next_s = now_s
 
 
+class _Check:
+    """A checksum that is being calculated."""
+
+    __slots__ = ("crc", "next_s", "offset", "path", "request", "sender")
+
+    def __init__(self, request: Payload, sender: Address, path: str, now_s: float) -> None:
+        self.request = request
+        self.sender = sender
+        self.path = path
+        self.offset = 0
+        self.crc = Checksum()
+        self.next_s = now_s
+
+
+_CHANGES: Final = frozenset(
+    {
+        Operation.CREATE_FILE,
+        Operation.WRITE_FILE,
+        Operation.REMOVE_FILE,
+        Operation.CREATE_DIRECTORY,
+        Operation.REMOVE_DIRECTORY,
+        Operation.OPEN_FILE_WRITE_ONLY,
+        Operation.TRUNCATE_FILE,
+        Operation.RENAME,
+    }
+)
+
+
+def admit_all(_sender: Address) -> bool:
+    """Lets everybody change files."""
+    return True
+
+
 class FtpServer(Service[Never]):
     """Serves files.
 
     Args:
         own: as whom it speaks.
         files: what may be touched.
+        admits: whether somebody may change files now.
         packets_per_s: how fast a burst is sent.
     """
 
     handles = frozenset({"FILE_TRANSFER_PROTOCOL"})
 
-    def __init__(self, own: Address, files: Files, *, packets_per_s: float = PACKETS_PER_S) -> None:
+    def __init__(
+        self,
+        own: Address,
+        files: Files,
+        *,
+        admits: Callable[[Address], bool] = admit_all,
+        packets_per_s: float = PACKETS_PER_S,
+    ) -> None:
         super().__init__(own)
+        self._admits = admits
         self._files = files
         self._packet_s = 1.0 / packets_per_s
         self._sessions: dict[int, _Session] = {}
         self._bursts: dict[int, _Burst] = {}
+        self._checks: dict[Address, _Check] = {}
         self._answered: dict[Address, tuple[Payload, Payload]] = {}
         self._answers: dict[int, Callable[[Payload, Address, float], Payload | None]] = {
             Operation.NONE: lambda request, _sender, _now_s: _acknowledge(request),
@@ -104,13 +150,21 @@ class FtpServer(Service[Never]):
             return
         work = self._answers.get(request.operation)
         try:
-            answer = _refuse(request, FtpError.UNKNOWN_COMMAND) if work is None else work(request, sender, now_s)
+            if work is None:
+                answer: Payload | None = _refuse(request, FtpError.UNKNOWN_COMMAND)
+            elif request.operation in _CHANGES and not self._admits(sender):
+                answer = _refuse(request, FtpError.FILE_PROTECTED)
+            else:
+                answer = work(request, sender, now_s)
         except OSError as error:
             answer = _refuse_with(request, error_data(error))
         except ValueError:  # a path that is no text, or holds what no path can
             answer = _refuse(request, FtpError.FILE_NOT_FOUND)
-        if answer is None:
-            return
+        if answer is not None:
+            self._answer(request, sender, answer)
+
+    def _answer(self, request: Payload, sender: Address, answer: Payload) -> None:
+        """Answers, and remembers it for who asks again."""
         self._answered.pop(sender, None)
         if len(self._answered) >= MOST_CLIENTS:
             del self._answered[next(iter(self._answered))]
@@ -118,15 +172,20 @@ class FtpServer(Service[Never]):
         self._reply(sender, answer)
 
     def tick(self, now_s: float) -> None:
-        """Sends the next packets of the bursts."""
+        """Sends the next packets of the bursts, and goes on with checksums."""
         for number, burst in list(self._bursts.items()):
             while number in self._bursts and now_s >= burst.next_s:
                 burst.next_s = max(burst.next_s + self._packet_s, now_s - 10 * self._packet_s)
                 self._send_next(number, burst, now_s)
+        for check in [check for check in self._checks.values() if now_s >= check.next_s]:
+            answer = self._go_on(check, now_s)
+            if answer is not None:
+                self._answer(check.request, check.sender, answer)
 
     def next_tick_s(self) -> float | None:
-        """When the next packet is due."""
-        return min((burst.next_s for burst in self._bursts.values()), default=None)
+        """When the next packet, or piece of a checksum, is due."""
+        bursts, checks = self._bursts.values(), self._checks.values()
+        return min([*(burst.next_s for burst in bursts), *(check.next_s for check in checks)], default=None)
 
     def _reply(self, target: Address, answer: Payload) -> None:
         self._send_to(target, "FILE_TRANSFER_PROTOCOL", payload=answer.encode())
@@ -220,8 +279,32 @@ class FtpServer(Service[Never]):
         self._files.rename(_path(before), _path(rest))
         return _acknowledge(request)
 
-    def _checksum(self, request: Payload, _sender: Address, _now_s: float) -> Payload:
-        return _acknowledge(request, struct.pack("<I", self._files.checksum(_path(request.data))))
+    def _checksum(self, request: Payload, sender: Address, now_s: float) -> Payload | None:
+        path, under_way = _path(request.data), self._checks.get(sender)
+        if under_way is not None and under_way.path == path:
+            under_way.request = request  # asked again while it is being calculated
+            return None
+        self._checks.pop(sender, None)
+        self._files.size(path)
+        if len(self._checks) >= MOST_SESSIONS:
+            return _refuse(request, FtpError.NO_SESSIONS_AVAILABLE)
+        check = self._checks[sender] = _Check(request, sender, path, now_s)
+        return self._go_on(check, now_s)
+
+    def _go_on(self, check: _Check, now_s: float) -> Payload | None:
+        """Takes the next piece of a file into its checksum; the answer, when it was the last one."""
+        try:
+            piece = self._files.read(check.path, check.offset, CHECKED_BYTES)
+        except OSError as error:
+            del self._checks[check.sender]
+            return _refuse_with(check.request, error_data(error))
+        check.crc.add(piece)
+        check.offset += len(piece)
+        check.next_s = now_s + CHECK_PAUSE_S
+        if len(piece) == CHECKED_BYTES:
+            return None
+        del self._checks[check.sender]
+        return _acknowledge(check.request, struct.pack("<I", check.crc.value))
 
     @staticmethod
     def _simple(work: Callable[[str, int], None]) -> Callable[[Payload, Address, float], Payload]:

@@ -5,11 +5,13 @@ A plan is replaced only when all of the new one is there and has been checked; a
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Collection
 from typing import Final
 
 import msgspec
 
+from gloc3.link.codec import message as make
 from gloc3.link.item_receiver import ItemReceiver, Need
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.plan import ALL_TYPES, Plan, PlanResult, PlanType, read_item
@@ -24,6 +26,8 @@ REMINDERS: Final = 8
 """How often a silent uploader is asked for its last item once more, in case it has missed the acknowledgement."""
 REMINDER_S: Final = 0.25
 """At least so much lies between two of them."""
+PATIENCE_S: Final = 0.7
+"""Stations wait 1.5 s for what comes behind the last item."""
 FLOAT_AFTER: Final = 3
 """Who asks so often with MISSION_REQUEST for the same item cannot read MISSION_ITEM_INT."""
 CURRENT_PERIOD_S: Final = 1.0
@@ -39,8 +43,21 @@ def serve_all(_sender: Address) -> bool:
     return True
 
 
+def admit_all(_sender: Address) -> bool:
+    """Lets everybody change plans."""
+    return True
+
+
 class PlanReceived(msgspec.Struct, frozen=True):
     """A plan was replaced, by an empty one when it was cleared."""
+
+    kind: PlanType
+    items: Plan
+    sender: Address
+
+
+class PlanOffered(msgspec.Struct, frozen=True):
+    """All of a plan is there (nothing, to clear it) and `check` has left it to the owner, who ends it with `conclude`."""
 
     kind: PlanType
     items: Plan
@@ -62,6 +79,33 @@ class _Upload:
     def __init__(self, sender: Address, items: ItemReceiver) -> None:
         self.sender = sender
         self.items = items
+
+
+class _Answer:
+    """The one acknowledgement of an upload, or of clearing one type of plan or all."""
+
+    __slots__ = ("named", "result", "waiting")
+
+    def __init__(self, named: int) -> None:
+        self.named = named
+        """The type of plan that it names."""
+        self.waiting = 0
+        """Plans that it waits for."""
+        self.result = PlanResult.ACCEPTED
+
+
+class _Pending:
+    """A plan whose owner has not decided yet."""
+
+    __slots__ = ("answer", "last", "next_s", "offered")
+
+    def __init__(self, offered: PlanOffered, answer: _Answer, last: MavlinkMessage | None, now_s: float) -> None:
+        self.offered = offered
+        self.answer = answer
+        self.last = last
+        """The message with the last item; None where there is none."""
+        self.next_s = now_s + PATIENCE_S
+        """When its sender is asked for that item once more, so that he goes on waiting."""
 
 
 class _Finished:
@@ -109,15 +153,19 @@ class _Reader:
         """The item that was asked for last in the old way, and how often."""
 
 
-class MissionServer(Service[PlanReceived | SetCurrentRequested]):
+class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
     """Holds a vehicle's plans.
 
     Args:
         own: as whom it speaks.
         kinds: the types of plan that it takes.
-        check: says whether a whole plan is acceptable, before it replaces the old one.
+        check: says whether a whole plan is acceptable, before it replaces the old one; None leaves it to the owner, who
+            is told by `PlanOffered` and answers with `conclude`; meanwhile the sender is asked for his last item again.
         serves: whom it serves; a component that is also a client of another one must not serve that.
+        admits: whether somebody may change plans now; asked before the first item, so that who may not keeps nobody
+            waiting.
         tells_current: sends MISSION_CURRENT once a second.
+        tells_ids: tells an id of each plan, by which a station sees that it has changed.
     """
 
     handles = frozenset(
@@ -140,11 +188,15 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
         own: Address,
         *,
         kinds: Collection[PlanType] = tuple(PlanType),
-        check: Callable[[PlanType, Plan], PlanResult] = accept_all,
+        check: Callable[[PlanType, Plan], PlanResult | None] = accept_all,
         serves: Callable[[Address], bool] = serve_all,
+        admits: Callable[[Address], bool] = admit_all,
         tells_current: bool = True,
+        tells_ids: bool = False,
+        is_old: bool = False,
     ) -> None:
         super().__init__(own)
+        self._is_old = is_old
         self.plans: dict[PlanType, Plan] = dict.fromkeys(kinds, ())
         """The plans that are in force."""
         self.current = 0
@@ -152,8 +204,11 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
         self.mission_state = 0
         """MISSION_STATE: 0 unknown, 1 none, 2 not started, 3 active, 4 paused, 5 complete."""
         self._check = check
-        self._serves = serves
+        self._serves, self._admits = serves, admits
+        self._tells_ids = tells_ids
+        self._ids: dict[PlanType, tuple[Plan, int]] = {}
         self._uploads: dict[PlanType, _Upload] = {}
+        self._pending: dict[PlanType, _Pending] = {}
         self._finished: dict[PlanType, _Finished] = {}
         self._readers: dict[tuple[Address, PlanType], _Reader] = {}
         self._round_trips: dict[Address, RoundTrip] = {}
@@ -168,6 +223,38 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
     def set_plan(self, kind: PlanType, items: Plan) -> None:
         """Replaces a plan from this side."""
         self.plans[kind] = items
+
+    def conclude(self, offered: PlanOffered, result: PlanResult, now_s: float) -> None:
+        """Ends what was offered; nothing happens where its sender has begun anew, or cancelled, meanwhile."""
+        kind, pending = offered.kind, self._pending.get(offered.kind)
+        if pending is None or pending.offered is not offered:
+            return
+        del self._pending[kind]
+        self._end(pending.offered, pending.answer, pending.last, result, now_s)
+
+    def current_message(self) -> MavlinkMessage:
+        """MISSION_CURRENT of now."""
+        total = len(self.plans.get(PlanType.MISSION, ()))
+        return make(
+            "MISSION_CURRENT",
+            seq=self.current,
+            total=total or 0xFFFF,
+            mission_state=self.mission_state,
+            mission_id=self.plan_id(PlanType.MISSION),
+            fence_id=self.plan_id(PlanType.FENCE),
+            rally_points_id=self.plan_id(PlanType.RALLY),
+        )
+
+    def plan_id(self, kind: int) -> int:
+        """The id of a plan, other for each plan; 0 for an empty one, and where ids are not told."""
+        known = next((one for one in self.plans if one == kind), None)
+        if not self._tells_ids or known is None or not self.plans[known]:
+            return 0
+        items = self.plans[known]
+        kept = self._ids.get(known)
+        if kept is None or kept[0] is not items:
+            kept = self._ids[known] = (items, zlib.crc32(msgspec.msgpack.encode(items)) or 1)
+        return kept[1]
 
     def reached(self, number: int) -> None:
         """Tells everybody that an item has been reached."""
@@ -184,7 +271,7 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
                 self._tell_s = 0.0
             return
         if message.name == "MISSION_CLEAR_ALL" and message.mission_type == ALL_TYPES:
-            self._clear(tuple(self.plans), ALL_TYPES, sender)
+            self._clear(tuple(self.plans), ALL_TYPES, sender, now_s)
             return
         kind = next((kind for kind in self.plans if kind == message.mission_type), None)
         if kind is None:
@@ -203,7 +290,7 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
             case "MISSION_ACK":
                 self._hear_acknowledgement(kind, message, sender)
             case "MISSION_CLEAR_ALL":
-                self._clear((kind,), kind, sender)
+                self._clear((kind,), kind, sender, now_s)
             case _:
                 self._acknowledge(sender, kind, PlanResult.UNSUPPORTED)
 
@@ -216,6 +303,10 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
                 case Need.SILENT | Need.EXHAUSTED:
                     del self._uploads[kind]
                     self._acknowledge(upload.sender, kind, PlanResult.CANCELLED)
+        for kind, pending in self._pending.items():
+            if pending.last is not None and now_s >= pending.next_s:
+                pending.next_s = now_s + PATIENCE_S
+                self._request(kind, pending.offered.sender, pending.last.seq)
         for kind, finished in self._finished.items():
             next_s = finished.next_s
             if next_s is not None and now_s >= next_s:
@@ -223,29 +314,31 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
                 self._request(kind, finished.sender, finished.last.seq)
         if self._tell_s is not None and now_s >= self._tell_s:
             self._tell_s = now_s + CURRENT_PERIOD_S
-            total = len(self.plans.get(PlanType.MISSION, ()))
-            self._send("MISSION_CURRENT", seq=self.current, total=total or 0xFFFF, mission_state=self.mission_state)
+            self._outgoing.append(self.current_message())
 
     def next_tick_s(self) -> float | None:
         """When one of these is due."""
         times_s = [upload.items.next_s() for upload in self._uploads.values()]
         times_s += [next_s for finished in self._finished.values() if (next_s := finished.next_s) is not None]
+        times_s += [pending.next_s for pending in self._pending.values() if pending.last is not None]
         if self._tell_s is not None:
             times_s.append(self._tell_s)
         return min(times_s, default=None)
 
     def _begin(self, kind: PlanType, count: int, sender: Address, now_s: float) -> None:
         active = self._uploads.get(kind)
-        if active is not None and active.sender != sender:
+        is_taken = (active is not None and active.sender != sender) or self._is_pending_for_another(kind, sender)
+        if is_taken or not self._admits(sender):
             self._acknowledge(sender, kind, PlanResult.DENIED)
             return
         self._stop_reminding(sender)
+        self._pending.pop(kind, None)
         if count > MOST_ITEMS:
             self._uploads.pop(kind, None)
             self._acknowledge(sender, kind, PlanResult.NO_SPACE)
         elif count == 0:
             self._uploads.pop(kind, None)
-            self._finish(kind, sender, ())
+            self._judge(kind, (), sender, _Answer(kind), None, now_s)
         elif active is not None and not active.items.items and active.items.count == count:
             self._request(kind, sender, active.items.ask(now_s))  # our first request was lost
         else:
@@ -264,36 +357,69 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
             return  # one that we have, or one ahead: the next is on its way, or will be asked for
         if upload.items.is_complete:
             del self._uploads[kind]
-            result = self._finish(kind, sender, tuple(upload.items.items))
-            timeout_s = self._round_trip(sender).timeout_s
-            self._finished[kind] = _Finished(sender, message, result, timeout_s, now_s)
+            self._judge(kind, tuple(upload.items.items), sender, _Answer(kind), message, now_s)
         else:
             self._request(kind, sender, upload.items.ask(now_s))
 
-    def _finish(self, kind: PlanType, sender: Address, items: Plan) -> PlanResult:
+    def _judge(
+        self,
+        kind: PlanType,
+        items: Plan,
+        sender: Address,
+        answer: _Answer,
+        last: MavlinkMessage | None,
+        now_s: float,
+    ) -> None:
+        """Has a plan checked, now or by its owner."""
+        offered = PlanOffered(kind, items, sender)
         result = self._check(kind, items)
+        answer.waiting += 1
+        if result is None:
+            self._pending[kind] = _Pending(offered, answer, last, now_s)
+            self._events.append(offered)
+        else:
+            self._end(offered, answer, last, result, now_s)
+
+    def _end(
+        self, offered: PlanOffered, answer: _Answer, last: MavlinkMessage | None, result: PlanResult, now_s: float
+    ) -> None:
+        kind, sender = offered.kind, offered.sender
         if result is PlanResult.ACCEPTED:
-            self._replace(kind, items, sender)
-        self._acknowledge(sender, kind, result)
-        return result
+            self._replace(kind, offered.items, sender)
+        else:
+            answer.result = result
+        answer.waiting -= 1
+        if not answer.waiting:
+            self._acknowledge(sender, answer.named, answer.result)
+        if last is not None:
+            self._finished[kind] = _Finished(sender, last, result, self._round_trip(sender).timeout_s, now_s)
 
     def _replace(self, kind: PlanType, items: Plan, sender: Address) -> None:
         self.plans[kind] = items
+        self._uploads.pop(kind, None)
         if kind is PlanType.MISSION:
             self.set_current(0)
         self._events.append(PlanReceived(kind, items, sender))
 
-    def _clear(self, kinds: Collection[PlanType], named: int, sender: Address) -> None:
+    def _clear(self, kinds: Collection[PlanType], named: int, sender: Address, now_s: float) -> None:
+        if any(self._is_pending_for_another(kind, sender) for kind in kinds) or not self._admits(sender):
+            self._acknowledge(sender, named, PlanResult.DENIED)
+            return
+        pending = [self._pending[kind] for kind in kinds if kind in self._pending]
+        if any(one.answer.named == named and not one.offered.items for one in pending):
+            return  # asked again while it is being decided
         self._stop_reminding(sender)
-        result = PlanResult.ACCEPTED
+        answer = _Answer(named)
+        answer.waiting = 1  # so that nothing is said before all have been judged
         for kind in kinds:
-            checked = self._check(kind, ())
-            if checked is PlanResult.ACCEPTED:
-                self._uploads.pop(kind, None)
-                self._replace(kind, (), sender)
-            else:
-                result = checked
-        self._acknowledge(sender, named, result)
+            self._judge(kind, (), sender, answer, None, now_s)
+        answer.waiting -= 1
+        if not answer.waiting:
+            self._acknowledge(sender, named, answer.result)
+
+    def _is_pending_for_another(self, kind: PlanType, sender: Address) -> bool:
+        pending = self._pending.get(kind)
+        return pending is not None and pending.offered.sender != sender
 
     def _list(self, kind: PlanType, sender: Address, now_s: float) -> None:
         self._stop_reminding(sender)
@@ -303,7 +429,7 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
             del self._readers[oldest]
         items = self.plans[kind]
         self._readers[sender, kind] = _Reader(items, now_s)
-        self._send_to(sender, "MISSION_COUNT", count=len(items), mission_type=kind)
+        self._send_to(sender, "MISSION_COUNT", count=len(items), mission_type=kind, opaque_id=self.plan_id(kind))
 
     def _give(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         reader = self._readers.get((sender, kind))
@@ -318,7 +444,7 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
         if message.name == "MISSION_REQUEST":
             before, repeats = reader.repeats
             reader.repeats = (number, repeats + 1 if number == before or repeats >= FLOAT_AFTER else 1)
-            if reader.repeats[1] >= FLOAT_AFTER:
+            if self._is_old or reader.repeats[1] >= FLOAT_AFTER:
                 self._outgoing.append(item.float_message(number, kind, sender))
                 return
         self._outgoing.append(item.message(number, kind, sender))
@@ -328,6 +454,9 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
         upload = self._uploads.get(kind)
         if upload is not None and upload.sender == sender and message.type != PlanResult.ACCEPTED:
             del self._uploads[kind]  # cancelled by its sender
+        pending = self._pending.get(kind)
+        if pending is not None and pending.offered.sender == sender and message.type != PlanResult.ACCEPTED:
+            del self._pending[kind]
 
     def _stop_reminding(self, sender: Address) -> None:
         """Something new begins: the sender knows how the last transfer ended, or no longer cares."""
@@ -340,7 +469,9 @@ class MissionServer(Service[PlanReceived | SetCurrentRequested]):
         return self._round_trips.setdefault(sender, RoundTrip())
 
     def _request(self, kind: PlanType, target: Address, number: int) -> None:
-        self._send_to(target, "MISSION_REQUEST_INT", seq=number, mission_type=kind)
+        name = "MISSION_REQUEST" if self._is_old else "MISSION_REQUEST_INT"
+        self._send_to(target, name, seq=number, mission_type=kind)
 
     def _acknowledge(self, target: Address, kind: int, result: PlanResult) -> None:
-        self._send_to(target, "MISSION_ACK", type=result, mission_type=kind)
+        plan_id = self.plan_id(kind) if result is PlanResult.ACCEPTED else 0
+        self._send_to(target, "MISSION_ACK", type=result, mission_type=kind, opaque_id=plan_id)

@@ -93,7 +93,9 @@ class Outlet:
         """Frames that found no room."""
         self.overtaken = 0
         """Telemetry that a newer frame of its kind took the place of."""
-        self._send, self._rate_byte_s = send, rate_byte_s
+        self.rate_byte_s = rate_byte_s
+        """May be set once it is known, while nothing waits."""
+        self._send = send
         self._kinds = kinds()
         self._waiting: dict[Kind, dict[Hashable, bytes]] = {kind: {} for kind in Kind}
         """Frames in the order of their coming: telemetry by sender, message and instance, all others by a number."""
@@ -110,7 +112,7 @@ class Outlet:
 
     def put(self, frame: Frame, now_s: float) -> None:
         """Takes in a frame that is to leave."""
-        if self._rate_byte_s is None:
+        if self.rate_byte_s is None:
             self._send(frame.raw)
             return
         kind = self._kinds.get(frame.message_id, Kind.TELEMETRY)
@@ -132,7 +134,7 @@ class Outlet:
 
     def pump(self, now_s: float) -> None:
         """Sends what the line has room for."""
-        rate_byte_s = self._rate_byte_s
+        rate_byte_s = self.rate_byte_s
         assert rate_byte_s is not None
         while self._free_s - BURST_S <= now_s and (raw := self._choose()) is not None:
             self._free_s = max(self._free_s, now_s) + len(raw) / rate_byte_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from enum import IntEnum
 from typing import Final
 
 import msgspec
@@ -18,8 +19,23 @@ PER_SECOND: Final = 200.0
 BURST_S: Final = 0.02
 CAST_ROUNDING: Final = 0.01
 
-_DOES_NOT_EXIST: Final = 1
-_VALUE_OUT_OF_RANGE: Final = 2
+
+class ParameterError(IntEnum):
+    """Why a parameter cannot be read or set: MAV_PARAM_ERROR."""
+
+    DOES_NOT_EXIST = 1
+    VALUE_OUT_OF_RANGE = 2
+    PERMISSION_DENIED = 3
+    READ_ONLY = 5
+    TYPE_MISMATCH = 7
+
+
+class ParameterRefused(Refused):
+    """A value is turned down, and not because it is out of range."""
+
+    def __init__(self, reason: str, error: ParameterError) -> None:
+        super().__init__(reason)
+        self.error: Final = error
 
 
 class ParameterChanged(msgspec.Struct, frozen=True):
@@ -34,7 +50,19 @@ def allow_all(_wanted: Parameter) -> None:
     """Allows every value that fits the type."""
 
 
-class ParameterServer(Service[ParameterChanged]):
+class ParameterWanted(msgspec.Struct, frozen=True):
+    """A value that is to be set, and is left to the owner: he ends it with `conclude`."""
+
+    parameter: Parameter
+    sender: Address
+
+
+def decide_at_once(_wanted: ParameterWanted) -> bool:
+    """Leaves no value to the owner."""
+    return False
+
+
+class ParameterServer(Service[ParameterChanged | ParameterWanted]):
     """Holds a vehicle's parameters, in the order of their names.
 
     Args:
@@ -42,6 +70,7 @@ class ParameterServer(Service[ParameterChanged]):
         parameters: all that there are; none comes later.
         encoding: how integers travel.
         check: raises `Refused` for a value that must not be.
+        leave: whether a value that passed is left to the owner, who is told by `ParameterWanted`; may raise `Refused`.
         per_second: how many parameters of a whole list are sent in a second.
     """
 
@@ -54,6 +83,7 @@ class ParameterServer(Service[ParameterChanged]):
         *,
         encoding: ParameterEncoding = ParameterEncoding.BYTEWISE,
         check: Callable[[Parameter], None] = allow_all,
+        leave: Callable[[ParameterWanted], bool] = decide_at_once,
         per_second: float = PER_SECOND,
     ) -> None:
         super().__init__(own)
@@ -62,9 +92,12 @@ class ParameterServer(Service[ParameterChanged]):
         self._index = {name: index for index, name in enumerate(self._names)}
         self._encoding = encoding
         self._check = check
+        self._leave = leave
+        self._wanted: dict[str, ParameterWanted] = {}
         self._burst = max(1, round(per_second * BURST_S))
         self._burst_s = self._burst / per_second
         self._listed: int | None = None
+        self._is_wanted_again = False
         self._next_s = 0.0
 
     def __getitem__(self, name: str) -> float:
@@ -90,21 +123,35 @@ class ParameterServer(Service[ParameterChanged]):
         self._values[name] = parameter(name, value, before.type)
         self._tell(name)
 
+    def conclude(self, wanted: ParameterWanted, error: ParameterError | None) -> None:
+        """Ends what was wanted: put in force, or refused; told either way."""
+        name = wanted.parameter.name
+        if self._wanted.get(name) is not wanted:
+            return
+        del self._wanted[name]
+        if error is None:
+            self._values[name] = wanted.parameter
+        else:
+            self._refuse(wanted.sender, name, -1, error)
+        self._tell(name)
+
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Takes in a request."""
         if not self._is_for_us(message):
             return
         match message.name:
             case "PARAM_REQUEST_LIST":
-                self._listed = 0
-                self._next_s = now_s
+                if self._listed is None:
+                    self._listed, self._next_s = 0, now_s
+                else:  # who asks while a list is sent gets the next one whole: begun anew, none would come to its end
+                    self._is_wanted_again = self._listed > 0
             case "PARAM_REQUEST_READ":
                 index = message.param_index
                 name = self._names[index] if 0 <= index < len(self._names) else message.param_id
                 if name in self._values:
                     self._tell(name)
                 else:
-                    self._refuse(sender, name, index, _DOES_NOT_EXIST)
+                    self._refuse(sender, name, index, ParameterError.DOES_NOT_EXIST)
             case _:
                 self._set(message, sender)
 
@@ -117,7 +164,8 @@ class ParameterServer(Service[ParameterChanged]):
         self._listed += self._burst
         self._next_s = now_s + self._burst_s
         if self._listed >= len(self._names):
-            self._listed = None
+            self._listed = 0 if self._is_wanted_again else None
+            self._is_wanted_again = False
 
     def next_tick_s(self) -> float | None:
         """When the next few are due."""
@@ -127,22 +175,41 @@ class ParameterServer(Service[ParameterChanged]):
         name = message.param_id
         before = self._values.get(name)
         if before is None:
-            self._refuse(sender, name, -1, _DOES_NOT_EXIST)
+            self._refuse(sender, name, -1, ParameterError.DOES_NOT_EXIST)
             return
         value = self._value(message, before.type)
-        if value is None or not math.isfinite(value):
-            self._refuse(sender, name, -1, _VALUE_OUT_OF_RANGE)
+        try:
+            if value is None:
+                raise ParameterRefused(f"{name} is of another type", ParameterError.TYPE_MISMATCH)
+            if not math.isfinite(value):
+                raise Refused(f"{name} must be a number")
+            wanted = parameter(name, value, before.type)
+            self._check(wanted)
+            if self._is_left(ParameterWanted(wanted, sender)):
+                return
+        except ParameterRefused as refusal:
+            self._refuse(sender, name, -1, refusal.error)
+        except Refused:
+            self._refuse(sender, name, -1, ParameterError.VALUE_OUT_OF_RANGE)
         else:
-            try:
-                wanted = parameter(name, value, before.type)
-                self._check(wanted)
-            except Refused:
-                self._refuse(sender, name, -1, _VALUE_OUT_OF_RANGE)
-            else:
-                self._values[name] = wanted
-                if not wanted.is_same(before):
-                    self._events.append(ParameterChanged(wanted, before, sender))
+            self._values[name] = wanted
+            if not wanted.is_same(before):
+                self._events.append(ParameterChanged(wanted, before, sender))
         self._tell(name)
+
+    def _is_left(self, wanted: ParameterWanted) -> bool:
+        """Whether a value waits for the owner; what is asked again meanwhile waits with it."""
+        name = wanted.parameter.name
+        waiting = self._wanted.get(name)
+        if waiting is not None:
+            if waiting.sender == wanted.sender and waiting.parameter.is_same(wanted.parameter):
+                return True
+            raise ParameterRefused(f"{name} is just being set", ParameterError.PERMISSION_DENIED)
+        if not self._leave(wanted):
+            return False
+        self._wanted[name] = wanted
+        self._events.append(wanted)
+        return True
 
     def _value(self, message: MavlinkMessage, kind: ParameterType) -> float | None:
         """The value that is to be set; None where it comes as another type than the parameter's.
@@ -170,6 +237,6 @@ class ParameterServer(Service[ParameterChanged]):
             param_index=self._index[name],
         )
 
-    def _refuse(self, sender: Address, name: str, index: int, error: int) -> None:
+    def _refuse(self, sender: Address, name: str, index: int, error: ParameterError) -> None:
         fitting = name.encode()[:LONGEST_NAME]
         self._send_to(sender, "PARAM_ERROR", param_id=fitting, param_index=index, error=error)

@@ -8,11 +8,12 @@ one that comes back over another link, because somebody else routes too, goes no
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import msgspec
 
+from gloc3.link.gaps import MOST_GAP
 from gloc3.link.message import Address
 from gloc3.link.parser import Frame
 from gloc3.link.tlog import SETUP_SIGNING
@@ -25,12 +26,14 @@ FORGOTTEN_AFTER_S: Final = 300.0
 """A sender that is silent for so long makes room for others."""
 REPEAT_S: Final = 0.5
 """A frame that comes by another link within this time of the first is the same one, come back."""
+MOST_RECENT: Final = 20_000
+"""So many frames are remembered at most, twice; in a flood for less time than that."""
+LOOK_AGAIN_S: Final = 1.0
+"""So long at most the ways of a sender are taken for right before they are looked up anew."""
 _SYSTEM_TIME: Final = 2
 _BOOT_MS_AT: Final = slice(8, 12)
 _RESTART_MS: Final = 1000
 """By so much a system's time since boot must fall; less is a frame that was overtaken."""
-_MOST_LOST: Final = 128
-"""A larger step of the sequence is a restart or a late frame."""
 
 
 class LinkCounts(msgspec.Struct):
@@ -50,12 +53,17 @@ class LinkCounts(msgspec.Struct):
     """Frames of senders for whom there was no room, and keys: nobody passes these on."""
 
 
-class _Sender(msgspec.Struct, gc=False):
+class Sender(msgspec.Struct, gc=False):
     """What is known of one address on one link."""
 
     heard_s: float
     sequence: int
     boot_ms: int = 0
+    ways: tuple[RouterLink, ...] = ()
+    """Where what it says to all goes, as long as nothing has changed."""
+    ways_of: int = -1
+    """The router's `changes` when this was found out."""
+    ways_until_s: float = 0.0
 
 
 class RouterLink:
@@ -63,17 +71,27 @@ class RouterLink:
 
     Args:
         name: for people.
-        send: takes whole frames that are to leave.
+        send: takes frames that are to leave, those together that have come together.
     """
 
-    __slots__ = ("counts", "name", "send", "senders")
+    __slots__ = ("_send", "counts", "name", "plain", "senders")
 
-    def __init__(self, name: str, send: Callable[[Frame], None]) -> None:
+    def __init__(self, name: str, send: Callable[[Sequence[Frame]], None]) -> None:
         self.name = name
-        self.send = send
+        self._send = send
+        self.plain: Callable[[bytes], None] | None = None
+        """Sends a frame as it is, where nothing has to wait; None where something may."""
         self.counts = LinkCounts()
-        self.senders: dict[int, _Sender] = {}
+        self.senders: dict[int, Sender] = {}
         """By `system << 8 | component`."""
+
+    def put(self, frames: Sequence[Frame]) -> None:
+        """Has frames leave."""
+        self._send(frames)
+        counts = self.counts
+        for frame in frames:
+            counts.frames_out += 1
+            counts.bytes_out += len(frame.raw)
 
     def has(self, system: int, component: int) -> bool:
         """Whether an address has been heard here; component 0 asks for any of the system."""
@@ -94,67 +112,123 @@ class Router:
         self.links: Final[list[RouterLink]] = []
         self._own = own.system << 8 | own.component
         self._restarted = restarted
-        self._recent: dict[bytes, RouterLink] = {}
-        self._before: dict[bytes, RouterLink] = {}
-        self._turned_s = 0.0
+        self.recent: dict[bytes, RouterLink] = {}
+        """Frames that came by which link lately."""
+        self.before: dict[bytes, RouterLink] = {}
+        self.now_s = 0.0
+        """When frames were forgotten last."""
+        self.changes = 0
+        """Counts what makes ways that are known no longer right."""
 
-    def attach(self, name: str, send: Callable[[Frame], None]) -> RouterLink:
+    def attach(self, name: str, send: Callable[[Sequence[Frame]], None]) -> RouterLink:
         """Adds a link."""
         link = RouterLink(name, send)
         self.links.append(link)
+        self.changes += 1
         return link
 
-    def route(self, source: RouterLink, frame: Frame, now_s: float) -> None:
-        """Passes on one frame that has come in by a link."""
+    def route(self, source: RouterLink, frames: Sequence[Frame], now_s: float) -> None:
+        """Passes on frames that have come in by a link together; where they go on together, they leave together."""
+        if len(frames) == 1:
+            for link in self._ways(source, frames[0], now_s):
+                link.put(frames)
+            return
+        leaving: dict[RouterLink, list[Frame]] = {}
+        for frame in frames:
+            for link in self._ways(source, frame, now_s):
+                leaving.setdefault(link, []).append(frame)
+        for link, some in leaving.items():
+            link.put(some)
+
+    def lane(self, source: RouterLink, frame: Frame) -> tuple[Sender, tuple[Callable[[bytes], None], ...]] | None:
+        """Who sent a frame that was just routed, and what passes all such frames on; None where each must be looked at."""
+        sender = source.senders.get(frame.system << 8 | frame.component)
+        shape = frame.shape
+        if sender is None or sender.ways_of != self.changes or shape is None or shape.target_system_at >= 0:
+            return None
+        sends = tuple(link.plain for link in sender.ways if link.plain is not None)
+        has_all = len(sends) == len(sender.ways) and frame.message_id != _SYSTEM_TIME
+        return (sender, sends) if has_all else None
+
+    @staticmethod
+    def passed(
+        source: RouterLink, sender: Sender, ways: Sequence[RouterLink], frames: int, size: int, now_s: float
+    ) -> None:
+        """Remembers frames of one sender that have been passed on meanwhile."""
+        source.counts.frames_in += frames
+        source.counts.bytes_in += size
+        for link in ways:
+            link.counts.frames_out += frames
+            link.counts.bytes_out += size
+        sender.heard_s = now_s
+
+    def turn(self, now_s: float) -> None:
+        """Forgets frames that came too long ago to come back."""
+        if now_s - self.now_s > REPEAT_S or len(self.recent) > MOST_RECENT:
+            self.before, self.recent, self.now_s = self.recent, {}, now_s
+
+    def _ways(self, source: RouterLink, frame: Frame, now_s: float) -> Sequence[RouterLink]:
+        """Where a frame is to go; keeps what it tells of its sender."""
         counts, raw = source.counts, frame.raw
         counts.frames_in += 1
         counts.bytes_in += len(raw)
         key = frame.system << 8 | frame.component
         if key == self._own or self._has_returned(source, raw, now_s):
             counts.returned += 1
-            return
-        if frame.message_id == SETUP_SIGNING or not self._learn(source, key, frame, now_s):
+            return ()
+        sender = source.senders.get(key)
+        if frame.message_id == SETUP_SIGNING or (
+            sender is None and (sender := self._meet(source, key, frame, now_s)) is None
+        ):
             counts.refused += 1
-            return
-        system, component = frame.target_system, frame.target_component
-        if system and system << 8 | component == self._own:
-            return
-        was_sent = False
-        for link in self.links:
-            if link is source or (system and not link.has(system, component)) or _hears(link, key, now_s):
-                continue
-            link.counts.frames_out += 1
-            link.counts.bytes_out += len(raw)
-            link.send(frame)
-            was_sent = True
-        if system and not was_sent and not source.has(system, component):
-            counts.unroutable += 1
+            return ()
+        self._remember(source, sender, key, frame, now_s)
+        shape = frame.shape
+        if shape is not None and shape.target_system_at >= 0 and (system := frame.target_system):
+            return self._ways_to(source, key, system, frame.target_component, now_s)
+        if sender.ways_of != self.changes or now_s > sender.ways_until_s:
+            sender.ways = tuple(link for link in self.links if link is not source and not _hears(link, key, now_s))
+            sender.ways_of, sender.ways_until_s = self.changes, now_s + LOOK_AGAIN_S
+        return sender.ways
+
+    def _ways_to(self, source: RouterLink, key: int, system: int, component: int, now_s: float) -> Sequence[RouterLink]:
+        """Where something goes that has an address."""
+        if system << 8 | component == self._own:
+            return ()
+        there = [link for link in self.links if link is not source and link.has(system, component)]
+        ways = [link for link in there if not _hears(link, key, now_s)]
+        if not ways and not source.has(system, component):
+            source.counts.unroutable += 1
+        return ways
 
     def _has_returned(self, source: RouterLink, raw: bytes, now_s: float) -> bool:
         """Whether the very same frame has just come by another link."""
-        if now_s - self._turned_s > REPEAT_S:
-            self._before, self._recent, self._turned_s = self._recent, {}, now_s
-        first = self._recent.get(raw) or self._before.get(raw)
+        self.turn(now_s)
+        first = self.recent.get(raw) or self.before.get(raw)
         if first is None:
-            self._recent[raw] = source
+            self.recent[raw] = source
             return False
         return first is not source
 
-    def _learn(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> bool:
-        """Remembers where a sender is; False if there is no room for one more."""
-        sender = source.senders.get(key)
-        if sender is None:
-            if not _make_room(source, now_s):
-                return False
-            for link in self.links:
-                if link is not source and key in link.senders and not _hears(link, key, now_s):
-                    del link.senders[key]
-            source.senders[key] = sender = _Sender(now_s, frame.sequence)
-        else:
-            gap = frame.sequence - sender.sequence - 1 & 0xFF
-            if gap < _MOST_LOST:
-                source.counts.lost += gap
-            sender.heard_s, sender.sequence = now_s, frame.sequence
+    def _meet(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> Sender | None:
+        """Takes in a sender that is new on this link; None if there is no room for one more."""
+        if not _make_room(source, now_s):
+            return None
+        self.changes += 1
+        for link in self.links:
+            if link is not source and key in link.senders and not _hears(link, key, now_s):
+                del link.senders[key]
+        sender = source.senders[key] = Sender(now_s, frame.sequence - 1 & 0xFF)
+        return sender
+
+    def _remember(self, source: RouterLink, sender: Sender, key: int, frame: Frame, now_s: float) -> None:
+        """Keeps what a frame tells of its sender."""
+        gap = frame.sequence - sender.sequence - 1 & 0xFF
+        if gap < MOST_GAP:
+            source.counts.lost += gap
+        if now_s - sender.heard_s >= MOVED_AFTER_S:
+            self.changes += 1
+        sender.heard_s, sender.sequence = now_s, frame.sequence
         if frame.message_id == _SYSTEM_TIME:
             boot_ms = int.from_bytes(frame.payload[_BOOT_MS_AT], "little")
             if boot_ms + _RESTART_MS < sender.boot_ms:
@@ -162,9 +236,9 @@ class Router:
                 source.senders[key] = sender
                 self._restarted(frame.system)
             sender.boot_ms = boot_ms
-        return True
 
     def _forget(self, system: int) -> None:
+        self.changes += 1
         for link in self.links:
             for key in [key for key in link.senders if key >> 8 == system]:
                 del link.senders[key]

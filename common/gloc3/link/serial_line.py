@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 READ_TIMEOUT_S: Final = 0.1
 REOPEN_S: Final = 1.0
+WRITE_TIMEOUT_S: Final = 1.0
+HELD: Final = "the other end does not say that it is ready (CTS); is the line wired for flow control, and set to it?"
 WAITING_FRAMES: Final = 256
 """What may wait for a slow line; what does not fit any more is dropped."""
 
@@ -98,7 +100,7 @@ class SerialEndpoint:
                 self._device,
                 self._baud,
                 timeout=READ_TIMEOUT_S,
-                write_timeout=1.0,
+                write_timeout=WRITE_TIMEOUT_S,
                 rtscts=self._has_flow_control,
                 exclusive=True,
             )
@@ -150,7 +152,8 @@ class SerialEndpoint:
                 port.write(data)
                 self.bytes_sent += len(data)
             except (OSError, TypeError) as error:
-                self.problem = _reason(error)
+                is_held = self._has_flow_control and not getattr(error, "errno", None)
+                self.problem = HELD if is_held else _reason(error)
                 self.dropped += 1
 
 

@@ -21,18 +21,16 @@ class SignedOnly:
     """The gate of one link.
 
     Args:
-        signing: judges what is heard; None on a link without a key, where everything passes.
+        signing: judges what is heard.
         told: is told in words what a person should know.
     """
 
-    def __init__(self, signing: Signing | None, told: Callable[[str], None]) -> None:
+    def __init__(self, signing: Signing, told: Callable[[str], None]) -> None:
         self._signing, self._told = signing, told
         self._told_s: dict[Verdict, float] = {}
 
     def passes(self, frame: Frame, now_s: float) -> bool:
         """Whether a frame may be used."""
-        if self._signing is None:
-            return True
         verdict = self._signing.verify(frame)
         if not verdict.is_good and now_s >= self._told_s.get(verdict, float("-inf")):
             self._told_s[verdict] = now_s + AGAIN_S
@@ -40,3 +38,14 @@ class SignedOnly:
             so_far = f"{count} so far" if count > 1 else "and so will others be"
             self._told(f"a frame from {who} is dropped ({verdict}), {so_far}{HINTS.get(verdict, '')}")
         return verdict.is_good
+
+    @property
+    def genuine(self) -> int:
+        """Frames with a right signature."""
+        return self._signing.verdicts[Verdict.GENUINE]
+
+    def refused(self) -> dict[str, int]:
+        """By reason, how many frames were dropped."""
+        return {
+            str(verdict): count for verdict, count in self._signing.verdicts.items() if count and not verdict.is_good
+        }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Final
 
 import msgspec
@@ -36,18 +37,36 @@ class TimeSync(Service[TimeSample]):
         own: as whom it speaks.
         peer: whose clock is wanted; None only answers.
         period_s: between two questions.
+        tell_s: what is told as our time, in seconds; None where it is not known yet. By default the time of the owner.
     """
 
     handles = frozenset({"TIMESYNC"})
 
-    def __init__(self, own: Address, peer: Address | None = None, *, period_s: float = PERIOD_S) -> None:
+    def __init__(
+        self,
+        own: Address,
+        peer: Address | None = None,
+        *,
+        period_s: float = PERIOD_S,
+        tell_s: Callable[[float], float | None] = lambda now_s: now_s,
+    ) -> None:
         super().__init__(own)
         self._peer = peer
+        self._tell_s = tell_s
         self._period_s = period_s
         self._next_s = 0.0
         self._asked: deque[int] = deque(maxlen=16)
         self._samples: deque[TimeSample] = deque(maxlen=SAMPLES)
         self._strange: list[TimeSample] = []
+        self.jumps = 0
+        """Times that the peer's clock was believed to be another one."""
+
+    def ask(self, peer: Address | None) -> None:
+        """Wants the clock of this one from now on; what is known of another, or of an earlier life of it, is forgotten."""
+        self._peer, self._next_s = peer, 0.0
+        self._asked.clear()
+        self._samples.clear()
+        self._strange.clear()
 
     @property
     def is_converged(self) -> bool:
@@ -72,7 +91,9 @@ class TimeSync(Service[TimeSample]):
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Answers a question, or takes an answer to one of ours."""
         if message.tc1 == 0:
-            self._send("TIMESYNC", tc1=max(1, round(now_s * _NS)), ts1=message.ts1)  # 0 would be a question again
+            told_s = self._tell_s(now_s)
+            if told_s is not None:
+                self._send("TIMESYNC", tc1=max(1, round(told_s * _NS)), ts1=message.ts1)  # 0 would be a question again
         elif sender == self._peer and message.ts1 in self._asked:  # answers to others name times that we never asked
             self._asked.remove(message.ts1)
             asked_s = message.ts1 / _NS
@@ -98,6 +119,7 @@ class TimeSync(Service[TimeSample]):
             self._strange.append(sample)
             if len(self._strange) < JUMPS:
                 return
+            self.jumps += 1
             self._samples.clear()
             self._samples.extend(self._strange)
         else:

@@ -6,6 +6,7 @@ import asyncio
 import errno
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final, TypeAlias
 
 from gloc3.errors import Refused
@@ -13,17 +14,21 @@ from gloc3.link.peer_routes import Routes
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
 """The loop wakes for a burst, not for each datagram; the kernel keeps the rest of it here."""
+_RCVBUFFORCE: Final = 33
+"""SO_RCVBUFFORCE of Linux, which the socket module does not name."""
 LARGEST_DATAGRAM_BYTES: Final = 65_535
 DATAGRAMS_AT_ONCE: Final = 256
 """After so many the rest of the process has its turn."""
 MOST_PEERS: Final = 128
+LOOK_AGAIN_S: Final = 1.0
+"""So often at most the silent ones are looked for."""
 PEER_EXPIRES_S: Final = 30.0
 """Who has said nothing for so long is not sent to any more, and makes room for another."""
 
 SocketAddress: TypeAlias = tuple[Any, ...]
 
 
-class _UdpEndpoint:
+class UdpEndpoint:
     """What both have in common: a socket that never blocks, read until it is empty."""
 
     is_datagram = True
@@ -36,7 +41,14 @@ class _UdpEndpoint:
         self.problem = ""
         self._loop = loop
         self._on_data = on_data
+        self.quick: Callable[[bytes], bool] | None = None
+        """Is offered what comes from whom has just been heard, and says whether that was all that is to be done with it."""
         self._socket: socket.socket | None = None
+        self._most = DATAGRAMS_AT_ONCE
+        self._sender: SocketAddress | None = None
+        """Who was heard last."""
+        self._is_heard = False
+        """Whether more came from there since it was looked last who is silent."""
 
     @property
     def local_port(self) -> int | None:
@@ -52,14 +64,19 @@ class _UdpEndpoint:
 
     def _start(self, opened: socket.socket) -> None:
         opened.setblocking(False)
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        enlarge(opened, RECEIVE_BUFFER_BYTES)
         self._socket = opened
-        self._loop.add_reader(opened, self._read)
+        promptly = getattr(self._loop, "read_promptly", None)  # see `gloc3.link.prompt_loop`
+        if promptly is None:
+            self._loop.add_reader(opened, self._read)
+        else:
+            self._most = 1  # to be called again costs less than to find that there is nothing more
+            promptly(opened.fileno(), self._read)
 
     def _read(self) -> None:
-        for _ in range(DATAGRAMS_AT_ONCE):
-            if self._socket is None:  # closed by who was told
-                return
+        left = self._most
+        while left and self._socket is not None:  # who is told may close it
+            left -= 1
             try:
                 data, sender = self._socket.recvfrom(LARGEST_DATAGRAM_BYTES)
             except (BlockingIOError, InterruptedError):
@@ -67,26 +84,30 @@ class _UdpEndpoint:
             except OSError as error:  # nobody listens there (any more); the next one may be heard again
                 self.problem = str(error)
                 continue
-            if self._is_welcome(sender, data):
+            if sender == self._sender and self.quick is not None and self.quick(data):
                 self.bytes_received += len(data)
-                self._on_data(data)
+                self._is_heard = True
+            else:
+                self._hear(data, sender)
 
-    def _is_welcome(self, sender: SocketAddress, data: bytes) -> bool:
+    def _hear(self, data: bytes, sender: SocketAddress) -> None:
         raise NotImplementedError
 
     def _send_to(self, data: bytes, address: SocketAddress) -> None:
-        if self._socket is None:
-            return
         try:
-            self._socket.sendto(data, address)
-            self.bytes_sent += len(data)
+            if self._socket is not None:
+                self._socket.sendto(data, address)
+                self.bytes_sent += len(data)
         except OSError as error:
-            self.dropped += 1
-            if not isinstance(error, BlockingIOError):
-                self.problem = str(error)
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self.dropped += 1
+        if not isinstance(error, BlockingIOError):
+            self.problem = str(error)
 
 
-class UdpServerEndpoint(_UdpEndpoint):
+class UdpServerEndpoint(UdpEndpoint):
     """Listens; sends to everyone that it has heard from lately, and what is meant for one system to that one alone."""
 
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
@@ -94,6 +115,7 @@ class UdpServerEndpoint(_UdpEndpoint):
         self.strangers_refused = 0
         """Datagrams of those for whom there was no room."""
         self._heard_s: dict[SocketAddress, float] = {}
+        self._looked_s = 0.0
         self._routes = Routes()
 
     @classmethod
@@ -119,7 +141,7 @@ class UdpServerEndpoint(_UdpEndpoint):
     @property
     def peers(self) -> list[SocketAddress]:
         """Who is sent to: the addresses heard from lately."""
-        self._forget_silent()
+        self._forget_silent(self._loop.time())
         return list(self._heard_s)
 
     @property
@@ -129,20 +151,39 @@ class UdpServerEndpoint(_UdpEndpoint):
 
     def send(self, data: bytes) -> None:
         """Sends one datagram to each peer that it is for."""
-        peers = self.peers
-        for peer in self._routes.ways(peers, data) if len(peers) > 1 else peers:
+        heard_s = self._heard_s
+        peers = tuple(heard_s) if len(heard_s) <= 1 else self._routes.ways(tuple(heard_s), data)
+        for peer in peers:
             self._send_to(data, peer)
+        if (now_s := self._loop.time()) > self._looked_s + LOOK_AGAIN_S:
+            self._forget_silent(now_s)
 
-    def _forget_silent(self) -> None:
-        oldest_s = self._loop.time() - PEER_EXPIRES_S
-        silent = [peer for peer, heard_s in self._heard_s.items() if heard_s < oldest_s]
+    def _forget_silent(self, now_s: float) -> None:
+        self._looked_s = now_s
+        if self._is_heard and self._sender in self._heard_s:
+            self._heard_s[self._sender], self._is_heard = now_s, False
+        silent = [peer for peer, heard_s in self._heard_s.items() if heard_s < now_s - PEER_EXPIRES_S]
         for peer in silent:
             del self._heard_s[peer]
             self._routes.forget(peer)
+            if peer == self._sender:
+                self._sender = None
 
-    def _is_welcome(self, sender: SocketAddress, data: bytes) -> bool:
-        if sender not in self._heard_s and len(self._heard_s) >= MOST_PEERS:
-            self._forget_silent()
+    def _hear(self, data: bytes, sender: SocketAddress) -> None:
+        if sender not in self._heard_s and not self._admits(sender, data):
+            return
+        if self._is_heard and self._sender is not None:
+            self._heard_s[self._sender], self._is_heard = self._loop.time(), False
+        self._sender = sender
+        self._on_data(data)
+        self.bytes_received += len(data)
+        self._routes.learn(sender, data)
+        self._heard_s[sender] = self._loop.time()
+
+    def _admits(self, sender: SocketAddress, data: bytes) -> bool:
+        """Makes room for a stranger."""
+        if len(self._heard_s) >= MOST_PEERS:
+            self._forget_silent(self._loop.time())
             if len(self._heard_s) >= MOST_PEERS:
                 self.strangers_refused += 1
                 return False
@@ -151,7 +192,7 @@ class UdpServerEndpoint(_UdpEndpoint):
         return True
 
 
-class UdpClientEndpoint(_UdpEndpoint):
+class UdpClientEndpoint(UdpEndpoint):
     """Sends to one address; hears only that host, whichever of its ports it answers from."""
 
     def __init__(
@@ -187,11 +228,25 @@ class UdpClientEndpoint(_UdpEndpoint):
 
     def send(self, data: bytes) -> None:
         """Sends one datagram."""
-        self._send_to(data, self._address)
+        try:
+            if self._socket is not None:
+                self._socket.sendto(data, self._address)
+                self.bytes_sent += len(data)
+        except OSError as error:
+            self._fail(error)
 
-    def _is_welcome(self, sender: SocketAddress, data: bytes) -> bool:
-        del data
-        return bool(sender[0] == self._address[0])
+    def _hear(self, data: bytes, sender: SocketAddress) -> None:
+        if sender[0] == self._address[0]:
+            self._sender = sender
+            self._on_data(data)
+            self.bytes_received += len(data)
+
+
+def enlarge(opened: socket.socket, size: int) -> None:
+    """Gives a socket room for what comes while nobody reads: beyond the system's limit where we may, else up to it."""
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+    with suppress(OSError):
+        opened.setsockopt(socket.SOL_SOCKET, _RCVBUFFORCE, size)
 
 
 async def resolve(

@@ -96,10 +96,14 @@ def heading_order(heading: Heading, placement: Placement) -> HeadingOrder:
             return HeadingOrder(mode="fixed", heading_rad=radians(heading))
 
 
-class TakeOff(Arguments, frozen=True, kw_only=True):
-    """Arm (where that is allowed) and climb straight up."""
+class SetOff(Arguments, frozen=True, kw_only=True):
+    """What every kind of setting off is: arm (where that is allowed), and be ready to move."""
 
     moves = True
+
+
+class TakeOff(SetOff, frozen=True, kw_only=True):
+    """Arm (where that is allowed) and climb straight up."""
 
     height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
     """Height above the place where the vehicle stands."""
@@ -111,8 +115,29 @@ class TakeOff(Arguments, frozen=True, kw_only=True):
         return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s), climb(start_ned_m, top, budget))
 
 
+class DriveOff(SetOff, frozen=True, kw_only=True):
+    """Arm (where that is allowed), on the ground or on the water, and wait to be led."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """The seconds that arming takes."""
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s),)
+
+
+class Dive(SetOff, frozen=True, kw_only=True):
+    """Arm (where that is allowed) at the surface, and go straight down."""
+
+    depth_m: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)]
+    """Depth below the place where the vehicle floats."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """The seconds that arming takes, then straight down."""
+        north, east, _ = start_ned_m
+        deep = (north, east, budget.home_ned_m[2] + self.depth_m)
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s), climb(start_ned_m, deep, budget))
+
+
 class LandOrder(Arguments, frozen=True, kw_only=True):
-    """Come down."""
+    """End the motion and disarm: come down, come up, or stop, whichever the vehicle does."""
 
     moves = True
 
@@ -127,7 +152,7 @@ class LandOrder(Arguments, frozen=True, kw_only=True):
 
 
 class Land(Arguments, frozen=True, kw_only=True):
-    """Come down, here or at a place."""
+    """End the motion and disarm, here or at a place: come down, come up, or stop, whichever the vehicle does."""
 
     moves = True
 
@@ -303,6 +328,8 @@ def _down(start_ned_m: Vector3, budget: Budget) -> Leg:
 
 BUILT_IN: Final[Mapping[str, type[Arguments]]] = {
     "take_off": TakeOff,
+    "drive_off": DriveOff,
+    "dive": Dive,
     "land": Land,
     "hold": Hold,
     "return_home": ReturnHome,

@@ -10,7 +10,7 @@ from gloc3.document import load_bytes
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.agreement import agreement_findings
-from gloc3.mission.arguments import TakeOff, argument_kinds
+from gloc3.mission.arguments import SetOff, argument_kinds
 from gloc3.mission.budget_check import budget_findings
 from gloc3.mission.estimate import Estimate, estimate
 from gloc3.mission.examples import find_mission
@@ -192,7 +192,7 @@ def _capabilities(reading: Reading, mission: Mission, circumstances: Circumstanc
                 hint = nearest(str(value), possible)
                 message = f"{argument} {value!r} is not possible on {platform.platform}"
                 yield reading.document.finding((*where, argument), message, hint)
-        if isinstance(action.order, TakeOff) and not platform.arm:
+        if isinstance(action.order, SetOff) and not platform.arm:
             message = f"{platform.platform} does not arm by itself (arm: false)"
             yield reading.document.finding(where, message, "a pilot has to arm it", at_key=True, is_warning=True)
 

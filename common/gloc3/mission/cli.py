@@ -7,6 +7,7 @@ from typing import Annotated, Final
 
 from cyclopts import App, Parameter
 
+from gloc3.counting import counted
 from gloc3.document import load_bytes
 from gloc3.errors import Finding, InputError
 from gloc3.mission.checker import Circumstances, Report, check_text
@@ -159,12 +160,8 @@ def _verdict(report: Report) -> str:
     errors = sum(not finding.is_warning for finding in report.findings)
     warnings = len(report.findings) - errors
     if report.is_ok:
-        return f"{report.file} is fit to fly{numbers}" + (f" ({_count(warnings, 'warning')})" if warnings else "")
-    return f"{report.file} is not fit to fly: {_count(errors, 'error')}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
+        return f"{report.file} is fit to fly{numbers}" + (f" ({counted(warnings, 'warning')})" if warnings else "")
+    return f"{report.file} is not fit to fly: {counted(errors, 'error')}"
 
 
 def _fail(error: InputError, code: int = FAILED) -> int:

@@ -2,7 +2,7 @@
 
 from gloc3.messages import Severity
 from gloc3.mission import manoeuvres
-from gloc3.mission.arguments import TakeOff
+from gloc3.mission.arguments import SetOff
 from gloc3.mission.board import Board
 from gloc3.mission.items import ActionRun, Program, TaskRun
 from gloc3.mission.model import attempts
@@ -21,7 +21,7 @@ def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_o
         is_over: whether its component knows that it has ended.
     """
     board.release(run, is_over=is_over)
-    if isinstance(run.action.order, TakeOff) and is_over:
+    if isinstance(run.action.order, SetOff) and is_over:
         board.is_taking_off = False
     board.move(run, Trigger.FAIL, now_s, reason)
     if run.has_attempts_left:

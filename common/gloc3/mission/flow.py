@@ -4,7 +4,7 @@ from math import inf
 from typing import Final
 
 from gloc3.mission import manoeuvres
-from gloc3.mission.arguments import LandOrder, TakeOff, Wait
+from gloc3.mission.arguments import LandOrder, SetOff, Wait
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.failures import fail_action, fail_program, fail_task
@@ -183,7 +183,7 @@ def _assign(board: Board, run: ActionRun, now_s: float) -> None:
     """Hands a running action to its component, unless it needs none."""
     if not run.row.performed_by:
         return
-    if isinstance(run.action.order, TakeOff):
+    if isinstance(run.action.order, SetOff):
         board.is_taking_off = not board.reported_airborne
         board.has_landed = False
     board.is_changed = True

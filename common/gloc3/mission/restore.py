@@ -5,7 +5,7 @@ from collections.abc import Callable
 from gloc3.errors import InputError
 from gloc3.messages import Severity
 from gloc3.mission import flow, manoeuvres
-from gloc3.mission.arguments import LandOrder, TakeOff
+from gloc3.mission.arguments import LandOrder, SetOff
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.items import ActionRun, Program
 from gloc3.mission.model import Mission
@@ -44,7 +44,7 @@ def restore(
             continue
         _bring_back(program, kept, now_s)
         for run in program.actions():
-            if run.is_open and isinstance(run.action.order, TakeOff if is_airborne else LandOrder):
+            if run.is_open and isinstance(run.action.order, SetOff if is_airborne else LandOrder):
                 board.move(run, Trigger.FINISH, now_s, _RESTART)
         if program.is_mission:
             board.policies = program.mission.policies

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from gloc3.document import Document, Where
 from gloc3.errors import Finding
 from gloc3.frames import Vector3
-from gloc3.mission.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, TakeOff
+from gloc3.mission.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, SetOff
 from gloc3.mission.estimate import Estimate
 from gloc3.mission.fence import Fence
 from gloc3.mission.legs import Leg
@@ -23,7 +23,7 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
     moving = [target for target in order.targets if target in actions and actions[target].order.moves]
     if document is None or not moving:
         return
-    takes_off = any(isinstance(actions[target].order, TakeOff) for target in moving)
+    takes_off = any(isinstance(actions[target].order, SetOff) for target in moving)
     if not takes_off and not is_airborne:
         hint = "begin with take_off"
         yield document.finding(
@@ -33,7 +33,7 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
     for target in moving:
         kind = actions[target].order
         where = (*where_of(target), actions[target].capability)
-        if isinstance(kind, TakeOff):
+        if isinstance(kind, SetOff):
             if in_air:
                 yield document.finding(where, f"{target} takes off in the air", "land first", at_key=True)
             in_air = True
@@ -77,7 +77,7 @@ def space_findings(
         for leg in part.legs:
             place = _place(where, action, leg, document)
             fence = mission.fence
-            if fence is not None and home_ned_m is None and isinstance(action.order, ReturnHome | TakeOff):
+            if fence is not None and home_ned_m is None and isinstance(action.order, ReturnHome | SetOff):
                 fence = Fence(ceiling_m=fence.ceiling_m)
             if fence is not None:
                 margin_m = limits.fence_margin_m if limits is not None else 0.0
@@ -85,7 +85,7 @@ def space_findings(
             if limits is not None and not isinstance(action.order, LandOrder) and leg.length_m > 0.0:
                 found += _height(leg.end, home, limits, document, place)
             is_place_known = not ends_at_home or home_ned_m is not None
-        if isinstance(action.order, TakeOff) and home_ned_m is None:
+        if isinstance(action.order, SetOff) and home_ned_m is None:
             is_place_known = False
         if limits is not None and isinstance(action.order, FollowWaypointsOrder | ReturnHome):
             speed_m_s = action.order.speed_m_s

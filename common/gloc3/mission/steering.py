@@ -3,7 +3,7 @@
 from gloc3.errors import Refused, nearest
 from gloc3.frames import Vector3
 from gloc3.mission import manoeuvres
-from gloc3.mission.arguments import TakeOff
+from gloc3.mission.arguments import SetOff, TakeOff
 from gloc3.mission.assignments import MOTION
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.checker import home_problem
@@ -119,10 +119,11 @@ def check_readiness(board: Board, mission: Mission) -> None:
             raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
     targets = PartialOrder.of(mission).targets
     first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].capability].claims), None)
-    if isinstance(first, TakeOff) and board.is_airborne:
-        raise Refused("the vehicle is in the air already, and take_off comes first")
-    if first is not None and not isinstance(first, TakeOff) and not board.is_airborne:
-        raise Refused("the vehicle is on the ground, and take_off does not come first")
+    if isinstance(first, SetOff) and board.is_airborne:
+        at = "in the air" if isinstance(first, TakeOff) else "under way"
+        raise Refused(f"the vehicle is {at} already, and setting off comes first")
+    if first is not None and not isinstance(first, SetOff) and not board.is_airborne:
+        raise Refused("the vehicle is on the ground, and none of take_off, drive_off and dive comes first")
 
 
 def _take_back(board: Board, now_s: float) -> None:
@@ -175,7 +176,7 @@ def _check_resumable(board: Board, item: Item) -> None:
         holder = board.assignments.holder(run.row)
         if holder is not None:
             raise Refused(f"{run.target} needs {run.row.claims[0]}, claimed by {holder.label}; pause or abort it first")
-        if run.is_motion and not board.is_airborne and not isinstance(run.action.order, TakeOff):
+        if run.is_motion and not board.is_airborne and not isinstance(run.action.order, SetOff):
             raise Refused(f"the vehicle is on the ground, and {run.target} was paused in the air; abort it")
         if run.action.capability in board.missing:
             lacking = ", ".join(board.missing[run.action.capability])

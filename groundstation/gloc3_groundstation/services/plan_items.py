@@ -11,10 +11,10 @@ from typing import Final
 
 import msgspec
 
+from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.link.plan import PlanItem, PlanType
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
-from gloc3_groundstation.counting import counted
 from gloc3_groundstation.services.facts import Firmware
 
 DO_JUMP: Final = 177

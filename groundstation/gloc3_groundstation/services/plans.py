@@ -10,13 +10,13 @@ from typing import Final
 
 import msgspec
 
+from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.link.mission_client import MissionClient
 from gloc3.link.plan import PlanItem, PlanResult, PlanType
 from gloc3.link.version import Capability
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
 from gloc3.mission.formats.items import Plan
-from gloc3_groundstation.counting import counted
 from gloc3_groundstation.services.facts import FactsService, VehicleFacts
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
@@ -49,7 +49,7 @@ class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
             (len(plan.fence), "fence area"),
             (len(plan.rally), "rally point"),
         )
-        return ", ".join(f"{count} {name}{'' if count == 1 else 's'}" for count, name in counts)
+        return ", ".join(counted(count, name) for count, name in counts)
 
 
 class PlanService:

@@ -16,7 +16,7 @@ from gloc3.link.parameter_client import ParameterCall, ParameterClient, Paramete
 from gloc3.link.service import Service, earliest
 from gloc3.link.version import read_version
 from gloc3.readiness import AutopilotSetup
-from gloc3.vehicle import Style
+from gloc3.vehicle import Style, VehicleClass
 
 AT_ONCE: Final = 6
 """Parameters under way at the same time, so that the reading does not fill a slow line."""
@@ -57,13 +57,13 @@ class Inspection(Service[AutopilotSetup]):
         self._number = 0
         self._next_number: int | None = None
 
-    def adopt(self, target: Address, style: Style, names: Sequence[str], now_s: float) -> None:
+    def adopt(self, target: Address, style: Style, vehicle: VehicleClass, names: Sequence[str], now_s: float) -> None:
         """An autopilot has come, or has restarted: reads everything, the given parameters by name."""
         self._drop()
         self._target, self._names = target, names
         self._absent.clear()
         self._parameters.encoding = ParameterEncoding.BYTEWISE if style is Style.PX4 else ParameterEncoding.CAST
-        self.setup = AutopilotSetup(style=style, number=self.setup.number)
+        self.setup = AutopilotSetup(style=style, vehicle=vehicle, number=self.setup.number)
         self._begin(self._number, now_s)
 
     def read(self, number: int, now_s: float) -> None:

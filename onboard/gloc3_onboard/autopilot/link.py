@@ -5,8 +5,10 @@ command is handed over to the loop.
 """
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
-from typing import Final, Protocol
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Final, Protocol
 
 from gloc3.clock import Clock
 from gloc3.frames import Vector3
@@ -16,35 +18,41 @@ from gloc3.link.command import CommandClient
 from gloc3.link.heartbeat import PeerChange, Peers
 from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.node import Node
+from gloc3.link.service import Service
+from gloc3.link.signed_only import SignedOnly
+from gloc3.link.signing import Signing, timestamp
 from gloc3.link.statustext import StatusTextReceiver
 from gloc3.messages import Severity
 from gloc3.mission.formats.items import FenceArea
 from gloc3.readiness import AutopilotSetup
-from gloc3.vehicle import AutopilotState, FlightMode, Pose
-from gloc3_onboard.autopilot.ardupilot import ArduPilot
-from gloc3_onboard.autopilot.commands import CommandDesk
+from gloc3.vehicle import AutopilotState, FlightMode, Pose, Style
+from gloc3_onboard.autopilot.arm_leave import ArmLeave
+from gloc3_onboard.autopilot.clockwork import Clockwork
+from gloc3_onboard.autopilot.commands import NOBODY, CommandDesk
+from gloc3_onboard.autopilot.families import NOT_SUPPORTED, style_of
 from gloc3_onboard.autopilot.fence_upload import FenceUpload
 from gloc3_onboard.autopilot.inspection import Inspection
+from gloc3_onboard.autopilot.lead import Lead
+from gloc3_onboard.autopilot.prearm import PrearmQuestions
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
+from gloc3_onboard.autopilot.setpoints import Wanted
 from gloc3_onboard.autopilot.streams import StreamRequests
-from gloc3_onboard.autopilot.style import ARM_DISARM, AutopilotStyle, Command
+from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, SET_EKF_SOURCE_SET, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
-from gloc3_onboard.checks.parameters import TABLES
-from gloc3_onboard.devices import Answer, Bell, Stamped, StampedHeight, Unwatch
+from gloc3_onboard.checks.tables import table_of
+from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedHeight, Unwatch
 
 FORCE: Final = 21196.0
 """What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
 COMPANION: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
+BEHIND_S: Final = 0.3
+"""So long after somebody else's request for rates it is made sure that ours hold."""
 TICK_S: Final = 0.1
-STYLES: Final[Mapping[int, type[AutopilotStyle]]] = {3: ArduPilot, 12: Px4}
-"""By MAV_AUTOPILOT; any other autopilot is left alone: we would not know what its modes mean."""
-
-IGNORE_VELOCITY: Final = 0b0000_0000_0011_1000
-IGNORE_POSITION: Final = 0b0000_0000_0000_0111
-IGNORE_YAW: Final = 0b0000_0100_0000_0000
+ONE_RESTART_S: Final = 3.0
+"""Signs of a restart that come within this are of the same one."""
 
 
 class ByteLink(Protocol):
@@ -70,6 +78,8 @@ class AutopilotLink:
         clock: its time.
         system_id: of the vehicle; an autopilot of another system is taken after it has been alone for some seconds.
         say: told what is worth an event.
+        signing: signs all that is sent, and judges all that is heard; None on a link without a key.
+        why_not_arm: asked when the autopilot asks for leave to arm; gives why it must not, or an empty text.
     """
 
     def __init__(
@@ -78,6 +88,8 @@ class AutopilotLink:
         clock: Clock,
         system_id: int = 1,
         say: Callable[[Severity, str], None] = _say_nothing,
+        signing: Signing | None = None,
+        why_not_arm: Callable[[], str] = lambda: "nobody here gives leave to arm",
     ) -> None:
         self.own = Address(system_id, COMPANION)
         self.style: AutopilotStyle = Px4()
@@ -85,22 +97,42 @@ class AutopilotLink:
         self._loop, self._clock, self._say = loop, clock, say
         self._endpoint: ByteLink | None = None
         self._parser = Parser()
-        self._encoder = Encoder(*self.own)
+        self._signing = signing
+        self._encoder = Encoder(*self.own, signing)
+        self.signed_only: Final = None if signing is None else SignedOnly(signing, partial(say, Severity.WARNING))
+        """Judges what is heard, for whoever passes it to `take`; None on a link without a key."""
         self._commands = CommandClient(self.own)
         self._peers = Peers(self.own, gone_after_s=2.5)
         self._plans = MissionClient(self.own)
         self._fence = FenceUpload(self._plans)
         self._texts = StatusTextReceiver(self.own)
         self._inspection = Inspection(self.own, self._commands)
-        self._node = Node(self.own, [self._commands, self._peers, self._plans, self._texts, self._inspection])
         self._telemetry = Telemetry()
+        self._clockwork = Clockwork(self.own, self._telemetry)
+        self._lead = Lead(self._telemetry)
+        self._leave = ArmLeave(self.own, why_not_arm)
+        services: list[Service[Any]] = [
+            self._commands,
+            self._peers,
+            self._plans,
+            self._texts,
+            self._inspection,
+            self._clockwork.service,
+            self._leave,
+        ]
+        self._node = Node(self.own, services)
         self.sensors = AutopilotSensors(lambda: self._post(self._ask_for_sensors))
         self._wanted = {codec.shape(name).id for name in (*Telemetry.HANDLES, *AutopilotSensors.HANDLES)}
         self._target: Address | None = None
+        self._kind = (-1, -1)
+        """MAV_AUTOPILOT and MAV_TYPE by which its style was chosen."""
         self._strangers: set[Address] = set()
         self._desk = CommandDesk(self._commands, self._telemetry.texts_since)
         self._streams = StreamRequests(self._commands)
+        self._requests_at_once = 0
+        self._prearm = PrearmQuestions(self._commands)
         self._restarts = 0
+        self._restarted_s = -math.inf
         self._told: tuple[object, object, object] = (None, None, None)
         self._on_state, self._on_pose, self._on_height, self._on_setup = Bell(), Bell(), Bell(), Bell()
         self._timer: asyncio.TimerHandle | None = None
@@ -123,8 +155,8 @@ class AutopilotLink:
         """Takes in what the endpoint has heard."""
         self.take(self._parser.receive(data))
 
-    def take(self, frames: Sequence[Frame]) -> Sequence[Frame]:
-        """Takes in frames that somebody else has found; all may be passed on."""
+    def take(self, frames: Sequence[Frame]) -> None:
+        """Takes in frames that somebody else has found."""
         now_s, is_settled = self._loop.time(), True
         for frame in frames:
             self.frames_received += 1
@@ -139,11 +171,12 @@ class AutopilotLink:
         if not is_settled:
             self._settle(now_s)
         self._tell()
-        return frames
 
     def send_message(self, message: codec.MavlinkMessage) -> None:
         """Sends one message as the companion."""
         if self._endpoint is not None:
+            if self._signing is not None:
+                self._signing.advance(timestamp(self._loop.time() + self._clock.utc_offset_s))
             self._endpoint.send(self._encoder.encode(message))
 
     def _tick(self) -> None:
@@ -157,18 +190,23 @@ class AutopilotLink:
         """Acts on what the services have found out, and sends what they have to say."""
         for change in self._peers.events():
             if change.peer.address == self._target:
+                if change.change is PeerChange.RESTARTED:
+                    self._restarted(now_s)
+                    continue
                 self._say(Severity.WARNING, f"the autopilot has {change.change}")
-                if change.change in (PeerChange.RETURNED, PeerChange.RESTARTED):
+                if change.change is PeerChange.RETURNED:
                     self._ask_all(now_s)
+        self._clockwork.look(now_s)
         if self._telemetry.restarts != self._restarts:
             self._restarts = self._telemetry.restarts
-            self._say(Severity.WARNING, "the autopilot has restarted")
-            self._ask_all(now_s)
+            self._restarted(now_s)
+        self._reconsider(now_s)
         if self._target is None:
             self._adopt(now_s)
         for call in self._commands.events():
             self._desk.ended(call, now_s)
             self._streams.ended(call, now_s)
+            self._prearm.ended(call)
             self._inspection.ended(call, now_s)
         for said in self._texts.events():
             if said.sender == self._target:
@@ -178,41 +216,95 @@ class AutopilotLink:
             if ended is not None:
                 self._desk.put(*ended)
         self._desk.tick(now_s)
-        is_alive = self._target is not None and self._peers[self._target].is_alive
+        is_alive = self._target is not None and self._target in self._peers and self._peers[self._target].is_alive
         self._telemetry.connected(is_alive)
         if self._target is not None and is_alive:
             self._streams.tick(self._target, now_s)
+            self._prearm.tick(self._target, self._telemetry.state, now_s)
         for text in self._streams.refused:
             self._say(Severity.NOTICE, f"the autopilot refuses {text}")
         self._streams.refused.clear()
         for message in self._node.outgoing():
             self.send_message(message)
 
+    def _restarted(self, now_s: float) -> None:
+        """Begins anew with an autopilot that has; several signs of it are one restart."""
+        if now_s - self._restarted_s < ONE_RESTART_S:
+            return
+        self._restarted_s = now_s
+        self._say(Severity.WARNING, "the autopilot has restarted")
+        self._ask_all(now_s)
+
     def _adopt(self, now_s: float) -> None:
         """Takes the one autopilot of our own system, or one that has been alone for some seconds."""
-        known = [peer for peer in self._peers.autopilots if peer.heartbeat.autopilot in STYLES]
-        own_system = [peer for peer in known if peer.address.system == self.own.system]
-        peer = own_system[0] if len(own_system) == 1 else self._peers.autopilot(now_s)
+        own_system = [peer for peer in self._peers.autopilots if peer.address.system == self.own.system]
+        known = [peer for peer in own_system if style_of(peer.heartbeat) is not None]
+        peer = known[0] if len(known) == 1 else self._peers.autopilot(now_s)
         if peer is None or peer.address in self._strangers:
             return
-        address, family = peer.address, peer.heartbeat.autopilot
-        name = f"{address.system}/{address.component}"
-        if family not in STYLES:
-            self._strangers.add(address)
-            kind = f"an autopilot of a kind that is not supported (MAV_AUTOPILOT {family})"
-            self._say(Severity.ERROR, f"{name} is {kind}: it is left alone")
+        style, name = style_of(peer.heartbeat), f"{peer.address.system}/{peer.address.component}"
+        if style is None:
+            self._strangers.add(peer.address)
+            number = f"MAV_AUTOPILOT {peer.heartbeat.autopilot}, MAV_TYPE {peer.heartbeat.type}"
+            self._say(Severity.ERROR, f"{name} is {NOT_SUPPORTED} ({number}): it is left alone")
             return
-        self._target, self.style = address, STYLES[family]()
-        self._telemetry.adopt(self.style)
-        self._telemetry.receive(peer.heartbeat, now_s)
-        self._say(Severity.INFO, f"{self.style.style} autopilot found as {name}")
+        self._target = peer.address
+        self._say(Severity.INFO, f"{style.style} autopilot found as {name}, of a {style.facts.vehicle}")
+        self._take_for(style, peer.heartbeat, now_s)
+
+    def _reconsider(self, now_s: float) -> None:
+        """Looks whether the autopilot is still what it was: another firmware may have been loaded into it."""
+        if self._target is None or self._target not in self._peers:
+            return
+        heartbeat = self._peers[self._target].heartbeat
+        if heartbeat.autopilot == self._kind[0] and heartbeat.type == self._kind[1]:
+            return
+        self._kind = (heartbeat.autopilot, heartbeat.type)
+        style = style_of(heartbeat)
+        if style is None:
+            self._say(Severity.ERROR, f"the autopilot has become {NOT_SUPPORTED}: it is left alone")
+            self._desk.abandon(NOBODY)
+            self._target = None
+            self._telemetry.connected(False)
+        elif (style.style, style.facts.vehicle) != (self.style.style, self.style.facts.vehicle):
+            self._say(Severity.WARNING, f"the autopilot is a {style.style} of a {style.facts.vehicle} now")
+            self._desk.abandon("the autopilot has become another one")
+            self._take_for(style, heartbeat, now_s)
+
+    def _take_for(self, style: AutopilotStyle, heartbeat: codec.MavlinkMessage, now_s: float) -> None:
+        """Speaks to it as to one of this family and class from now on."""
+        self.style, self._kind = style, (heartbeat.autopilot, heartbeat.type)
+        self._telemetry.adopt(style)
+        self._telemetry.receive(heartbeat, now_s)
         self._ask_all(now_s)
 
     def _ask_all(self, now_s: float) -> None:
         """Asks for everything that we need of the autopilot."""
+        self._leave.autopilot = self._target
+        self._clockwork.service.ask(self._target)
+        self._prearm.restart()
         self._streams.ask_all([*self.style.streams, *self.sensors.streams(self.style.style)])
         if self._target is not None:
-            self._inspection.adopt(self._target, self.style.style, TABLES[self.style.style].names(), now_s)
+            self._inspection.adopt(
+                self._target,
+                self.style.style,
+                self.style.facts.vehicle,
+                table_of(self.style.style, self.style.facts.vehicle).names(),
+                now_s,
+            )
+
+    def ask_streams_again(self) -> None:
+        """Somebody has changed what the autopilot sends on our link: what we need follows right behind his request.
+
+        All of it at once, since until then it comes too seldom; then one after the other, with the answers.
+        """
+        if self._target is None:
+            return
+        streams = [*self.style.streams, *self.sensors.streams(self.style.style)]
+        self._requests_at_once += 1
+        for stream in streams:
+            self.send_message(stream.request(self._target, self._requests_at_once % 10))
+        self._loop.call_later(BEHIND_S, self._streams.ask_all, streams)
 
     def _ask_for_sensors(self) -> None:
         """Asks for what sensors are used, once there is an autopilot."""
@@ -260,48 +352,25 @@ class AutopilotLink:
     # --- the control device ---
 
     @property
-    def arm_in_mode(self) -> FlightMode | None:
-        """The mode in which this style wants to be armed."""
-        return self.style.arm_in_mode
-
-    @property
-    def stream_before_guided_s(self) -> float:
-        """How long setpoints must have been streamed before guided mode is accepted."""
-        return self.style.stream_before_guided_s
+    def manners(self) -> Manners:
+        """How the autopilot that is there now wants to be commanded."""
+        return self.style.facts.manners
 
     def send_setpoint(
         self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None
     ) -> None:
         """Streams one setpoint, in the autopilot's own local NED frame."""
-        mask = self.style.position_mask
-        mask |= IGNORE_POSITION if position_ned_m is None else 0
-        mask |= IGNORE_VELOCITY if velocity_ned_m_s is None else 0
-        mask |= IGNORE_YAW if yaw_rad is None else 0
-        x, y, z = position_ned_m or (0.0, 0.0, 0.0)
-        vx, vy, vz = velocity_ned_m_s or (0.0, 0.0, 0.0)
-        yaw = yaw_rad or 0.0
+        wanted = Wanted(position_ned_m, velocity_ned_m_s, yaw_rad)
 
         def send() -> None:
             if self._target is None:
                 return
-            system, component = self._target
-            self.send_message(
-                codec.message(
-                    "SET_POSITION_TARGET_LOCAL_NED",
-                    time_boot_ms=self._telemetry.boot_ms(self._loop.time()),
-                    target_system=system,
-                    target_component=component,
-                    coordinate_frame=1,
-                    type_mask=mask,
-                    x=x,
-                    y=y,
-                    z=z,
-                    vx=vx,
-                    vy=vy,
-                    vz=vz,
-                    yaw=yaw,
-                )
-            )
+            message = self._lead.message(wanted, self.style.facts, self._target, self._loop.time())
+            if message is not None:
+                self.send_message(message)
+            if self._lead.gap:
+                self._say(Severity.WARNING, self._lead.gap)
+                self._lead.gap = ""
 
         self._post(send)
 
@@ -311,11 +380,25 @@ class AutopilotLink:
 
         def send() -> None:
             if self._target is not None:
-                age_s = max(0.0, self._loop.time() - t_s)
-                boot_us = max(0, self._telemetry.boot_ms(self._loop.time()) * 1000 - round(age_s * 1e6))
-                self.send_message(odometry_message(pose, boot_us, spread))
+                boot_s = self._clockwork.boot_s(min(t_s, self._loop.time()))
+                self.send_message(odometry_message(pose, max(0, round(boot_s * 1e6)), spread))
 
         self._post(send)
+
+    def command_source_set(self, number: int) -> int:
+        """Asks ArduPilot's estimator to fly by the set of sources 1, 2 or 3."""
+
+        def make() -> Command | Answer:
+            if self.style.style is not Style.ARDUPILOT:
+                return Answer(False, "PX4 has no sets of sources: EKF2_EV_CTRL and EKF2_GPS_CTRL choose them")
+            return Command(SET_EKF_SOURCE_SET, (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+        return self._command(make)
+
+    def command_home(self, place_geo: tuple[float, float, float]) -> int:
+        """Tells the autopilot where home is, which it has from nobody without satellites."""
+        latitude, longitude, altitude = place_geo
+        return self._command(lambda: Command(DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, latitude, longitude, altitude)))
 
     def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
         """Tells the autopilot where the frame of the poses begins."""

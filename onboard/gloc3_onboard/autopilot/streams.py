@@ -14,6 +14,8 @@ SET_MESSAGE_INTERVAL: Final = 511
 RETRY_S: Final = 1.0
 SILENT_S: Final = 5.0
 """A message that was promised and has not come for this long is asked for again."""
+SLOW: Final = 0.5
+"""So is one that has come at less than this share of its rate for as long: stations of others set rates, too."""
 
 
 class StreamRequests:
@@ -29,6 +31,8 @@ class StreamRequests:
         self._waiting: deque[Stream] = deque()
         self._promised: dict[int, Stream] = {}
         self._heard_s: dict[int, float] = {}
+        self._counts: dict[int, tuple[float, int]] = {}
+        """Since when messages are counted, and how many have come."""
         self._asked: tuple[Stream, CommandCall] | None = None
         self._next_s = 0.0
 
@@ -48,6 +52,8 @@ class StreamRequests:
     def heard(self, message_id: int, now_s: float) -> None:
         """A message has come."""
         self._heard_s[message_id] = now_s
+        since_s, count = self._counts.get(message_id, (now_s, 0))
+        self._counts[message_id] = since_s, count + 1
 
     def ended(self, call: CommandCall, now_s: float) -> None:
         """A call has come back from the client; those that are not from here are ignored."""
@@ -57,6 +63,7 @@ class StreamRequests:
         if call.result is CommandResult.ACCEPTED:
             self._promised[stream.message_id] = stream
             self._heard_s[stream.message_id] = now_s
+            self._counts[stream.message_id] = now_s, 0
         elif call.result in (CommandResult.NO_ANSWER, CommandResult.TEMPORARILY_REJECTED):
             self._waiting.append(stream)
             self._next_s = now_s + RETRY_S
@@ -70,7 +77,7 @@ class StreamRequests:
             return
         if not self._waiting:
             self._next_s = now_s + RETRY_S
-            for number in [n for n, stream in self._promised.items() if now_s - self._heard_s[n] > SILENT_S]:
+            for number in [n for n, stream in self._promised.items() if self._is_lacking(stream, now_s)]:
                 self._waiting.append(self._promised.pop(number))
         if self._waiting:
             stream = self._waiting.popleft()
@@ -79,3 +86,12 @@ class StreamRequests:
                 self._asked = stream, self._client.send_long(target, SET_MESSAGE_INTERVAL, values, now_s=now_s)
             except Refused:  # somebody else asks for one
                 self._waiting.appendleft(stream)
+
+    def _is_lacking(self, stream: Stream, now_s: float) -> bool:
+        """Whether a message stays away, or comes too seldom."""
+        number = stream.message_id
+        since_s, count = self._counts[number]
+        if now_s - since_s <= SILENT_S:
+            return now_s - self._heard_s[number] > SILENT_S
+        self._counts[number] = now_s, 0
+        return count < SLOW * stream.rate_hz * (now_s - since_s)

@@ -4,7 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+from gloc3.link.codec import Address, MavlinkMessage, message
+from gloc3.link.interval import SET_MESSAGE_INTERVAL
 from gloc3.vehicle import FlightMode, Style
+from gloc3_onboard.autopilot.facts import ClassFacts
+from gloc3_onboard.devices import Answer
 
 
 class Command(NamedTuple):
@@ -20,6 +24,22 @@ class Stream(NamedTuple):
     message_id: int
     rate_hz: float
 
+    def request(self, target: Address, more_us: int = 0) -> MavlinkMessage:
+        """The command that asks for it.
+
+        Args:
+            target: the autopilot.
+            more_us: so much longer is the interval, that it is no repeat of the one before, and is carried out again.
+        """
+        return message(
+            "COMMAND_LONG",
+            target_system=target.system,
+            target_component=target.component,
+            command=SET_MESSAGE_INTERVAL,
+            param1=float(self.message_id),
+            param2=round(1e6 / self.rate_hz) + more_us,
+        )
+
 
 class AutopilotStyle(Protocol):
     """One family of autopilots."""
@@ -29,16 +49,8 @@ class AutopilotStyle(Protocol):
         """Which family it is."""
 
     @property
-    def arm_in_mode(self) -> FlightMode | None:
-        """The mode in which it wants to be armed for a take-off; None for any."""
-
-    @property
-    def stream_before_guided_s(self) -> float:
-        """How long setpoints must have been streamed before guided mode is accepted."""
-
-    @property
-    def position_mask(self) -> int:
-        """`type_mask` of SET_POSITION_TARGET_LOCAL_NED for position, velocity and yaw."""
+    def facts(self) -> ClassFacts:
+        """What is known of its vehicle."""
 
     @property
     def streams(self) -> Sequence[Stream]:
@@ -50,11 +62,11 @@ class AutopilotStyle(Protocol):
     def mode_name(self, custom_mode: int) -> str:
         """A mode in the autopilot's own words."""
 
-    def mode_command(self, mode: FlightMode) -> Command:
-        """The command that asks for a mode."""
+    def mode_command(self, mode: FlightMode) -> Command | Answer:
+        """The command that asks for a mode, or why there is none."""
 
-    def take_off_command(self, height_m: float, ground_altitude_m: float) -> Command:
-        """The command that asks to climb.
+    def take_off_command(self, height_m: float, ground_altitude_m: float) -> Command | Answer:
+        """The command that asks to climb, or why there is none.
 
         Args:
             height_m: above the place where the vehicle stands.
@@ -66,7 +78,9 @@ NAN = math.nan
 
 HEARTBEAT, SYS_STATUS, ATTITUDE_QUATERNION, LOCAL_POSITION_NED = 0, 1, 31, 32
 GPS_GLOBAL_ORIGIN, DISTANCE_SENSOR, EXTENDED_SYS_STATE, GLOBAL_POSITION_INT = 49, 132, 245, 33
+HOME_POSITION, EKF_STATUS_REPORT, ESTIMATOR_STATUS = 242, 193, 230
 SET_MODE, NAV_LAND, NAV_TAKEOFF, NAV_RETURN, ARM_DISARM = 176, 21, 22, 20, 400
+DO_SET_HOME, SET_EKF_SOURCE_SET = 179, 42007
 
 COMMON_STREAMS = (
     Stream(ATTITUDE_QUATERNION, 20.0),
@@ -76,6 +90,7 @@ COMMON_STREAMS = (
     Stream(DISTANCE_SENSOR, 20.0),
     Stream(GLOBAL_POSITION_INT, 2.0),
     Stream(GPS_GLOBAL_ORIGIN, 1.0),
+    Stream(HOME_POSITION, 0.5),
 )
 """Without the heartbeat, whose rate PX4 does not let anybody change."""
 

@@ -9,6 +9,7 @@ import msgspec
 from gloc3.frames import normalize, yaw_of
 from gloc3.link.codec import MavlinkMessage
 from gloc3.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
+from gloc3_onboard.autopilot.health_words import UNWELL, estimator_doubts, unwell
 from gloc3_onboard.autopilot.style import AutopilotStyle
 from gloc3_onboard.devices import Stamped, StampedHeight
 
@@ -19,6 +20,8 @@ DOWNWARD: Final = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
 NOT_TOLD_MV: Final = 0xFFFF
 MOST_REASONS: Final = 8
+REPEATED_S: Final = 45.0
+"""A reason that has not been said again for so long is over: ArduPilot repeats its own every 30 s."""
 WARNING: Final = 4
 """MAV_SEVERITY of texts that may be the reason of a refusal; smaller is worse."""
 RESTARTED_MS: Final = 500
@@ -62,6 +65,25 @@ class BootClock:
         """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
         return boot_s + self._offset_s if math.isfinite(self._offset_s) else None
 
+    @property
+    def last_boot_s(self) -> float:
+        """The latest of the autopilot's own times that was seen."""
+        return self._last_boot_ms * 1e-3
+
+    def correct(self, least_offset_s: float) -> None:
+        """Round trips tell that the clocks lie so far apart, at least: the autopilot has stood still for a moment."""
+        if math.isfinite(self._offset_s):
+            self._offset_s = max(self._offset_s, least_offset_s)
+
+    def restart(self) -> None:
+        """Begins anew with the next stamp."""
+        self.restarts += 1
+        self._offset_s, self._last_boot_ms = math.inf, 0.0
+
+    def boot_s(self, now_s: float) -> float | None:
+        """The autopilot's own time of one of ours; None while nothing has been heard of it."""
+        return now_s - self._offset_s if math.isfinite(self._offset_s) else None
+
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
         return max(0, int((now_s - self._offset_s) * 1e3)) if math.isfinite(self._offset_s) else 0
@@ -79,6 +101,9 @@ class Telemetry:
         "GPS_GLOBAL_ORIGIN",
         "DISTANCE_SENSOR",
         "EXTENDED_SYS_STATE",
+        "HOME_POSITION",
+        "EKF_STATUS_REPORT",
+        "ESTIMATOR_STATUS",
     )
 
     def __init__(self) -> None:
@@ -94,6 +119,10 @@ class Telemetry:
         self._rate = (0.0, 0.0, 0.0)
         self._has_attitude = False
         self._warnings: deque[tuple[float, str]] = deque(maxlen=8)
+        self._reasons: dict[str, float] = {}
+        """Why it would not arm, and when it said so last."""
+        self._unwell: list[str] = []
+        self._estimator: list[str] = []
 
     @property
     def restarts(self) -> int:
@@ -111,6 +140,24 @@ class Telemetry:
     def boot_ms(self, now_s: float) -> int:
         """The autopilot's own time now."""
         return self._clock.boot_ms(now_s)
+
+    def boot_s(self, now_s: float) -> float | None:
+        """The autopilot's own time of one of ours; None while nothing has been heard of it."""
+        return self._clock.boot_s(now_s)
+
+    @property
+    def last_boot_s(self) -> float:
+        """The latest of the autopilot's own times that was seen."""
+        return self._clock.last_boot_s
+
+    def correct_clock(self, least_offset_s: float) -> None:
+        """Our clock minus the autopilot's is no less than this."""
+        self._clock.correct(least_offset_s)
+
+    def restarted(self) -> None:
+        """Somebody else has noticed that the autopilot has restarted: what was known of it is of its former life."""
+        self._clock.restart()
+        self._forget()
 
     @property
     def yaw_rad(self) -> float | None:
@@ -140,6 +187,8 @@ class Telemetry:
         """After a restart the estimator begins elsewhere, maybe with another origin."""
         self.pose = self.height = self.altitude_m = self._origin = None
         self._has_attitude = False
+        self._reasons.clear()
+        self._set(reasons=[], has_home=False, landed=LandedState.UNKNOWN)
 
     def _take(self, message: MavlinkMessage, now_s: float) -> None:
         match message.name:
@@ -154,9 +203,15 @@ class Telemetry:
             case "HEARTBEAT":
                 self._heartbeat(message)
             case "EXTENDED_SYS_STATE":
-                self._set(landed=_LANDED.get(message.landed_state, LandedState.UNKNOWN))
+                if self._style is None or self._style.facts.tells_landed:
+                    self._set(landed=_LANDED.get(message.landed_state, LandedState.UNKNOWN))
             case "SYS_STATUS":
-                self._system(message)
+                self._system(message, now_s)
+            case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS":
+                self._estimator = estimator_doubts(message)
+                self._set(doubts=[*self._unwell, *self._estimator])
+            case "HOME_POSITION":
+                self._set(has_home=True)
             case "GLOBAL_POSITION_INT":
                 self.altitude_m = message.alt * 1e-3
             case "GPS_GLOBAL_ORIGIN":
@@ -175,16 +230,27 @@ class Telemetry:
             mode=self._style.flight_mode(message.custom_mode),
             mode_name=self._style.mode_name(message.custom_mode),
             is_failsafe=message.system_status >= CRITICAL,
+            vehicle=self._style.facts.vehicle,
         )
+        if not self._style.facts.tells_landed:
+            self._set(landed=LandedState.IN_AIR if self.state.is_armed else LandedState.ON_GROUND)
 
-    def _system(self, message: MavlinkMessage) -> None:
+    def _system(self, message: MavlinkMessage, now_s: float) -> None:
         is_armable = bool(message.onboard_control_sensors_health & PREARM_BIT)
+        bad = unwell(
+            message.onboard_control_sensors_present,
+            message.onboard_control_sensors_enabled,
+            message.onboard_control_sensors_health,
+        )
+        self._unwell = [UNWELL + ", ".join(bad)] if bad else []
+        self._reasons = {} if is_armable else {text: s for text, s in self._reasons.items() if now_s - s < REPEATED_S}
         self._set(
             battery_v=message.voltage_battery * 1e-3 if message.voltage_battery != NOT_TOLD_MV else 0.0,
             battery_a=message.current_battery * 1e-2 if message.current_battery >= 0 else 0.0,
             battery_remaining=message.battery_remaining * 1e-2 if message.battery_remaining >= 0 else -1.0,
             is_armable=is_armable,
-            reasons=[] if is_armable else self.state.reasons,
+            reasons=list(self._reasons),
+            doubts=[*self._unwell, *self._estimator],
         )
 
     def texts_since(self, t_s: float) -> list[str]:
@@ -195,8 +261,11 @@ class Telemetry:
         """Takes in what the autopilot says in words."""
         if severity <= WARNING:
             self._warnings.append((now_s, text))
-        if text.lower().startswith(PREARM_WORDS) and text not in self.state.reasons:
-            self._set(reasons=[*self.state.reasons, text][-MOST_REASONS:])
+        if text.lower().startswith(PREARM_WORDS):
+            self._reasons[text] = now_s
+            while len(self._reasons) > MOST_REASONS:
+                del self._reasons[next(iter(self._reasons))]
+            self._set(reasons=list(self._reasons))
 
     def _local_position(self, message: MavlinkMessage, now_s: float) -> None:
         if not self._has_attitude:

@@ -1,13 +1,25 @@
 """Checks of the autopilot itself: it answers, would arm, is of a known version, and its parameters could be read."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Final
 
 from gloc3.preflight import Check, Group, Verdict
-from gloc3.vehicle import AutopilotState
-from gloc3_onboard.checks.parameters import TABLES
+from gloc3.vehicle import AutopilotState, VehicleClass
+from gloc3_onboard.autopilot.health_words import UNWELL
 from gloc3_onboard.checks.readings import Readings
+from gloc3_onboard.checks.tables import table_of
 
 GROUP = Group.AUTOPILOT
+CLASSES: Final[Mapping[str, tuple[VehicleClass, ...]]] = {
+    "quadrotor": (VehicleClass.COPTER,),
+    "hexarotor": (VehicleClass.COPTER,),
+    "aircraft": (VehicleClass.PLANE,),
+    "rover": (VehicleClass.ROVER,),
+    "boat": (VehicleClass.BOAT, VehicleClass.ROVER),
+    "auv": (VehicleClass.SUB,),
+    "rov": (VehicleClass.SUB,),
+}
+"""The classes of autopilots by what a platform file says of its vehicle."""
 
 
 def autopilot_checks(readings: Readings) -> Iterator[Check]:
@@ -18,12 +30,24 @@ def autopilot_checks(readings: Readings) -> Iterator[Check]:
         advice = "is it powered, and does --autopilot name its port?"
         yield Check(GROUP, "answers", Verdict.RED, was, advice)
         return
-    yield Check(GROUP, "answers", Verdict.OK, f"{state.style}, mode {state.mode_name or 'unknown'}")
+    what = f"{state.style} of a {state.vehicle}" if state.vehicle is not None else str(state.style)
+    yield Check(GROUP, "answers", Verdict.OK, f"{what}, mode {state.mode_name or 'unknown'}")
+    yield from _vehicle(readings, state)
     yield _arming(state)
+    yield from _estimator(state)
     yield _battery(readings, state)
     yield _firmware(readings)
     yield _parameters(readings)
     yield from _arming_checks(readings)
+
+
+def _vehicle(readings: Readings, state: AutopilotState) -> Iterator[Check]:
+    """Whether the autopilot steers what the platform file describes."""
+    stated = readings.platform.vehicle.type
+    if state.vehicle is not None and state.vehicle not in CLASSES[stated]:
+        finding = f"the autopilot steers a {state.vehicle}; the platform file says {stated}"
+        advice = "load the right firmware, or name the right platform file"
+        yield Check(GROUP, "vehicle", Verdict.RED, finding, advice)
 
 
 def _arming(state: AutopilotState) -> Check:
@@ -31,9 +55,17 @@ def _arming(state: AutopilotState) -> Check:
         return Check(GROUP, "ready to arm", Verdict.OK, "it is armed")
     if state.is_armable:
         return Check(GROUP, "ready to arm", Verdict.OK, "its own checks have passed")
-    reasons = "; ".join(state.reasons) or "it does not say why"
+    reasons = "; ".join([*state.reasons, *state.doubts]) or "it does not say why"
     advice = "do what it asks for" if state.reasons else "wait until it is ready; its own messages say more"
     return Check(GROUP, "ready to arm", Verdict.RED, reasons, advice)
+
+
+def _estimator(state: AutopilotState) -> Iterator[Check]:
+    """What its estimator says of itself, where it would arm all the same."""
+    doubts = [doubt for doubt in state.doubts if not doubt.startswith(UNWELL)]
+    if doubts and state.is_armable:
+        advice = "wait until it has settled; the autopilot would arm all the same"
+        yield Check(GROUP, "estimator", Verdict.WARNING, "; ".join(doubts), advice)
 
 
 def _battery(readings: Readings, state: AutopilotState) -> Check:
@@ -54,7 +86,7 @@ def _firmware(readings: Readings) -> Check:
     if setup is None or setup.firmware is None or setup.style is None:
         return Check(GROUP, "firmware", Verdict.UNKNOWN, "it has not told its version")
     version = ".".join(map(str, setup.firmware))
-    least = TABLES[setup.style].least_firmware
+    least = table_of(setup.style, setup.vehicle).least_firmware
     if setup.firmware < least:
         needed = ".".join(map(str, least))
         advice = f"update to {needed} or later: modes and parameters of older ones differ"
@@ -77,7 +109,7 @@ def _parameters(readings: Readings) -> Check:
     if not readings.is_setup_fresh:
         finding = f"{count} were read before, but did not come anew"
         return Check(GROUP, "parameters", Verdict.WARNING, finding, "check the link to the autopilot, then look again")
-    alternatives = TABLES[setup.style].arming_checks if setup.style is not None else {}
+    alternatives = table_of(setup.style, setup.vehicle).arming_checks if setup.style is not None else {}
     unread = [name for name in setup.unread if name not in alternatives]
     without = f"; not there: {', '.join(unread)}" if unread else ""
     return Check(GROUP, "parameters", Verdict.OK, f"{count} read{without}")
@@ -88,7 +120,7 @@ def _arming_checks(readings: Readings) -> Iterator[Check]:
     setup = readings.setup
     if setup is None or setup.style is None:
         return
-    for name, wanted in TABLES[setup.style].arming_checks.items():
+    for name, wanted in table_of(setup.style, setup.vehicle).arming_checks.items():
         value = setup.parameters.get(name)
         if value is not None:
             verdict = Verdict.OK if value == wanted else Verdict.WARNING

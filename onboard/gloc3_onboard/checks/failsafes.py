@@ -6,8 +6,9 @@ from typing import Final
 from gloc3.mission.policy import SEVERITY, Policy, resolved
 from gloc3.preflight import Check, Group, Verdict
 from gloc3.readiness import AutopilotSetup
-from gloc3_onboard.checks.parameters import CONTINUE, PILOT, TABLES, Failsafe
+from gloc3_onboard.checks.parameters import CONTINUE, PILOT, Failsafe
 from gloc3_onboard.checks.readings import Readings
+from gloc3_onboard.checks.tables import table_of
 
 GROUP = Group.FAILSAFES
 NEAR_S: Final = 0.5
@@ -21,7 +22,7 @@ def failsafe_checks(readings: Readings) -> Iterator[Check]:
     setup, stated = readings.setup, readings.platform.failsafes
     if setup is None or setup.style is None or not setup.is_complete:
         return
-    table = TABLES[setup.style]
+    table = table_of(setup.style, setup.vehicle)
     link, battery = stated.link_loss, stated.low_battery
     wanted_s = None if link is None else link.after_s
     yield _compared(setup, "link loss", table.link_loss, link.action if link else CONTINUE, wanted_s, "s")
@@ -29,14 +30,19 @@ def failsafe_checks(readings: Readings) -> Iterator[Check]:
     yield _compared(setup, "low battery", table.low_battery, battery.action if battery else CONTINUE, wanted_share, "")
     yield _pose_lost(readings, setup, table.pose_lost)
     yield _setpoints_lost(setup, table.setpoints_lost)
+    for name, (value, what) in table.doubtful.items():
+        if setup.parameters.get(name) == value:
+            yield Check(GROUP, name, Verdict.WARNING, f"{value:g}: it {what}", f"set {name} to another value")
 
 
 def _action(setup: AutopilotSetup, failsafe: Failsafe) -> str | None:
     """What the autopilot would do while it follows our setpoints; None where that is not known."""
     if not failsafe.parameter:
         return failsafe.actions[0]
+    if failsafe.enabled_by and setup.parameters.get(failsafe.enabled_by) == 0.0:
+        return CONTINUE
     value = setup.parameters.get(failsafe.parameter)
-    if value is None:
+    if value is None or (failsafe.enabled_by and failsafe.enabled_by not in setup.parameters):
         return None
     if failsafe.exempt is not None:
         name, bit = failsafe.exempt
@@ -53,12 +59,19 @@ def _compared(
     if action is None:
         return Check(GROUP, name, Verdict.UNKNOWN, f"{failsafe.parameter} could not be read")
     limit = failsafe.limit(setup.parameters.get)
-    value = setup.parameters.get(failsafe.parameter)
-    finding = f"{action}{_when(limit, unit)} ({failsafe.parameter} {value:g})"
-    right = ", ".join(f"{number}" for number, meaning in failsafe.actions.items() if meaning == wanted)
+    decides = failsafe.parameter
+    if failsafe.enabled_by and CONTINUE in (wanted, action) and setup.parameters.get(decides, 0.0) != 0.0:
+        decides = failsafe.enabled_by
+    finding = (
+        f"{action}{_when(limit, unit) if action != CONTINUE else ''} ({decides} {setup.parameters.get(decides, 0.0):g})"
+    )
     if action != wanted:
         finding += f"; the platform file says {wanted}{_when(wanted_limit, unit)}"
-        advice = f"set {failsafe.parameter} to {right}, or correct failsafes in the platform file"
+        right = ", ".join(f"{number}" for number, meaning in failsafe.actions.items() if meaning == wanted)
+        if decides == failsafe.enabled_by:
+            right = "0" if wanted == CONTINUE else f"1, and {failsafe.parameter} to {right}"
+        correct = "failsafes in the platform file"
+        advice = f"set {decides} to {right}, or correct {correct}" if right else f"correct {correct}, and the missions"
         return Check(GROUP, name, Verdict.RED, finding, advice)
     if action == CONTINUE or limit is None or wanted_limit is None:
         return Check(GROUP, name, Verdict.OK, finding)

@@ -1,13 +1,7 @@
-"""Which of an autopilot's parameters matter before a start, and what their values mean: one table a style.
-
-PX4: its parameter reference, v1.16, groups Commander, Battery Calibration, Geofence and Sensor Calibration. ArduPilot:
-Copter's full parameter list, 4.7, and "Failsafes" in Copter's documentation; older names stand beside the newer ones.
-"""
+"""Which of an autopilot's parameters matter before a start, and what their values mean: the form of the tables."""
 
 from collections.abc import Callable, Mapping
-from typing import Final, NamedTuple
-
-from gloc3.vehicle import Style
+from typing import NamedTuple
 
 Ask = Callable[[str], float | None]
 """A parameter's value; None where it has not been read."""
@@ -31,6 +25,8 @@ class Failsafe(NamedTuple):
     """What the limit is made of."""
     exempt: tuple[str, int] | None = None
     """A parameter and the bit of it by which nothing is done while it follows our setpoints."""
+    enabled_by: str = ""
+    """A parameter that is 0 where nothing is done."""
 
 
 class StyleTable(NamedTuple):
@@ -46,18 +42,22 @@ class StyleTable(NamedTuple):
     """Parameters that are 0 until a sensor has been calibrated, and the sensor."""
     arming_checks: Mapping[str, float]
     """The parameter of the arming checks by the names of several versions, and its value while all are made."""
+    doubtful: Mapping[str, tuple[float, str]] = {}
+    """Parameters with a value that is worth a warning, and what it does."""
 
     def names(self) -> tuple[str, ...]:
         """Every parameter that is to be read."""
         found: dict[str, None] = {}
         for failsafe in (self.link_loss, self.low_battery, self.pose_lost, self.setpoints_lost):
             exempt = failsafe.exempt[0] if failsafe.exempt is not None else ""
-            found |= dict.fromkeys((failsafe.parameter, *failsafe.limit_parameters, exempt))
-        found |= dict.fromkeys((*self.calibrated, *self.arming_checks))
+            found |= dict.fromkeys((failsafe.parameter, failsafe.enabled_by, *failsafe.limit_parameters, exempt))
+        found |= dict.fromkeys((*self.calibrated, *self.arming_checks, *self.doubtful))
         return tuple(name for name in found if name)
 
 
-def _share(part: str, whole: str) -> Callable[[Ask], float | None]:
+def share_of(part: str, whole: str) -> Callable[[Ask], float | None]:
+    """A limit that is one parameter as a share of another."""
+
     def share(ask: Ask) -> float | None:
         left, all_of_it = ask(part), ask(whole)
         return None if left is None or not all_of_it else left / all_of_it
@@ -65,51 +65,6 @@ def _share(part: str, whole: str) -> Callable[[Ask], float | None]:
     return share
 
 
-def _value(name: str) -> Callable[[Ask], float | None]:
+def value_of(name: str) -> Callable[[Ask], float | None]:
+    """A limit that is a parameter."""
     return lambda ask: ask(name)
-
-
-PX4: Final = StyleTable(
-    least_firmware=(1, 14, 0),
-    link_loss=Failsafe(
-        "NAV_DLL_ACT",
-        {0: CONTINUE, 1: HOLD, 2: RETURN, 3: LAND, 5: TERMINATE, 6: DISARM},
-        _value("COM_DL_LOSS_T"),
-        ("COM_DL_LOSS_T",),
-        exempt=("COM_DLL_EXCEPT", 4),
-    ),
-    low_battery=Failsafe(
-        "COM_LOW_BAT_ACT", {0: CONTINUE, 1: RETURN, 2: LAND, 3: RETURN}, _value("BAT_CRIT_THR"), ("BAT_CRIT_THR",)
-    ),
-    pose_lost=Failsafe("", {0: LAND}),
-    setpoints_lost=Failsafe(
-        "COM_OBL_RC_ACT",
-        {0: PILOT, 1: PILOT, 2: PILOT, 3: RETURN, 4: LAND, 5: HOLD, 6: TERMINATE, 7: DISARM},
-        _value("COM_OF_LOSS_T"),
-        ("COM_OF_LOSS_T",),
-    ),
-    calibrated={"CAL_GYRO0_ID": "gyroscope", "CAL_ACC0_ID": "accelerometer", "CAL_MAG0_ID": "compass"},
-    arming_checks={},
-)
-
-ARDUPILOT: Final = StyleTable(
-    least_firmware=(4, 4, 0),
-    link_loss=Failsafe(
-        "FS_GCS_ENABLE",
-        {0: CONTINUE, 1: RETURN, 2: CONTINUE, 3: RETURN, 4: LAND, 5: LAND, 6: RETURN, 7: HOLD},
-        _value("FS_GCS_TIMEOUT"),
-        ("FS_GCS_TIMEOUT",),
-    ),
-    low_battery=Failsafe(
-        "BATT_FS_LOW_ACT",
-        {0: CONTINUE, 1: LAND, 2: RETURN, 3: RETURN, 4: LAND, 5: TERMINATE, 6: RETURN, 7: HOLD},
-        _share("BATT_LOW_MAH", "BATT_CAPACITY"),
-        ("BATT_LOW_MAH", "BATT_CAPACITY"),
-    ),
-    pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: LAND, 2: PILOT, 3: LAND}),
-    setpoints_lost=Failsafe("", {0: HOLD}, _value("GUID_TIMEOUT"), ("GUID_TIMEOUT",)),
-    calibrated={},
-    arming_checks={"ARMING_SKIPCHK": 0.0, "ARMING_CHECK": 1.0},
-)
-
-TABLES: Final[Mapping[Style, StyleTable]] = {Style.PX4: PX4, Style.ARDUPILOT: ARDUPILOT}

@@ -5,25 +5,11 @@ from typing import Final
 
 from gloc3.preflight import Check, Group, Verdict
 from gloc3.readiness import AutopilotSetup
-from gloc3_onboard.checks.parameters import TABLES
+from gloc3_onboard.autopilot.health_words import SENSORS, unwell
 from gloc3_onboard.checks.readings import Readings
+from gloc3_onboard.checks.tables import table_of
 
 GROUP = Group.SENSORS
-NAMES: Final[Mapping[int, str]] = {
-    1: "gyroscope",
-    2: "accelerometer",
-    4: "compass",
-    8: "barometer",
-    16: "differential pressure",
-    32: "GPS",
-    64: "optical flow",
-    128: "vision position",
-    256: "range finder",
-    512: "external ground truth",
-    1 << 21: "attitude estimate",
-    1 << 25: "battery monitor",
-}
-"""MAV_SYS_STATUS_SENSOR bits whose failure speaks against a flight."""
 DOUBTFUL: Final[Mapping[int, str]] = {1 << 24: "the autopilot's log", 1 << 16: "transmitter"}
 """Bits that are worth a warning."""
 LEAST_QUALITY: Final = 0.5
@@ -50,8 +36,8 @@ def sensor_checks(readings: Readings) -> Iterator[Check]:
 
 def _health(setup: AutopilotSetup) -> Iterator[Check]:
     used = setup.sensors_present & setup.sensors_enabled
-    bad = [name for bit, name in NAMES.items() if used & bit and not setup.sensors_health & bit]
-    good = [name for bit, name in NAMES.items() if used & bit and setup.sensors_health & bit]
+    bad = unwell(setup.sensors_present, setup.sensors_enabled, setup.sensors_health)
+    good = [name for bit, name in SENSORS.items() if used & bit and setup.sensors_health & bit]
     if bad:
         advice = "wait until it has settled; if it does not, check wiring and calibration"
         yield Check(GROUP, "autopilot's sensors", Verdict.RED, f"not well: {', '.join(bad)}", advice)
@@ -65,7 +51,11 @@ def _health(setup: AutopilotSetup) -> Iterator[Check]:
 
 def _calibration(setup: AutopilotSetup) -> Iterator[Check]:
     assert setup.style is not None
-    table = {name: sensor for name, sensor in TABLES[setup.style].calibrated.items() if name in setup.parameters}
+    table = {
+        name: sensor
+        for name, sensor in table_of(setup.style, setup.vehicle).calibrated.items()
+        if name in setup.parameters
+    }
     if not table:
         return  # such an autopilot says it in its own checks
     never = [sensor for name, sensor in table.items() if setup.parameters[name] == 0.0]

@@ -288,7 +288,8 @@ class CommandServer(CommandInterface[ServerSettings]):
     def _flies_for_us(self, kept: Snapshot) -> bool:
         """Whether the vehicle does what a former life of this process had begun, and the driver takes it for a pilot's."""
         facts = self._facts
-        is_ours = facts.is_airborne and facts.autopilot is not None and facts.autopilot.mode in OURS
+        state = facts.autopilot
+        is_ours = state is not None and state.is_armed and state.mode in OURS
         is_taken = facts.driver is None or facts.driver.has_pilot_control
         return _was_under_way(kept) and is_ours and is_taken and not kept.has_pilot
 

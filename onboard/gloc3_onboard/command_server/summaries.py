@@ -10,10 +10,11 @@ from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.model import GEO, digest_of
 from gloc3.mission.states import ActionState
 from gloc3.platform import Platform
-from gloc3.vehicle import GeoArea, GeoFence
+from gloc3.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, VehicleClass
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.motion import local_frame
 
+NOT_FLYING: Final = (VehicleClass.ROVER, VehicleClass.BOAT, VehicleClass.SUB)
 REASONS_MAX: Final = 6
 """Tasks and actions whose reason is told at most."""
 REASON_MAX: Final = 120
@@ -63,6 +64,17 @@ def geofence_of(executor: MissionExecutor | None) -> GeoFence:
     return GeoFence(digest=digest_of(mission.text), areas=areas)
 
 
+def _whereabouts(autopilot: AutopilotState) -> str:
+    """Whether it is in the air; what does not fly is under way instead, on the ground or under water."""
+    is_under_way = autopilot.landed is LandedState.IN_AIR and autopilot.vehicle in NOT_FLYING
+    return "under_way" if is_under_way else str(autopilot.landed)
+
+
+def _would_arm(autopilot: AutopilotState) -> bool:
+    """Whether a start makes sense: its own checks have passed, and neither its sensors nor its estimator speak against it."""
+    return autopilot.is_armed or (autopilot.is_armable and not autopilot.doubts)
+
+
 def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> VehicleSummary:
     """The vehicle at a glance."""
     autopilot, pose, driver = facts.autopilot, facts.pose, facts.driver
@@ -80,7 +92,7 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         t_s=round(now_s, 3),
         mode=autopilot.mode_name if autopilot is not None else "",
         is_armed=autopilot.is_armed if autopilot is not None else False,
-        landed=str(autopilot.landed) if autopilot is not None and facts.is_autopilot_known else "unknown",
+        landed=_whereabouts(autopilot) if autopilot is not None and facts.is_autopilot_known else "unknown",
         battery_percent=round(100.0 * autopilot.battery_remaining)
         if autopilot is not None and autopilot.battery_remaining >= 0.0
         else -1,
@@ -94,5 +106,5 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         geo=geo,
         pose_sources=list(pose.sources) if pose is not None else [],
         pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
-        is_armable=facts.is_autopilot_known and autopilot is not None and (autopilot.is_armed or autopilot.is_armable),
+        is_armable=facts.is_autopilot_known and autopilot is not None and _would_arm(autopilot),
     )

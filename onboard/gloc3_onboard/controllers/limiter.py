@@ -98,7 +98,7 @@ class Limiter(Controller[LimiterSettings]):
         self._seen_s = scan.t_s
         at, points = pose.payload.position_ned_m, scan.payload.points_ne_m
         soon = self._movers.see(points, at, scan.t_s, pose.payload.reset_counter)
-        self._limiter.obstacles = ObstacleField([*points, *soon], at, self._settings.keep_m)
+        self._limiter.obstacles = ObstacleField(points, at, self._settings.keep_m, soon)
 
     def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
         if self._limiter is None:

@@ -1,4 +1,7 @@
-"""CC: automatic take-off (paper §VI): the autopilot climbs in its own mode, and is then brought to follow setpoints."""
+"""CC: automatic take-off (paper §VI), and its like of other vehicles: driving off, and diving.
+
+The autopilot arms, climbs in its own mode where it can, and is then brought to follow setpoints.
+"""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +12,7 @@ from gloc3.component import Controller
 from gloc3.errors import Refused
 from gloc3.frames import Vector3, yaw_of
 from gloc3.messages import Envelope
-from gloc3.mission.arguments import TakeOff
+from gloc3.mission.arguments import Dive, DriveOff, SetOff, TakeOff
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
@@ -52,7 +55,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
     """
 
     settings_type = TakeOffSettings
-    performs: ClassVar = {"take_off": TakeOff}
+    performs: ClassVar = {"take_off": TakeOff, "drive_off": DriveOff, "dive": Dive}
     loggable = ("height_m",)
 
     pose = Input(Pose)
@@ -66,7 +69,9 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         self._settings = TakeOffSettings()
         self._autopilot: AutopilotState | None = None
         self._pose: Pose | None = None
+        self._kind = ManoeuvreKind.TAKE_OFF
         self._target_m = 0.0
+        """Height to reach above the place where it stood; negative for a dive."""
         self._ground_down_m = 0.0
         self._since_s = 0.0
         self._asked_s: float | None = None
@@ -82,8 +87,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         """Forgets the action."""
         self.drop_action()
 
-    def begin_action(self, capability: str, arguments: TakeOff, now_s: float) -> None:
-        """Notes the ground and the height to reach."""
+    def begin_action(self, capability: str, arguments: SetOff, now_s: float) -> None:
+        """Notes the ground and the height to reach, or the depth."""
         autopilot, pose = self._autopilot, self._pose
         if pose is None or not pose.is_valid:
             raise Refused("there is no valid pose")
@@ -92,13 +97,20 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if not autopilot.is_connected:
             raise Refused("the autopilot does not answer")
         if autopilot.landed in (*IN_AIR, LandedState.LANDING):
-            raise Refused("the vehicle is in the air already")
+            at = "in the air" if isinstance(arguments, TakeOff) else "under way"
+            raise Refused(f"the vehicle is {at} already")
         if not autopilot.is_armed and not self._settings.arm:
             raise Refused("the vehicle is not armed, and the platform file does not allow arming")
         if not autopilot.is_armed and not autopilot.is_armable:
-            raise Refused("the autopilot would not arm: " + ("; ".join(autopilot.reasons) or "it gives no reason"))
+            raise Refused("the autopilot would not arm: " + _why(autopilot))
         self._ground_down_m = pose.position_ned_m[2]
-        self._target_m = arguments.height_m
+        match arguments:
+            case TakeOff(height_m=height_m):
+                self._kind, self._target_m = ManoeuvreKind.TAKE_OFF, height_m
+            case Dive(depth_m=depth_m):
+                self._kind, self._target_m = ManoeuvreKind.SET_OFF, -depth_m
+            case _:
+                self._kind, self._target_m = ManoeuvreKind.SET_OFF, 0.0
         self._since_s = now_s
         self._asked_s, self._top, self._has_flown = None, None, False
 
@@ -134,16 +146,21 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if now_s - self._since_s > self._settings.timeout_s:
             at = f"after {self._settings.timeout_s:g} s it is at {self.height_m:.1f} m of {self._target_m:.1f} m"
             return self._fail(now_s, at + (f": {driver.payload.refusal}" if driver and driver.payload.refusal else ""))
-        if is_up and (self._top or state is not ManoeuvreState.RUNNING or self._is_there):
+        may_lead = state is not ManoeuvreState.RUNNING or (self._kind is ManoeuvreKind.TAKE_OFF and self._is_there)
+        if is_up and (self._top or may_lead):
             return self._hang(now_s, driver)
         if state is ManoeuvreState.FAILED:
             return self._fail(now_s, reason)
-        self.advance(now_s, max(self.height_m, 0.0) / self._target_m)
+        self.advance(now_s, self._progress)
         if self._asked_s is not None:
             return []
         self._asked_s = now_s
-        kind, may_arm = ManoeuvreKind.TAKE_OFF, self._settings.arm
-        return [Manoeuvre(action_id=self.action_id, kind=kind, height_m=self._target_m, may_arm=may_arm)]
+        height_m, may_arm = max(self._target_m, 0.0), self._settings.arm
+        return [Manoeuvre(action_id=self.action_id, kind=self._kind, height_m=height_m, may_arm=may_arm)]
+
+    @property
+    def _progress(self) -> float:
+        return min(max(self.height_m / self._target_m, 0.0), 1.0) if self._target_m else 0.5
 
     def _manoeuvre(self, driver: Envelope[DriverState] | None) -> tuple[ManoeuvreState | None, str]:
         """What has become of the manoeuvre; running until the driver can have heard of it."""
@@ -170,10 +187,15 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
             self._top = (north, east, self._ground_down_m - self._target_m), yaw_of(pose.ned_from_frd)
         is_guided = driver is not None and driver.payload.is_guided and driver.payload.action_id == action_id
         is_done = is_guided and self._is_there
-        self.advance(now_s, self.height_m / self._target_m, ActionState.DONE if is_done else ActionState.RUNNING)
+        self.advance(now_s, self._progress, ActionState.DONE if is_done else ActionState.RUNNING)
         position, yaw_rad = self._top
         return [Setpoint(action_id=action_id, position_ned_m=position, yaw_rad=yaw_rad)]
 
     def _fail(self, now_s: float, reason: str) -> list[Result]:
         self.advance(now_s, 0.0, ActionState.FAILED, reason)
         return []
+
+
+def _why(autopilot: AutopilotState) -> str:
+    """Why it would not arm: what it says itself, then what its sensors and its estimator say."""
+    return "; ".join([*autopilot.reasons, *autopilot.doubts]) or "it gives no reason"

@@ -36,6 +36,8 @@ from gloc3_onboard.drivers.setpoint_stream import Send, SetpointStream
 from gloc3_onboard.pilot_watch import PilotWatch
 
 STATE_PERIOD_S: Final = 0.2
+AT_REST_M_S: Final = 0.15
+"""A vehicle that is no faster stands."""
 SURRENDER_S: Final = 10.0
 """A stop that was refused, and is not repeated within this time, is forgotten."""
 
@@ -99,6 +101,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._refusal = ""
         self._climbs_from_down_m: float | None = None
         self._surrendered_s = -math.inf
+        self._rests_since_s: float | None = None
+        self._rested_s = 0.0
         self._had_control = True
         self._reported: DriverState | None = None
         self._reported_s = -math.inf
@@ -206,6 +210,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             self._stream.adopt(limits.payload)
         for state in inbox.new(self.autopilot):
             may_settle = self._machine.may_settle(self._climbed_m)
+            self._watch.lands_into = self._control.manners.lands_into
             self._watch.see(state.payload, now_s, is_shadow=self._is_quiet, may_settle=may_settle)
             self._autopilot = state.payload
         self._is_autopilot_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
@@ -229,6 +234,15 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 self._watch.command(FlightMode.TAKE_OFF, now_s)
                 pose = self._stream.pose
                 self._climbs_from_down_m = None if pose is None else pose.position_ned_m[2]
+
+    def _look_at_rest(self, now_s: float) -> None:
+        """For how long the vehicle has stood still, as far as is known."""
+        pose = self._stream.young_pose(now_s)
+        if pose is None or math.hypot(*pose.velocity_ned_m_s) > AT_REST_M_S:
+            self._rests_since_s = None
+        elif self._rests_since_s is None:
+            self._rests_since_s = now_s
+        self._rested_s = 0.0 if self._rests_since_s is None else now_s - self._rests_since_s
 
     @property
     def _climbed_m(self) -> float | None:
@@ -259,12 +273,13 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 continue
             self._stream.stop()
             self._asked = None
-            self._machine.begin(envelope.payload, now_s, self._control.arm_in_mode)
+            self._machine.begin(envelope.payload, now_s, self._control.manners)
         if self._machine.action_id != self._owner:
             self._machine.abandon("motion was given to somebody else")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None
         state = self._autopilot if self._is_autopilot_known else None
-        return [Step(command) for command in self._machine.advance(now_s, state, answer)]
+        self._look_at_rest(now_s)
+        return [Step(command) for command in self._machine.advance(now_s, state, answer, self._rested_s)]
 
     # --- setpoints ---
 
@@ -299,7 +314,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if state is None or not state.is_connected or self._machine.is_under_way:
             return None
         if since_s is not None:
-            return FlightMode.GUIDED if now_s - since_s >= self._control.stream_before_guided_s else None
+            return FlightMode.GUIDED if now_s - since_s >= self._control.manners.stream_before_guided_s else None
         return FlightMode.HOLD if self._is_guided and self._is_airborne else None
 
     # --- report ---

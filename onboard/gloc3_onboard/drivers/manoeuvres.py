@@ -5,8 +5,9 @@ from typing import Annotated, Final, NamedTuple
 
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import AutopilotState, FlightMode, LandedState, Manoeuvre, ManoeuvreKind, ManoeuvreState
-from gloc3_onboard.devices import Answer
+from gloc3_onboard.devices import Answer, Manners
 
+COPTER: Final = Manners()
 SETTLING_M: Final = 1.0
 """So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
 
@@ -37,8 +38,14 @@ class Arm(NamedTuple):
     words: str = "arm"
 
 
+class Settle(NamedTuple):
+    """Ask for nothing; wait until the vehicle has landed that does not disarm by itself."""
+
+    words: str = "come to rest"
+
+
 class Disarm(NamedTuple):
-    """Ask to disarm; only ever after a take-off that has failed on the ground."""
+    """Ask to disarm: after a start that has failed on the ground, and where it does not disarm by itself."""
 
     words: str = "disarm"
 
@@ -51,6 +58,7 @@ class Climb(NamedTuple):
 
 
 AutopilotCommand = SetMode | Arm | Disarm | Climb
+ManoeuvreStep = AutopilotCommand | Settle
 
 
 class ManoeuvreMachine:
@@ -68,7 +76,8 @@ class ManoeuvreMachine:
         self.ticket = 0
         """Of the command under way; set by the driver when it is written."""
         self._settings = settings
-        self._steps: list[AutopilotCommand] = []
+        self._steps: list[ManoeuvreStep] = []
+        self._manners = Manners()
         self._since_s = 0.0
         self._is_asked = False
         self._has_armed = False
@@ -89,27 +98,39 @@ class ManoeuvreMachine:
         """Whether a mode for which the owner's setpoints end is asked for, and not confirmed yet."""
         return self.is_under_way and bool(self._steps) and isinstance(self._steps[0], SetMode)
 
-    def begin(self, manoeuvre: Manoeuvre, now_s: float, arm_in_mode: FlightMode | None = None) -> None:
+    def begin(self, manoeuvre: Manoeuvre, now_s: float, manners: Manners = COPTER) -> None:
         """Takes a manoeuvre up, in place of the one before.
 
         Args:
             manoeuvre: what is asked for.
             now_s: the time.
-            arm_in_mode: the mode in which this style of autopilot wants to be armed; None for any.
+            manners: of the autopilot that shall fly it.
         """
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
         self._since_s, self._is_asked, self._has_armed = now_s, False, False
-        self._height_m = manoeuvre.height_m
+        self._height_m, self._manners = manoeuvre.height_m, manners
         match manoeuvre.kind:
-            case ManoeuvreKind.TAKE_OFF:
-                self._steps = [SetMode(arm_in_mode)] if arm_in_mode else []
+            case ManoeuvreKind.TAKE_OFF | ManoeuvreKind.SET_OFF:
+                self._steps = [SetMode(manners.arm_in_mode)] if manners.arm_in_mode else []
                 self._steps += [Arm()] if manoeuvre.may_arm else []
-                self._steps += [Climb(manoeuvre.height_m)]
+                self._steps += [Climb(manoeuvre.height_m)] if manoeuvre.kind is ManoeuvreKind.TAKE_OFF else []
+                self._refuse_what_it_cannot(manners)
             case ManoeuvreKind.LAND:
-                self._steps = [SetMode(FlightMode.LAND)]
+                self._steps = [SetMode(manners.land_mode)]
+                self._steps += [] if manners.disarms_itself else [Settle(), Disarm()]
             case ManoeuvreKind.HOLD:
                 self._steps = [SetMode(FlightMode.HOLD)]
+
+    def _refuse_what_it_cannot(self, manners: Manners) -> None:
+        if self.kind is ManoeuvreKind.SET_OFF and manners.climbs:
+            self._end(
+                ManoeuvreState.FAILED, f"a {manners.vehicle} does not set off without climbing: ask for a take-off"
+            )
+        elif self.kind is ManoeuvreKind.TAKE_OFF and not manners.climbs:
+            self._end(
+                ManoeuvreState.FAILED, f"a {manners.vehicle} does not take off: its missions begin with drive_off"
+            )
 
     def abandon(self, reason: str) -> None:
         """Ends a manoeuvre that is under way, because somebody else moves the vehicle now."""
@@ -130,18 +151,24 @@ class ManoeuvreMachine:
         return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)
 
     def advance(
-        self, now_s: float, autopilot: AutopilotState | None, answer: Answer | None
+        self, now_s: float, autopilot: AutopilotState | None, answer: Answer | None, rested_s: float = 0.0
     ) -> Sequence[AutopilotCommand]:
         """Looks at what has become of the step under way; returns what to command next.
 
         While the autopilot's state is not known (None) only a landing or a hold is asked for, once, and its answer
         believed: a pilot who takes over unseen is not overruled.
+
+        Args:
+            now_s: the time.
+            autopilot: its state, where that is known.
+            answer: to the command under way.
+            rested_s: for how long the vehicle has stood still.
         """
         if not self.is_under_way:
             return ()
         if autopilot is None:
             return self._advance_unseen(now_s, answer)
-        while self._steps and self._is_reached(self._steps[0], autopilot, answer):
+        while self._steps and self._is_reached(self._steps[0], autopilot, answer, now_s, rested_s):
             self._has_armed |= isinstance(self._steps[0], Arm) and self._is_asked
             self._steps.pop(0)
             self._since_s, self._is_asked, self.ticket, answer = now_s, False, 0, None
@@ -151,40 +178,57 @@ class ManoeuvreMachine:
             return ()
         if answer is not None and not answer.is_accepted:
             return self._fail(answer.reason, autopilot)
+        step = self._steps[0]
+        if isinstance(step, Settle):
+            return ()
         if now_s - self._since_s > self._settings.step_timeout_s:
-            return self._fail(f"the autopilot did not {self._steps[0].words} in time", autopilot)
+            return self._fail(f"the autopilot did not {step.words} in time", autopilot)
         if self._is_asked:
             return ()
         self._is_asked = True
-        return (self._steps[0],)
+        return (step,)
 
     def _advance_unseen(self, now_s: float, answer: Answer | None) -> Sequence[AutopilotCommand]:
-        if not self._steps or self.kind is ManoeuvreKind.TAKE_OFF:
+        step = self._steps[0] if self._steps else None
+        if not isinstance(step, SetMode) or self.kind not in (ManoeuvreKind.LAND, ManoeuvreKind.HOLD):
             return ()
         if answer is not None and answer.is_accepted:
             self._steps.pop(0)
         elif answer is not None:
             self._end(ManoeuvreState.FAILED, answer.reason)
         elif now_s - self._since_s > self._settings.step_timeout_s:
-            self._end(ManoeuvreState.FAILED, f"the autopilot did not {self._steps[0].words} in time")
+            self._end(ManoeuvreState.FAILED, f"the autopilot did not {step.words} in time")
         elif not self._is_asked:
             self._is_asked = True
-            return (self._steps[0],)
+            return (step,)
         return ()
 
-    def _is_reached(self, step: AutopilotCommand, autopilot: AutopilotState, answer: Answer | None) -> bool:
+    def _is_reached(
+        self, step: ManoeuvreStep, autopilot: AutopilotState, answer: Answer | None, now_s: float, rested_s: float
+    ) -> bool:
         match step:
             case SetMode(mode=mode):
-                return autopilot.mode is mode
+                return autopilot.mode is mode or self._has_landed_into(autopilot)
             case Arm():
                 return autopilot.is_armed
+            case Settle():
+                rest_s = self._manners.at_rest_s
+                rests = rested_s >= rest_s and now_s - self._since_s >= rest_s
+                return rests or self._has_landed_into(autopilot) or not autopilot.is_armed
+            case Disarm():
+                return not autopilot.is_armed
             case _:
                 is_up = autopilot.is_armed and autopilot.landed in (LandedState.TAKING_OFF, LandedState.IN_AIR)
                 return is_up or (answer is not None and answer.is_accepted)
 
+    def _has_landed_into(self, autopilot: AutopilotState) -> bool:
+        return self.kind is ManoeuvreKind.LAND and autopilot.mode_name in self._manners.lands_into
+
     def _is_over(self, autopilot: AutopilotState) -> bool:
         if self.kind is ManoeuvreKind.LAND:
             return not autopilot.is_armed
+        if self.kind is ManoeuvreKind.SET_OFF:
+            return autopilot.is_armed
         return autopilot.mode is FlightMode.HOLD  # PX4 has climbed; with ArduPilot the owner's setpoints end it
 
     def _fail(self, reason: str, autopilot: AutopilotState) -> Sequence[AutopilotCommand]:

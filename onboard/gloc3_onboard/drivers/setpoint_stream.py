@@ -44,6 +44,10 @@ class SetpointStream:
         """The last valid one."""
         return self._pose
 
+    def young_pose(self, now_s: float) -> Pose | None:
+        """The last valid one, unless it is old."""
+        return self._pose if now_s - self._pose_s <= SETPOINT_AGE_S else None
+
     def adopt(self, limits: MotionLimits) -> None:
         """Keeps to these limits from now on."""
         if self._limiter is None:

@@ -5,11 +5,15 @@ from math import isfinite
 from typing import Annotated, Any, Final, NamedTuple, Protocol
 
 from gloc3.component import ActuatorDriver
+from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.ports import Actuation, Inbox, Input, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import AutopilotPose, Pose
+from gloc3.vehicle import AutopilotPose, AutopilotState, Pose
+from gloc3_onboard.devices import Answer
 
 ORIGIN_PERIOD_S: Final = 1.0
+HOME_S: Final = 8.0
+"""So long an autopilot that stands with our origin may take to say where its home is."""
 _SAME_DEG: Final = 2e-7
 _SAME_M: Final = 0.01
 
@@ -23,6 +27,15 @@ class PoseInput(Protocol):
     def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
         """Tells where the frame of the poses begins: degrees, degrees, metres above mean sea level."""
 
+    def command_home(self, place_geo: tuple[float, float, float]) -> int:
+        """Tells where home is, in the same numbers."""
+
+    def command_source_set(self, number: int) -> int:
+        """Has the estimator fly by the set of sources 1, 2 or 3 (ArduPilot)."""
+
+    def answer(self, ticket: int) -> Answer | None:
+        """The answer to a command; None while there is none."""
+
 
 class VisionPoseSettings(Settings, frozen=True):
     """Settings of the vision pose driver."""
@@ -35,6 +48,12 @@ class VisionPoseSettings(Settings, frozen=True):
     """Standard deviation of the velocity, which a pose does not tell."""
     least_quality: Annotated[float, Bounds(0.0, 1.0)] = 0.0
     """A pose of less quality is not sent."""
+    source_set: Annotated[int, Bounds(0, 3)] = 0
+    """ArduPilot: the set of sources (EK3_SRC…) that is chosen while our pose is sent; 0 leaves the choice alone."""
+    other_source_set: Annotated[int, Bounds(0, 3)] = 0
+    """… and the one that is chosen when it has been away for `lost_s`; 0 leaves that as it is."""
+    lost_s: Annotated[float, Bounds(0.2, 60.0)] = 1.0
+    """See `other_source_set`; as long a pose must have come before `source_set` is chosen."""
 
 
 class SendPose(NamedTuple):
@@ -50,6 +69,18 @@ class SendOrigin(NamedTuple):
     origin_geo: tuple[float, float, float]
 
 
+class SendHome(NamedTuple):
+    """Write: where home is."""
+
+    place_geo: tuple[float, float, float]
+
+
+class ChooseSources(NamedTuple):
+    """Write: by which set of sources to fly."""
+
+    number: int
+
+
 class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
     """Sends each valid pose once, and the origin until the autopilot has it.
 
@@ -57,21 +88,32 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
     """
 
     settings_type = VisionPoseSettings
-    loggable = ("sent", "withheld", "reason")
+    loggable = ("sent", "withheld", "reason", "chosen_set", "refusal")
 
     pose = Input(Pose)
     autopilot_pose = Input(AutopilotPose)
+    autopilot = Input(AutopilotState)
 
     def __init__(self, device: PoseInput) -> None:
         self.sent = self.withheld = 0
         self.reason = ""
         """Why the last pose was not sent."""
+        self.chosen_set = 0
+        """The set of sources that was asked for last."""
+        self.refusal = ""
+        """Why the autopilot did not take it."""
         self._device = device
         self._settings = VisionPoseSettings()
         self._forget()
 
     def _forget(self) -> None:
         self._sent_s = self._told_s = float("-inf")
+        self._homed_s: float | None = None
+        """Since when the autopilot has been waited for to say where its home is."""
+        self._since_s: float | None = None
+        """Since when poses are sent without a gap."""
+        self._begun_s: float | None = None
+        self.chosen_set, self._ticket = 0, 0
 
     def initialize(self, settings: VisionPoseSettings) -> None:
         """Adopts the settings."""
@@ -96,7 +138,45 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
             if pose.origin_geo is not None and self._must_tell(pose.origin_geo, inbox, now_s):
                 self._told_s = now_s
                 results.append(Actuation(SendOrigin(pose.origin_geo)))
-        return results
+        latest = inbox.latest(self.pose)
+        if latest is not None:
+            results += self._home(latest.payload, inbox, now_s)
+        return [*results, *self._sources(now_s)]
+
+    def _home(self, pose: Pose, inbox: Inbox, now_s: float) -> list[Actuation]:
+        """Where it stands is home, for an autopilot that has our origin, and has no home by itself after a while."""
+        state = inbox.latest(self.autopilot)
+        told = None if state is None else state.payload
+        is_homeless = told is not None and told.is_connected and not told.is_armed and not told.has_home
+        if not is_homeless or self._homed_s is None:
+            self._homed_s = now_s
+        if now_s - self._homed_s < HOME_S or pose.origin_geo is None or not pose.is_valid:
+            return []
+        self._homed_s = now_s
+        place = TangentPlane(GeoPoint(*pose.origin_geo)).geo_from_ned(pose.position_ned_m)
+        return [Actuation(SendHome((place[0], place[1], place[2])))]
+
+    def _sources(self, now_s: float) -> list[Actuation]:
+        """Chooses the set of sources that fits what is sent."""
+        settings = self._settings
+        if not settings.source_set:
+            return []
+        if self._begun_s is None:
+            self._begun_s = now_s
+        answer = self._device.answer(self._ticket) if self._ticket else None
+        if answer is not None:
+            self._ticket, self.refusal = 0, "" if answer.is_accepted else answer.reason
+        quiet_s = now_s - max(self._sent_s, self._begun_s)
+        if quiet_s > settings.lost_s:
+            self._since_s = None
+        elif self._since_s is None and self._sent_s > float("-inf"):
+            self._since_s = now_s
+        steady = self._since_s is not None and now_s - self._since_s >= settings.lost_s
+        wanted = settings.source_set if steady else settings.other_source_set if quiet_s > settings.lost_s else 0
+        if not wanted or wanted == self.chosen_set:
+            return []
+        self.chosen_set = wanted
+        return [Actuation(ChooseSources(wanted))]
 
     def _why_not(self, pose: Pose, t_s: float) -> str:
         numbers = (*pose.position_ned_m, *pose.velocity_ned_m_s, *pose.ned_from_frd, *pose.position_std_m)
@@ -124,6 +204,10 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         """Sends to the autopilot."""
         if isinstance(write, SendOrigin):
             self._device.send_origin(write.origin_geo)
+        elif isinstance(write, SendHome):
+            self._device.command_home(write.place_geo)
+        elif isinstance(write, ChooseSources):
+            self._ticket = self._device.command_source_set(write.number)
         else:
             deviation_rad = self._settings.attitude_std_deg * 0.017453292519943295
             self._device.send_pose(write.pose, write.t_s, deviation_rad, self._settings.velocity_std_m_s)

@@ -35,6 +35,10 @@ _STEP_S: Final = 0.1
 """The covariance is predicted at least so often."""
 _BLIND: Final = (0.12, 1.0)
 """Noise densities of rate and acceleration where nothing is known of them: rad/s/√Hz, m/s²/√Hz."""
+_BLIND_PAST_S: Final = 0.15
+"""So far back the past can be told by the motion that is supposed."""
+_TURN_TOLD: Final = 0.03
+"""The density of the rate where the autopilot tells it, now and then."""
 _TILT_STD_RAD, _VELOCITY_STD_M_S, _GYRO_BIAS_STD, _FORCE_BIAS_STD = 0.008, 0.02, 5e-4, 0.05
 
 
@@ -57,6 +61,8 @@ class Estimate:
         """The believed poses behind the clones of the covariance."""
         self.floor_down_m: float | None = None
         self.reset_counter = 0
+        self.disputed_m: Vector3 = (0.0, 0.0, 0.0)
+        """How far off it may be along each axis by what sources contradict each other: told, and not given to either of them."""
         self._offset: Vector3 = (0.0, 0.0, 0.0)
         """What is still to come into the reported position."""
         self._settings = settings
@@ -69,7 +75,10 @@ class Estimate:
         self._predicted_s = 0.0
         self._force_s: Vector3 = (0.0, 0.0, 0.0)
         self._way_m = 0.0
+        self.sound_s = float("-inf")
+        """What is believed of the time before is no good: nothing can be counted from there."""
         self._is_blind = False
+        self._blind_turn = _BLIND[0]
 
     @property
     def t_s(self) -> float:
@@ -118,12 +127,20 @@ class Estimate:
         if t_s - self._predicted_s >= _STEP_S:
             self.predict()
 
-    def coast(self, t_s: float) -> None:
-        """Moves on without the inertial unit, at constant velocity and attitude."""
+    def coast(self, t_s: float, rate_frd_rad_s: Vector3 | None = None) -> None:
+        """Moves on without the inertial unit, at constant velocity, and with a rate that another tells or none."""
         now = self.inertial.now
         level = rotate_back(now.ned_from_frd, (0.0, 0.0, -GRAVITY_M_S2))
         fx, fy, fz = (f + b for f, b in zip(level, self.inertial.accelerometer_bias_m_s2, strict=True))
-        self.move(self.inertial.gyroscope_bias_rad_s, (fx, fy, fz), t_s, is_blind=True)
+        p, q, r = self.inertial.gyroscope_bias_rad_s
+        if rate_frd_rad_s is not None:
+            p, q, r = p + rate_frd_rad_s[0], q + rate_frd_rad_s[1], r + rate_frd_rad_s[2]
+        turn = _BLIND[0] if rate_frd_rad_s is None else _TURN_TOLD
+        if turn != self._blind_turn:
+            self.predict()
+            self._blind_turn = turn
+        self.move((p, q, r), (fx, fy, fz), t_s, is_blind=True)
+        self.sound_s = max(self.sound_s, t_s - _BLIND_PAST_S)
 
     def jolt(self, std_m_s: float) -> None:
         """The velocity has changed by something that nobody has measured."""
@@ -139,11 +156,13 @@ class Estimate:
         duration_s = self.t_s - self._predicted_s
         if duration_s <= 0.0:
             return
-        noise = (*_BLIND, *self._noise[2:]) if self._is_blind else self._noise
-        attitude = matrix_of(self.inertial.now.ned_from_frd)
         floor_m2 = self._settings.floor_walk**2 * self._way_m
-        x, y, z = self._force_s
-        mean = (x / duration_s, y / duration_s, z / duration_s)
+        if self._is_blind:  # what is supposed of the motion follows from no attitude and no bias
+            noise, attitude, mean = (self._blind_turn, _BLIND[1], *self._noise[2:]), _NOTHING, _NONE
+        else:
+            noise, attitude = self._noise, matrix_of(self.inertial.now.ned_from_frd)
+            x, y, z = self._force_s
+            mean = (x / duration_s, y / duration_s, z / duration_s)
         self.errors.predict(duration_s, attitude, mean, noise, floor_m2)
         self._predicted_s = self.t_s
         self._force_s = (0.0, 0.0, 0.0)
@@ -155,17 +174,16 @@ class Estimate:
         age_s = now.t_s - t_s
         if age_s < 1e-6:
             return Past(now, past_pose(0.0, _UNTURNED, _NONE, _NONE))
+        if self._is_blind:
+            place, angle = _BLIND[1] ** 2 * age_s**3 / 3.0, self._blind_turn**2 * age_s
+            noise = np.array((place, place, place, angle, angle, angle))
+            return Past(state, past_pose(age_s, _NOTHING, _NONE, _NONE), noise)
         (vn, ve, vd), (un, ue, ud) = now.velocity_ned_m_s, state.velocity_ned_m_s
         (pn, pe, pd), (qn, qe, qd) = now.position_ned_m, state.position_ned_m
         fall = GRAVITY_M_S2 * age_s
         change = (vn - un, ve - ue, vd - ud - fall)
         way = (pn - qn - un * age_s, pe - qe - ue * age_s, pd - qd - ud * age_s - 0.5 * fall * age_s)
-        jacobian = past_pose(age_s, matrix_of(now.ned_from_frd), change, way)
-        if not self._is_blind:
-            return Past(state, jacobian)
-        turn, force = _BLIND
-        place, angle = force**2 * age_s**3 / 3.0, turn**2 * age_s
-        return Past(state, jacobian, np.array((place, place, place, angle, angle, angle)))
+        return Past(state, past_pose(age_s, matrix_of(now.ned_from_frd), change, way))
 
     # --- measurements ---
 
@@ -173,7 +191,8 @@ class Estimate:
         """Makes a clone of a past pose under a name."""
         self.predict()
         past = self.past(t_s)
-        self.errors.clone(name, past.jacobian, np.zeros((CLONE, CLONE)))
+        noise = np.zeros((CLONE, CLONE)) if past.noise is None else np.diag(past.noise)
+        self.errors.clone(name, past.jacobian, noise)
         self.clones.pop(name, None)
         self.clones[name] = (past.state.position_ned_m, past.state.ned_from_frd)
 
@@ -234,6 +253,12 @@ class Estimate:
 
     # --- doubts ---
 
+    def move_over(self, by_m: Vector3, covariance: Matrix) -> None:
+        """The body is elsewhere by so much, give or take a covariance (3, 3)."""
+        self.inertial.correct(by_m, _NONE, _NONE)
+        self.errors.loosen(POSITION.start, covariance)
+        self._blend(by_m)
+
     def doubt_place(self, apart_m: Vector3) -> None:
         """All places, those of the clones too, may be off together by so much along each axis."""
         for axis, size in enumerate(apart_m):
@@ -242,9 +267,15 @@ class Estimate:
             shift[SIZE + axis :: CLONE] = size
             self.errors.covariance += np.outer(shift, shift)
 
+    def lean(self, by_rad: Matrix, std_rad: float) -> None:
+        """Down is elsewhere: the attitude is turned by (2,) radians about north and east, and no better known than that."""
+        north, east = by_rad.tolist()
+        self.inertial.correct(_NONE, _NONE, (north, east, 0.0))
+        self.errors.loosen(ROTATION.start, np.full(2, std_rad**2))
+
     def doubt_motion(self) -> None:
         """Velocity, attitude and biases may be off: the sources agree on another motion."""
-        self.errors.loosen(POSITION.start, np.array((0.01, 0.01, 0.01)))
+        self.sound_s = self.t_s
         self.errors.loosen(VELOCITY.start, np.array((0.25, 0.25, 0.25, 2e-3, 2e-3, 2e-3)))
         self.errors.loosen(GYROSCOPE.start, np.array((1e-3, 1e-3, 1e-3, 0.25, 0.25, 0.25)))
 
@@ -265,7 +296,8 @@ class Estimate:
     def position_std_m(self) -> Vector3:
         """Standard deviation along each axis."""
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()
-        return (sqrt(n), sqrt(e), sqrt(d))
+        x, y, z = self.disputed_m
+        return (sqrt(n + x * x), sqrt(e + y * y), sqrt(d + z * z))
 
 
 def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Quaternion:
@@ -276,4 +308,5 @@ def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Q
 
 _NONE: Final[Vector3] = (0.0, 0.0, 0.0)
 _UNTURNED: Final = np.eye(3)
+_NOTHING: Final = np.zeros((3, 3))
 _AT_REST: Final = np.eye(3) * 0.01**2

@@ -18,7 +18,8 @@ _RUN: Final = 20
 """So many equal samples are frozen; so many good ones are believed again."""
 _SETTLED: Final = 4
 """So many samples in a row must be good after a bad one: what follows garbage is garbage that nobody can tell yet."""
-_BLIND_S: Final = 3.0
+_BLIND_S: Final = (3.0, 60.0)
+"""So long it is not believed after a doubt; each time twice as long as before, and at most the second."""
 _AHEAD_S: Final = 0.5
 
 
@@ -42,6 +43,7 @@ class ImuWatch:
         self._jolt_m_s = 0.0
         self._good = _RUN
         self._blind_until_s = float("-inf")
+        self._blind_s = _BLIND_S[0]
 
     def take(self, rate: Vector3, force: Vector3, t_s: float, now_s: float, trust: Trust) -> Mean | None:
         """The means since the last sample; None for a sample that says nothing.
@@ -84,7 +86,8 @@ class ImuWatch:
 
     def doubt(self, now_s: float, reason: str, trust: Trust) -> None:
         """Does not believe it for some seconds."""
-        self._blind_until_s = now_s + _BLIND_S
+        self._blind_until_s = now_s + self._blind_s
+        self._blind_s = min(2.0 * self._blind_s, _BLIND_S[1])
         trust.turn_down(reason)
 
     def is_doubted(self, now_s: float) -> bool:

@@ -1,27 +1,27 @@
 """The jury over the sources: their records, their vote, and what follows from it for the estimate."""
 
-from collections.abc import Callable
-from itertools import pairwise
+from collections.abc import Callable, Sequence
 from math import hypot, sqrt
 from typing import Final
 
-from gloc3.frames import Vector3
 from gloc3_onboard.fusion.estimate import Estimate
 from gloc3_onboard.fusion.odometers import Odometers
 from gloc3_onboard.fusion.settings import FusionSettings
 from gloc3_onboard.fusion.trust import DISAGREES, SOUND, Trust
-from gloc3_onboard.fusion.vote import Verdict, Vote
+from gloc3_onboard.fusion.vote import Elsewhere, Verdict, Vote
 
 VOTE_S: Final = 0.25
 _STUCK_S: Final = 0.7
 """When nothing was taken in for so long while sources go on, it is the estimate that is wrong."""
-_FAR_OFF: Final = 4.0
-"""Where the innovations of all odometers are beyond that, and they agree with each other, the estimate is wrong."""
-_AT_ONCE_S: Final = 0.3
-_ALONE: Final = 2.5
-"""Where the innovations of one source alone are beyond that, and all others are sound, it is that source that is wrong."""
-_AGAIN_S: Final = 4.0
+_ELSEWHERE_S: Final = (0.75, 1.5)
+"""Over the ways of so long sources may say together that the body is elsewhere."""
+_ALONE, _ALONE_OF_PLACES = 2.5, 1.75
+"""Where the innovations of one source alone are beyond that, and all others are sound, it is that source that is wrong; one that
+tells positions sooner, for it drags the estimate along for good."""
+_AGAIN_S: Final = 12.0
 """Where that comes again so soon, its biases were not the reason."""
+_OFF_M: Final = 0.1
+"""How far off the estimate may be that somebody can find who tells positions."""
 _LOST_S: Final = 2.0
 """A pose that is lost is doubted so often."""
 _ARGUED_S: Final = 3.0
@@ -57,8 +57,6 @@ class Jury:
         """The body has not moved since it was aligned."""
         self._estimate, self._odometers, self._settings, self._doubt_imu = estimate, odometers, settings, doubt_imu
         self._voted_s = float("-inf")
-        self._disputed_m: Vector3 = (0.0, 0.0, 0.0)
-        """How far off the pose may be by the conflict so far."""
         self._doubted_s = float("-inf")
         """When the estimate's motion was last doubted."""
 
@@ -137,17 +135,26 @@ class Jury:
         self._look_whether_stuck(now_s)
 
     def _follow_conflict(self, conflict: Verdict | None, now_s: float) -> None:
-        """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so."""
+        """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so.
+
+        Meanwhile that is only told: the filter would give all of it to the one that tells positions, were that the liar. It
+        learns of it when both are still used in the end; and where one is not, all is well when all are used again.
+        """
+        estimate = self._estimate
+        (x, y, z) = estimate.disputed_m
         if conflict is not None:
-            is_new = self.conflict is None
-            if is_new:
-                self.conflict_s, self._disputed_m = now_s, (0.0, 0.0, 0.0)
-            share = 1.0 if is_new else VOTE_S / (0.5 * self._settings.window_s)
-            (x, y, z), (dx, dy, dz) = self._disputed_m, conflict.apart_m
-            more = (abs(dx) * share, abs(dy) * share, abs(dz) * share)
-            self._disputed_m = (x + more[0], y + more[1], z + more[2])
-            north, east, down = (sqrt(a * a - b * b) for a, b in zip(self._disputed_m, (x, y, z), strict=True))
-            self._estimate.doubt_place((north, east, down))
+            dx, dy, dz = map(abs, conflict.apart_m)
+            if self.conflict is None:
+                self.conflict_s = now_s
+                estimate.disputed_m = (max(x, dx), max(y, dy), max(z, dz))
+            else:
+                share = VOTE_S / (0.5 * self._settings.window_s)
+                estimate.disputed_m = (x + dx * share, y + dy * share, z + dz * share)
+        elif self.conflict is not None and all(self.trust[name].is_used for name in self.conflict.against):
+            estimate.doubt_place(estimate.disputed_m)
+            estimate.disputed_m = (0.0, 0.0, 0.0)
+        elif self.conflict is None and all(self.trust[name].is_used for name in self.vote.records):
+            estimate.disputed_m = (0.0, 0.0, 0.0)
         self.conflict = conflict
 
     def _vote_out(self, verdict: Verdict) -> None:
@@ -175,33 +182,39 @@ class Jury:
             return
         if len(going_on) < 2 or self.conflict is not None:
             return
-        is_far_off = self._is_beside(going_on)
-        if now_s - self.held_s < _STUCK_S and not is_far_off:
-            return
-        if is_far_off and now_s - self._doubted_s < _AGAIN_S:
-            self._doubt_imu(now_s, f"it contradicts {' and '.join(going_on)}")
+        found = self._elsewhere(going_on, now_s)
+        if found is not None:
+            if now_s - self._doubted_s < _AGAIN_S:
+                self._doubt_imu(now_s, f"it contradicts {' and '.join(found.names)}")
+            self._estimate.move_over(found.by_m, found.covariance)
+            self.doubt(found.names, now_s)
+        elif now_s - self.held_s >= _STUCK_S:
+            self.doubt(going_on, now_s)
+
+    def doubt(self, names: Sequence[str], now_s: float) -> None:
+        """The estimate's motion is wrong, and these sources know better."""
         self._doubted_s = now_s
         self._estimate.doubt_motion()
-        for name in going_on:
-            self._odometers.forget(name)
-            self.trust[name].let_in()
+        if any(self.vote.records[name].is_of_places for name in names):
+            self._estimate.doubt_place((_OFF_M, _OFF_M, _OFF_M))
+        for name in names:  # what a source tells that does agree, from where it began, keeps the heading
+            if self._is_off(self.trust[name]):
+                self._odometers.forget(name)
+                self.trust[name].let_in()
 
-    def _is_beside(self, going_on: list[str]) -> bool:
-        """Whether the sources say that the estimate is elsewhere: all odometers, or half of all, two of them at the same time.
+    def _elsewhere(self, names: list[str], now_s: float) -> Elsewhere | None:
+        """What sources say together against the estimate, two of them at least not being heard."""
+        off = {name for name in names if self._is_off(self.trust[name])}
+        for length_s in _ELSEWHERE_S if len(off) > 1 else ():
+            begin_s = now_s - length_s
+            found = self.vote.elsewhere(names, begin_s, now_s) if begin_s > self._doubted_s else None
+            if found is not None and len(off.intersection(found.names)) > 1:
+                return found
+        return None
 
-        One that is blind to that, as a laser scanner is to the height, does not say it.
-        """
-        trusts = [self.trust[name] for name in going_on]
-        motions = [self.trust[name] for name in going_on if not self.vote.records[name].is_of_places]
-        if len(motions) > 1 and all(self._is_off(trust) for trust in motions):
-            return True
-        off = [trust for trust in trusts if self._is_off(trust)]
-        times_s = sorted(trust.down_s for trust in off if not trust.is_used)
-        is_at_once = any(b - a < _AT_ONCE_S for a, b in pairwise(times_s))
-        return is_at_once and 2 * len(off) >= len(going_on)
-
-    def _is_off(self, trust: Trust) -> bool:
-        return trust.innovation > _FAR_OFF or not trust.is_used
+    @staticmethod
+    def _is_off(trust: Trust) -> bool:
+        return trust.innovation > SOUND or not trust.is_used
 
     def _look_for_one_alone(self, now_s: float) -> None:
         """Who is off by more than he claims for some time, where two others at least are not, is not used."""
@@ -209,7 +222,9 @@ class Jury:
         used = [trust for trust in (self.trust[name] for name in self.vote.records) if trust.is_used]
         used = [trust for trust in used if trust.used_s > limit_s]
         worst = max(used, key=lambda trust: trust.innovation, default=None)
-        if worst is None or len(used) < 3 or worst.innovation < _ALONE:
+        if worst is None or len(used) < 3:
+            return
+        if worst.innovation < (_ALONE_OF_PLACES if self.vote.records[worst.name].is_of_places else _ALONE):
             return
         if any(trust.innovation > SOUND for trust in used if trust is not worst):
             return

@@ -112,6 +112,14 @@ def place(
     return _told(Measured(residual, by_pose, None, covariance))
 
 
+def level_of(ned_from_frd: Quaternion, told: Quaternion, std_rad: float) -> Measured:
+    """Where down is, by another attitude whose heading does not count."""
+    north, east, _ = rotate(ned_from_frd, rotate_back(told, (0.0, 0.0, 1.0)))
+    by_pose = np.zeros((2, 6))
+    by_pose[0, 3] = by_pose[1, 4] = 1.0
+    return Measured(np.array((east, -north)), by_pose, None, np.eye(2) * std_rad**2)
+
+
 class HeightTold(NamedTuple):
     """What a range to the floor says."""
 
@@ -154,24 +162,25 @@ def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | No
 def _told(measured: Measured) -> Measured | None:
     """Without the directions that are not told."""
     noise = measured.noise
-    known = noise.diagonal() < UNKNOWN_FROM
-    if known.all():
+    known = [value < UNKNOWN_FROM for value in noise.diagonal().tolist()]
+    if all(known):
         return measured
-    lost = np.flatnonzero(~known)
-    if np.count_nonzero(noise[lost]) == lost.size:  # they are axes, and have nothing to do with the others
-        kept = np.flatnonzero(known)
-        if not kept.size:
+    rows = noise.tolist()
+    lost = [row for row, is_known in zip(rows, known, strict=True) if not is_known]
+    if all(row.count(0.0) == len(row) - 1 for row in lost):  # they are axes, and have nothing to do with the others
+        if len(lost) == len(rows):
             return None
+        kept = np.array([index for index, is_known in enumerate(known) if is_known])
         by_reference = None if measured.by_reference is None else measured.by_reference[kept]
-        return Measured(measured.residual[kept], measured.by_pose[kept], by_reference, noise[kept][:, kept])
+        return Measured(measured.residual[kept], measured.by_pose[kept], by_reference, noise[np.ix_(kept, kept)])
     values, vectors = np.linalg.eigh(noise)
-    known = values < UNKNOWN_FROM
-    if not known.any():
+    is_told = values < UNKNOWN_FROM
+    if not is_told.any():
         return None
-    view = vectors[:, known].T
+    view = vectors[:, is_told].T
     return Measured(
         view @ measured.residual,
         view @ measured.by_pose,
         None if measured.by_reference is None else view @ measured.by_reference,
-        np.diag(values[known]),
+        np.diag(values[is_told]),
     )

@@ -14,6 +14,9 @@ from gloc3_onboard.fusion.measurements import UNKNOWN_FROM, Measured, covariance
 _LEAST: Final = np.array((2.5e-7, 2.5e-7, 2.5e-7, 1e-8, 1e-8, 1e-8))
 """No odometer is better than 0.5 mm and 0.006 degrees."""
 _FARTHEST_M: Final = 1e4
+_WANDER_S: Final = 0.6
+"""After so long the reports from one reference are taken to be wrong by something else. In flights of 60 m in the hold they
+are after 0.5 to 1.3 s."""
 
 
 class Report:
@@ -49,16 +52,31 @@ def read(message: Odometry, t_s: float) -> Report | str:
 class Reference:
     """What the reports of one odometer are told from: the clone of a pose."""
 
-    __slots__ = ("base", "granted", "is_level", "reference_t_s")
+    __slots__ = ("base", "granted", "reference_t_s", "told_s")
 
-    def __init__(self, reference_t_s: float, *, is_level: bool, base: tuple[Vector3, Quaternion] | None) -> None:
+    def __init__(self, reference_t_s: float, told_s: float, base: tuple[Vector3, Quaternion] | None) -> None:
         self.reference_t_s = reference_t_s
         """The odometer's own reference."""
-        self.is_level = is_level
+        self.told_s = told_s
+        """The time of the last report."""
         self.base = base
         """Where the pose is the one of an earlier report, not of its reference: what that report told."""
         self.granted: Matrix = np.zeros(CLONE)
         """Variances that were added to the clone, for what all its reports have in common."""
+
+    def grant(self, common: Matrix, drift: float, t_s: float) -> Matrix:
+        """Variances (6,) to be added to the clone for a report.
+
+        Args:
+            common: what the error of the report has in common with others; what is not told needs nothing.
+            drift: by how many times that adds up faster than if it were independent.
+            t_s: the time of the report: in the meantime that has wandered.
+        """
+        more = np.maximum(drift * common - self.granted, 0.0)
+        self.granted += more
+        wandered = min(t_s - self.told_s, _WANDER_S) / _WANDER_S
+        self.told_s = t_s
+        return np.where(common < 0.1 * UNKNOWN_FROM, more + common * wandered, 0.0)
 
 
 class Odometers:
@@ -87,9 +105,10 @@ class Odometers:
         estimate = self._estimate
         estimate.remember(report.source, report.t_s)
         base = (report.position, report.attitude)
-        reference = Reference(report.reference_t_s, is_level=report.is_level, base=base)
+        reference = Reference(report.reference_t_s, report.t_s, base)
         self._references[report.source] = reference
-        self._grant(report.source, reference, report.covariance.diagonal(), from_yaw(0.0), report.attitude)
+        more = reference.grant(report.covariance.diagonal(), 1.0, report.t_s)
+        self._loosen(report.source, more, from_yaw(0.0), report.attitude)
 
     def measure(self, report: Report, past: Past) -> Measured | None:
         """What a report says of the error; None if it only begins, or is blind.
@@ -120,28 +139,21 @@ class Odometers:
         )
         if measured is None:
             return None
-        wanted = report.shared * report.drift * covariance.diagonal()
-        self._grant(report.source, reference, wanted, axes, state.ned_from_frd)
+        more = reference.grant(report.shared * covariance.diagonal(), report.drift, report.t_s)
+        self._loosen(report.source, more, axes, state.ned_from_frd)
         return measured
 
     def _begin(self, report: Report) -> Reference | None:
-        if not self._estimate.inertial.knows(report.reference_t_s):
+        if not self._estimate.inertial.knows(report.reference_t_s) or report.reference_t_s < self._estimate.sound_s:
             self.rebase(report)
             return None
         self._estimate.remember(report.source, report.reference_t_s)
-        reference = Reference(report.reference_t_s, is_level=report.is_level, base=None)
+        reference = Reference(report.reference_t_s, report.t_s, None)
         self._references[report.source] = reference
         return reference
 
-    def _grant(
-        self, source: str, reference: Reference, wanted: Matrix, axes: Quaternion, ned_from_frd: Quaternion
-    ) -> None:
-        """Lets the clone be as wrong as the reports have their error in common; what is not told needs nothing."""
-        if (wanted <= reference.granted).all():
-            return
-        more = np.where(wanted < 0.5 * UNKNOWN_FROM, wanted - reference.granted, 0.0)
-        more = np.maximum(more, 0.0)
-        reference.granted += more
+    def _loosen(self, source: str, more: Matrix, axes: Quaternion, ned_from_frd: Quaternion) -> None:
+        """Lets the clone be as wrong as the reports have their error in common."""
         errors = self._estimate.errors
         first = errors.place_of(source)
         place, body = matrix_of(axes), matrix_of(ned_from_frd)

@@ -8,20 +8,20 @@ import numpy as np
 
 from gloc3.frames import Vector3, from_yaw
 from gloc3.perception import FusionState, Odometry, PositionFix, SourceState
-from gloc3.vehicle import HeightAboveGround, Pose
+from gloc3.vehicle import AutopilotPose, HeightAboveGround, Pose
 from gloc3_onboard.fusion.alignment import RestWatch, Standing, Start
 from gloc3_onboard.fusion.error_state import FLOOR, SIZE, VELOCITY, Matrix
 from gloc3_onboard.fusion.estimate import Estimate, Past
 from gloc3_onboard.fusion.imu_watch import ImuWatch
 from gloc3_onboard.fusion.inertial import State
 from gloc3_onboard.fusion.jury import Jury
-from gloc3_onboard.fusion.measurements import Measured, covariance_of, height_over, place
+from gloc3_onboard.fusion.measurements import Measured, covariance_of, height_over, level_of, place
 from gloc3_onboard.fusion.odometers import Odometers, read
 from gloc3_onboard.fusion.settings import FusionSettings
 from gloc3_onboard.fusion.trust import Trust
 from gloc3_onboard.fusion.ways import Ways
 
-IMU, HEIGHT = "imu", "height"
+IMU, HEIGHT, AUTOPILOT = "imu", "height", "autopilot"
 _IMU_LOST_S: Final = 0.1
 _COAST_STEP_S: Final = 0.02
 _HEIGHT_PERIOD_S: Final = 0.09
@@ -30,8 +30,18 @@ _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
 _STAND_S: Final = 0.1
 """How often a body that has not moved yet is told so."""
+_RATE_YOUNG_S: Final = 0.15
+"""The autopilot's rate is that of now for so long."""
+_TILT_STD_RAD: Final = 0.02
+"""How well the autopilot tells where down is: errors that stay for a second included."""
+_ASKEW: Final = (0.09, 3)
+"""Where the autopilot says by more radians, so many times in a row, that down is elsewhere, the inertial unit is wrong: the
+vehicle would have fallen if the autopilot were."""
 _WAITING: Final = 64
 _LEAST_FIX: Final = np.array((1e-6, 1e-6, 1e-6))
+
+Heard = Odometry | PositionFix | HeightAboveGround | AutopilotPose
+"""What may have to wait for the inertial unit."""
 
 
 class PoseFusion:
@@ -57,7 +67,10 @@ class PoseFusion:
         self._imu: Final = ImuWatch()
         self._restlessness = 0.0
         """Smoothed turn rate, rad/s: more than noise where the body moves."""
-        self._waiting: list[tuple[float, Odometry | PositionFix | HeightAboveGround]] = []
+        self._rate: tuple[float, Vector3] = (float("-inf"), (0.0, 0.0, 0.0))
+        """As the autopilot has told it last, and when."""
+        self._askew = 0
+        self._waiting: list[tuple[float, Heard]] = []
         self._ways: Final = Ways(self.estimate.inertial, self._jury.vote)
         self._height_misses = 0
         settings = self.settings
@@ -124,7 +137,7 @@ class PoseFusion:
             if mean.jolt_m_s > 0.0:
                 self.estimate.jolt(mean.jolt_m_s)
         else:
-            self.estimate.coast(t_s)
+            self._coast(t_s)
         self._rest.add(self.estimate.inertial.rate_frd_rad_s, force_frd_m_s2)
         if self._rest.is_standing and t_s - self._stood_s >= _STAND_S:
             self._stood_s = t_s
@@ -146,11 +159,44 @@ class PoseFusion:
         """A height above what is below, valid at `t_s`."""
         self._arrive(HEIGHT, message, t_s)
 
-    def _arrive(self, source: str, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
+    def attitude(self, message: AutopilotPose, t_s: float) -> None:
+        """The autopilot's attitude, valid at `t_s`: the inertial unit is judged by it, and where that is not believed it stands in.
+
+        The rates are taken, and where down is. Not the heading, nor position and velocity: an autopilot that flies by
+        our pose has them from here.
+        """
+        imu = self._jury.trust.get(IMU)
+        if (
+            not self.is_aligned
+            or imu is None
+            or not all(map(isfinite, (*message.ned_from_frd, *message.rate_frd_rad_s)))
+        ):
+            return
+        self._rate = (t_s, message.rate_frd_rad_s)
+        if imu.is_used:
+            if AUTOPILOT in self._jury.trust:
+                self._jury.heard(AUTOPILOT, self._now_s).step_back("the inertial unit is believed")
+            if self.estimate.inertial.knows(t_s):
+                level = level_of(self.estimate.inertial.at(t_s).ned_from_frd, message.ned_from_frd, _TILT_STD_RAD)
+                self._askew = self._askew + 1 if hypot(*level.residual) > _ASKEW[0] else 0
+            if self._askew < _ASKEW[1]:
+                return
+            self._doubt_imu(self._now_s, "the autopilot says that down is elsewhere")
+            self._jury.doubt((), self.estimate.t_s)
+        self._arrive(AUTOPILOT, message, t_s)
+
+    def _coast(self, t_s: float) -> None:
+        """Moves on without the inertial unit, with the autopilot's rate where it is told."""
+        told_s, rate = self._rate
+        trust = self._jury.trust.get(AUTOPILOT)
+        is_told = t_s - told_s < _RATE_YOUNG_S and trust is not None and trust.is_used
+        self.estimate.coast(t_s, rate if is_told else None)
+
+    def _arrive(self, source: str, message: Heard, t_s: float) -> None:
         trust = self._jury.heard(source, self._now_s)
         if not isfinite(t_s):
             trust.refuse("its time is not finite")
-        elif not message.is_valid:
+        elif not isinstance(message, AutopilotPose) and not message.is_valid:
             trust.step_back(message.reason or "it says that it is not valid")
         elif self.is_aligned:
             if t_s > self.estimate.t_s + 1e-6:
@@ -160,7 +206,7 @@ class PoseFusion:
         elif isinstance(message, PositionFix):
             self._start_at(message)
 
-    def _wait(self, source: str, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
+    def _wait(self, source: str, message: Heard, t_s: float) -> None:
         """The inertial unit has not come so far yet."""
         if t_s > self.estimate.t_s + 0.2 or len(self._waiting) >= _WAITING:
             self._jury.heard(source, self._now_s).refuse("it is of the future")
@@ -176,8 +222,8 @@ class PoseFusion:
                 for t_s, message in sorted(due, key=lambda entry: entry[0]):
                     self._take(message, t_s)
 
-    def _take(self, message: Odometry | PositionFix | HeightAboveGround, t_s: float) -> None:
-        trust = self._jury.trust[HEIGHT if isinstance(message, HeightAboveGround) else message.source]
+    def _take(self, message: Heard, t_s: float) -> None:
+        trust = self._jury.trust[_source_of(message)]
         age_s = self.estimate.t_s - t_s
         if age_s > self.settings.latest_s or not self.estimate.inertial.knows(t_s):
             trust.refuse(f"late by {age_s:.2f} s")
@@ -196,6 +242,13 @@ class PoseFusion:
                 self._take_fix(trust, message, t_s)
             case HeightAboveGround():
                 self._take_height(trust, message, t_s)
+            case AutopilotPose():
+                past = self.estimate.past(t_s)
+                level = level_of(past.state.ned_from_frd, message.ned_from_frd, _TILT_STD_RAD)
+                if hypot(*level.residual) > _ASKEW[0]:
+                    self.estimate.lean(level.residual, _TILT_STD_RAD)
+                else:
+                    self._judge(trust, level, self.estimate.rows(level, past), past)
 
     # --- odometers ---
 
@@ -303,7 +356,7 @@ class PoseFusion:
         if now_s - self.estimate.t_s > _IMU_LOST_S:
             self._jury.heard(IMU, self._jury.trust[IMU].heard_s).step_back("nothing comes from it")
             while self.estimate.t_s < now_s - 1e-6:
-                self.estimate.coast(min(self.estimate.t_s + _COAST_STEP_S, now_s))
+                self._coast(min(self.estimate.t_s + _COAST_STEP_S, now_s))
             self._take_waiting()
         self._jury.look()
 
@@ -365,6 +418,16 @@ class PoseFusion:
             gyroscope_bias_rad_s=inertial.gyroscope_bias_rad_s,
             accelerometer_bias_m_s2=inertial.accelerometer_bias_m_s2,
         )
+
+
+def _source_of(message: Heard) -> str:
+    match message:
+        case HeightAboveGround():
+            return HEIGHT
+        case AutopilotPose():
+            return AUTOPILOT
+        case _:
+            return message.source
 
 
 def _minus(a: Vector3, b: Vector3) -> Vector3:

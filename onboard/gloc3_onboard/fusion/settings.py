@@ -42,7 +42,7 @@ class FusionSettings(Settings, frozen=True):
     """So long a source that was turned down must agree again before it is used."""
     window_s: Annotated[float, Bounds(1.0, 30.0)] = 6.0
     """The sources are compared over the way of so long."""
-    coast_s: Annotated[float, Bounds(0.1, 10.0)] = 1.5
+    coast_s: Annotated[float, Bounds(0.1, 10.0)] = 2.5
     """So long the inertial unit alone may carry the pose; then it is not valid."""
     dispute_s: Annotated[float, Bounds(1.0, 120.0)] = 8.0
     """So long sources may contradict each other, with nobody to tell who is right; then the pose is not valid."""

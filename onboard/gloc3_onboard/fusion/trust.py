@@ -14,7 +14,9 @@ _SLIPS: Final = 2
 _SMOOTHING: Final = 0.05
 """Share of a new innovation in the smoothed one."""
 SOUND: Final = 1.5
-"""Smoothed innovations of one that can be believed are below that."""
+"""Smoothed innovations of one that can be believed are below that;"""
+_SOUND_AGAIN: Final = 1.0
+"""and of one that can be believed again below that."""
 _WIDEST: Final = 6.0
 """So many times its own covariance a source's innovations may be, and it is still used, with a wider one."""
 _SAME: Final = 4
@@ -73,7 +75,7 @@ class Trust:
     @property
     def may_vote(self) -> bool:
         """Whether it is heard: used, or turned down by the estimate alone, which may be what is wrong."""
-        return self.is_used or (self.reason == DISAGREES and not self.is_voted_out)
+        return self.is_used or ((self.reason == DISAGREES or self.is_alone) and not self.is_voted_out)
 
     @property
     def widening(self) -> float:
@@ -107,7 +109,7 @@ class Trust:
         if not self.is_used:
             if self._good_since_s is None:
                 self._good_since_s = t_s
-            is_sound = self.innovation < SOUND or not self.is_alone
+            is_sound = self.innovation < _SOUND_AGAIN or not self.is_alone
             if t_s - self._good_since_s < self._probation_s or self.is_voted_out or not is_sound:
                 return False
             self.let_in()

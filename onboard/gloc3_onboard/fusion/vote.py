@@ -22,7 +22,7 @@ from gloc3_onboard.fusion.error_state import Matrix
 from gloc3_onboard.fusion.measurements import CHI2_999, matrix_of
 
 _KEPT: Final = 1024
-_PULLS_S: Final = 3.0
+_PULLS_S: Final = 6.0
 _WINDOWS: Final = (0.25, 0.5, 1.0)
 """Shorter windows see coarse errors sooner."""
 _FLOOR_M2: Final = 0.004**2
@@ -48,6 +48,16 @@ class Verdict(NamedTuple):
         return not self.against
 
 
+class Elsewhere(NamedTuple):
+    """Sources that agree with each other, and not with what is believed."""
+
+    names: tuple[str, ...]
+    by_m: Vector3
+    """How far the body is from where it is believed to be, as they tell it, in NED."""
+    covariance: Matrix
+    """Of that, (3, 3)."""
+
+
 class Record:
     """What one source has told of the way."""
 
@@ -59,6 +69,7 @@ class Record:
         """Of the excess; and of the covariances, each that of the last report from a reference."""
         self._covariance: Matrix = np.eye(3)
         self._axes: Quaternion = IDENTITY
+        self._spread: Matrix | None = None
         self._pulls: deque[tuple[float, Vector3]] = deque(maxlen=_KEPT)
 
     def add(
@@ -77,7 +88,7 @@ class Record:
         self._times.append(t_s)
         ex, ey, ez = excess_ned_m
         self._sums.append((x + ex, y + ey, z + ez, spread))
-        self._covariance, self._axes = covariance, ned_from_axes
+        self._covariance, self._axes, self._spread = covariance, ned_from_axes, None
 
     def pull(self, moved_m: Vector3, t_s: float) -> None:
         """A position from outside has moved the estimate."""
@@ -111,9 +122,10 @@ class Record:
     @property
     def covariance(self) -> Matrix:
         """Of the last report's end, (3, 3), in NED."""
-        axes = matrix_of(self._axes)
-        spread: Matrix = axes @ self._covariance @ axes.T
-        return spread
+        if self._spread is None:
+            axes = matrix_of(self._axes)
+            self._spread = axes @ self._covariance @ axes.T
+        return self._spread
 
 
 class Vote:
@@ -158,7 +170,54 @@ class Vote:
         if self._length(begin_s) < way_m or not self._known(source, begin_s, now_s):
             return False
         judges = [other for other in others if self._known(other, begin_s, now_s)]
-        return bool(judges) and not any(self._apart(source, other, begin_s) for other in judges)
+        begins = [now_s - share * self._window_s for share in _WINDOWS]
+        return bool(judges) and not any(self._apart(source, other, since_s) for other in judges for since_s in begins)
+
+    def elsewhere(self, names: list[str], begin_s: float, now_s: float) -> Elsewhere | None:
+        """What two sources or more say together against the estimate, and no more others against them.
+
+        Args:
+            names: the sources that may say it.
+            begin_s: only what was told since counts.
+            now_s: the time.
+        """
+        able = [name for name in names if self._known(name, begin_s, now_s)]
+        told = {name: self._excess(name, begin_s) for name in able}
+        group = [name for name, (by_m, spread) in told.items() if self._is_told(by_m, spread, begin_s)]
+        if len(group) < 2 or any(self._apart(a, b, begin_s) for a, b in combinations(group, 2)):
+            return None
+        weights = {name: np.linalg.inv(told[name][1]) for name in group}
+        covariance = np.linalg.inv(sum(weights.values(), _NOTHING))
+        by_m = covariance @ sum((weights[name] @ told[name][0] for name in group), np.zeros(3))
+        against = [name for name in able if name not in group and self._denies(told[name], by_m, covariance)]
+        if len(against) >= len(group):
+            return None
+        north, east, down = by_m.tolist()
+        return Elsewhere(tuple(group), (north, east, down), covariance)
+
+    def _excess(self, name: str, begin_s: float) -> tuple[Matrix, Matrix]:
+        """What a source tells of the way since a time beyond what is believed, and its covariance."""
+        record = self.records[name]
+        by_m, spread = record.over(begin_s)
+        return np.array(by_m), spread + np.eye(3) * self._tolerance(begin_s, is_turned=not record.is_of_places)
+
+    def _is_told(self, by_m: Matrix, spread: Matrix, begin_s: float) -> bool:
+        """Whether a difference is more than its covariance explains, also along the directions that are known."""
+        if by_m @ np.linalg.solve(spread, by_m) <= CHI2_999[3]:
+            return False
+        values, directions = np.linalg.eigh(spread)
+        known = directions[:, values < _BLIND_M2].T @ by_m
+        return float(known @ known) > CHI2_999[3] * self._tolerance(begin_s, is_turned=False)
+
+    @staticmethod
+    def _denies(told: tuple[Matrix, Matrix], by_m: Matrix, covariance: Matrix) -> bool:
+        apart = told[0] - by_m
+        return float(apart @ np.linalg.solve(told[1] + covariance, apart)) > CHI2_999[3]
+
+    def _tolerance(self, begin_s: float, *, is_turned: bool) -> float:
+        """What any two ways since a time may differ by, m2: an error of scale, and of the heading that turns one of them."""
+        share = self._scale_std**2 + (self._heading_std_rad**2 if is_turned else 0.0)
+        return share * self._length(begin_s) ** 2 + _FLOOR_M2
 
     def _travel(self, position: Vector3, now_s: float) -> None:
         step = 0.0 if self._at is None else dist(position, self._at)
@@ -182,10 +241,7 @@ class Vote:
         one, two = self.records[a], self.records[b]
         ((ax, ay, az), spread_a), ((bx, by, bz), spread_b) = one.over(begin_s), two.over(begin_s)
         apart = (ax - bx, ay - by, az - bz)
-        share = self._scale_std**2
-        if one.is_of_places is not two.is_of_places:
-            share += self._heading_std_rad**2
-        tolerance = share * self._length(begin_s) ** 2 + _FLOOR_M2
+        tolerance = self._tolerance(begin_s, is_turned=one.is_of_places is not two.is_of_places)
         if sum(value * value for value in apart) <= CHI2_999[3] * tolerance:
             return None  # whatever their covariances are
         spread = spread_a + spread_b + np.eye(3) * tolerance

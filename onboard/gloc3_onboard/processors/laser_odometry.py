@@ -81,11 +81,14 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         self._odometer = LaserOdometer(settings, Mount(given.mount_frd_m, math.radians(given.mount_yaw_deg)))
         self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
         self._silence = Silence()
+        self._down_m = self._floor_down_m = math.nan
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each scan, and one a second where none comes."""
         self._attitudes.hear(inbox.new(self.autopilot_pose))
         self._heights.hear(inbox.new(self.height))
+        if (pose := inbox.latest(self.autopilot_pose)) is not None:
+            self._down_m = pose.payload.position_ned_m[2]
         results: list[Result] = []
         for envelope in inbox.new(self.laser):
             self._silence.end(now_s)
@@ -101,11 +104,19 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         if attitude is None:
             return no_motion(SOURCE, t_s, "there is no attitude of the time of the scan", is_level=True)
         roll, pitch, yaw = to_euler(attitude)
-        slant_m = self._heights.at(t_s)
-        height_m = slant_m * math.cos(roll) * math.cos(pitch) if math.isfinite(slant_m) else None
-        found = self._odometer.update(scan, t_s, Tilt(roll, pitch, height_m), yaw)
+        found = self._odometer.update(scan, t_s, Tilt(roll, pitch, self._height_m(t_s, roll, pitch)), yaw)
         self.degenerate += found.is_degenerate
         return odometry_of(found, roll, pitch)
+
+    def _height_m(self, t_s: float, roll: float, pitch: float) -> float | None:
+        """Of the body above the floor: as it is measured, or else above where the floor was last."""
+        slant_m = self._heights.at(t_s)
+        if math.isfinite(slant_m):
+            height_m = slant_m * math.cos(roll) * math.cos(pitch)
+            self._floor_down_m = self._down_m + height_m
+            return height_m
+        height_m = self._floor_down_m - self._down_m
+        return height_m if math.isfinite(height_m) else None
 
     def _told(self, found: Odometry) -> Odometry:
         self.reason = found.reason

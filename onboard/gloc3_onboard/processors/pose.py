@@ -29,6 +29,9 @@ class PoseSettings(Settings, frozen=True):
     """A step of the position that its velocity does not explain by more than this is a jump."""
     std_m: Annotated[float, Bounds(0.001, 100.0)] = 0.05
     """Standard deviation that is claimed along each axis."""
+    is_level: bool = False
+    """Takes the height for 0 at all times: for vehicles that stay on the ground or on the water, whose estimate of it
+    drifts, and whose way does not depend on it."""
 
 
 class PoseProcessor(DataProcessor[PoseSettings]):
@@ -80,11 +83,14 @@ class PoseProcessor(DataProcessor[PoseSettings]):
                 self._move_to(given.origin_geo, self._plane)
         n, e, d = given.position_ned_m
         offset = self._offset_ned_m
-        position = (n + offset[0], e + offset[1], d + offset[2])
-        self._count_jump(position, given.velocity_ned_m_s, t_s)
+        north_m_s, east_m_s, down_m_s = given.velocity_ned_m_s
+        is_level = self._settings.is_level
+        position = (n + offset[0], e + offset[1], 0.0 if is_level else d + offset[2])
+        velocity = (north_m_s, east_m_s, 0.0 if is_level else down_m_s)
+        self._count_jump(position, velocity, t_s)
         pose = Pose(
             position_ned_m=position,
-            velocity_ned_m_s=given.velocity_ned_m_s,
+            velocity_ned_m_s=velocity,
             ned_from_frd=given.ned_from_frd,
             rate_frd_rad_s=given.rate_frd_rad_s,
             position_std_m=(self._settings.std_m,) * 3,

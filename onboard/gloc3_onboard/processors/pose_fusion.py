@@ -62,7 +62,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
     position_fix = Input(PositionFix, Keep.ALL)
     height = Input(HeightAboveGround, Keep.ALL)
     autopilot = Input(AutopilotState)
-    autopilot_pose = Input(AutopilotPose)
+    autopilot_pose = Input(AutopilotPose, Keep.ALL)
     primary = Input(Pose)
     pose = Output(Pose, frame="ned")
     fusion = Output(FusionState)
@@ -128,6 +128,8 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         for sample in inbox.new(self.imu):
             if sample.payload.is_valid:
                 fusion.imu(sample.payload.rate_frd_rad_s, sample.payload.specific_force_frd_m_s2, sample.t_s)
+        for told in inbox.new(self.autopilot_pose):
+            fusion.attitude(told.payload, told.t_s)
         for report in inbox.new(self.odometry):
             fusion.odometry(report.payload, report.t_s)
         for fix in inbox.new(self.position_fix):

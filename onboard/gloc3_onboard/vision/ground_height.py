@@ -7,6 +7,9 @@ _GATE: Final = 4.0
 _GATE_SHARE: Final = 0.04
 """An echo may differ by this share of the height before it is said to come from something else than the floor."""
 
+_LOST_SHARE: Final = 0.1
+"""A height that is known less well than to this share of it is none."""
+
 
 class GroundHeight:
     """A scalar Kalman filter on the vertical distance to the floor that the odometer moves over.
@@ -19,7 +22,7 @@ class GroundHeight:
     def __init__(self, noise_m: float, scale_std: float) -> None:
         self._noise_m, self._scale_std = noise_m, scale_std
         self._mean_m, self._variance = math.nan, math.inf
-        self._fitting_s = self._denied_s = self._silent_s = 0.0
+        self._fitting_s = self._denied_s = 0.0
 
     @property
     def is_known(self) -> bool:
@@ -39,15 +42,15 @@ class GroundHeight:
     def begin(self, height_m: float) -> None:
         """Believes one echo, whatever was before."""
         self._mean_m, self._variance = height_m, self._noise_m**2
-        self._fitting_s = self._denied_s = self._silent_s = 0.0
-
-    def miss(self, period_s: float) -> None:
-        """There is no echo."""
-        self._silent_s += period_s
+        self._fitting_s = self._denied_s = 0.0
 
     def is_lost(self, coast_s: float) -> bool:
-        """Whether the echoes have failed to confirm the height for so long, or for longer than they ever did."""
-        return self._denied_s + self._silent_s > coast_s or self._denied_s > self._fitting_s
+        """Whether the echoes have denied the height for so long, or for longer than they confirmed it.
+
+        Without echoes it is known as well as the pictures tell how it changes, until that is no longer well enough.
+        """
+        is_denied = self._denied_s > coast_s or self._denied_s > self._fitting_s
+        return is_denied or math.sqrt(self._variance) > _LOST_SHARE * self._mean_m
 
     def forget(self) -> None:
         """Knows nothing."""
@@ -82,5 +85,5 @@ class GroundHeight:
         self._mean_m += gain * away_m
         self._variance *= 1.0 - gain
         self._fitting_s += period_s
-        self._denied_s = self._silent_s = 0.0
+        self._denied_s = 0.0
         return True

@@ -175,15 +175,16 @@ class GroundOdometer:
     def _begin(self, picture: Picture, held: Held, height_m: float, reason: str) -> Odometry:
         """Begins anew at a picture, if it shows enough and the height is known."""
         vertical_m = self._vertical_m(height_m, held)
-        if not vertical_m > 0.0:
+        silent_s = held.t_s - self._moved_s
+        is_new = self._key is None or silent_s > self.settings.gap_s or self._height.is_lost(self.settings.coast_s)
+        if is_new and not vertical_m > 0.0:
             return self._invalid(held.t_s, "there is no height")
         corners = self._tracks.begin(picture, np.zeros((0, 2)))
         if len(corners) < _LEAST_POINTS:
             self._key = None
             return self._invalid(held.t_s, f"only {len(corners)} points stand out in the picture")
         flat = self._flat(corners, held)
-        silent_s = held.t_s - self._moved_s
-        if self._key is None or silent_s > self.settings.gap_s or self._height.is_lost(self.settings.coast_s):
+        if self._key is None or is_new:
             self._height.begin(vertical_m)
             relief_m = np.zeros(len(corners))
         else:
@@ -277,7 +278,6 @@ class GroundOdometer:
         """Whether the height is that of the floor, or of something on it that is known."""
         vertical_m = self._vertical_m(height_m, held)
         if not math.isfinite(vertical_m):
-            self._height.miss(period_s)
             return False
         reliefs = [0.0]
         distance = np.linalg.norm(now, axis=1)

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from gloc3.frames import GeoPoint, Quaternion
 from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
+from gloc3_sitl.autopilot.calibration import Calibration
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.attitude import GRAVITY_M_S2, AttitudeController, attitude_for
 from gloc3_sitl.autopilot.control.mixer import IDLE, Mixer, Throttles
@@ -22,6 +23,7 @@ from gloc3_sitl.autopilot.parameters import ParameterStore
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.plans import Plans
 from gloc3_sitl.autopilot.sources import ardupilot_sources, px4_sources
+from gloc3_sitl.autopilot.surroundings import Nowhere, Surroundings
 from gloc3_sitl.autopilot.tuning import Tuning
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
@@ -51,20 +53,42 @@ class Autopilot:
         say: told each sentence for the ground.
         airframe: what it flies.
         declination_rad: of the magnetic field at home, which a real one has in a table.
+        surroundings: the simulation that it is in.
+        before: itself before a reboot; what stands on its memory card outlives that.
     """
 
-    def __init__(self, style: Style, say: Say, *, airframe: Airframe = PELICAN, declination_rad: float = 0.0) -> None:
+    def __init__(
+        self,
+        style: Style,
+        say: Say,
+        *,
+        airframe: Airframe = PELICAN,
+        declination_rad: float = 0.0,
+        surroundings: Surroundings | None = None,
+        before: "Autopilot | None" = None,
+    ) -> None:
         self.style: Final = style
+        self.surroundings: Final = surroundings or Nowhere()
         self.airframe: Final = airframe
         self.tuning: Final = Tuning()
         self.parameters: Final = ParameterStore(style.parameters, self.tuning, style.derive)
+        if before is not None:
+            self.parameters.take_over(before.parameters)
         self.estimator: Final = Estimator(declination_rad=declination_rad)
-        self.pilot: Final = Pilot()
-        self.plans: Final = Plans()
+        self.pilot: Final[Pilot] = Pilot() if before is None else before.pilot
+        self.plans: Final[Plans] = Plans() if before is None else before.plans
         self.craft: Final = Craft(self.estimator, self.tuning, self.pilot, self.plans, say)
         self.craft.first_item = 1 if style.mission_keeps_home else 0
+        if before is not None:
+            first = self.craft.first_item
+            self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission) > first, first)
         self.commander: Final = Commander(self.craft, style)
+        self.calibration: Final = Calibration(self.craft)
         self.failsafes: Final = Failsafes(self.commander)
+        self.takes_odometry = True
+        """Whether odometry from outside still arrives."""
+        self.servo_us: Final[dict[int, int]] = {}
+        """Pulse lengths of the outputs that somebody has set, by number from 1."""
         self.source_set = 1
         """ArduPilot's set of sources in use."""
         self.parameters.on_change.append(self._parameter_changed)
@@ -81,7 +105,7 @@ class Autopilot:
         self.imu_recent: Final[deque[ImuReading]] = deque(maxlen=_OUTER)
         """Those of the outer period that ends now, oldest first."""
         """Called with the time after each outer period."""
-        self.logger: Final = FlightLogger(self)
+        self.logger: Final[FlightLogger] = FlightLogger(self, () if before is None else before.logger.logs)
         self._mixer = Mixer(airframe.thrust_curve)
         self._rates = RateController(airframe, STEP_S)
         self._attitude = AttitudeController(airframe.attitude_p)
@@ -180,6 +204,7 @@ class Autopilot:
         craft.last_setpoint = setpoint
         self._detect_touchdown(setpoint, now_s)
         self._follow(setpoint)
+        self.calibration.tick(now_s)
         for listener in self.on_outer:
             listener(now_s)
 

@@ -9,11 +9,12 @@ from gloc3_sitl.autopilot.behaviours.base import Activity
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
 from gloc3_sitl.autopilot.behaviours.hold import Hold
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
+from gloc3_sitl.autopilot.behaviours.orbit import Circle, Orbit
 from gloc3_sitl.autopilot.behaviours.streamed import Guided
 from gloc3_sitl.autopilot.control.setpoint import Setpoint
 from gloc3_sitl.autopilot.craft import Craft, Home
 from gloc3_sitl.autopilot.fence import Fence
-from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Severity, Style
+from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, Severity, Style
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
 
 
@@ -120,6 +121,8 @@ class Commander:
             return Verdict(self.style.unknown_mode, "no such mode")
         if mode is self.mode and author is not Author.FAILSAFE:
             self.mode_author = author
+            if mode.behaviour is Behaviour.HOLD and not self.craft.is_landed:
+                self._restart_activity()  # whoever asks for a hold means here, not where it was told to go before
             return ACCEPTED
         problem = self.cannot_fly(mode)
         if problem:
@@ -190,12 +193,24 @@ class Commander:
             self.activity.go_to(position_ned_m, yaw_rad)
         return ACCEPTED
 
+    def orbit(self, circle: Circle) -> Verdict:
+        """Flies to a circle and goes round, where the style has a mode for that."""
+        if self.style.orbit_mode is None:
+            return Verdict(Result.UNSUPPORTED, "there is no orbit")
+        if not self.craft.is_armed or self.craft.is_landed:
+            return self._refuse("Orbit denied: not flying")
+        verdict = self.set_mode(self.style.orbit_mode, Author.COMMAND)
+        if isinstance(self.activity, Orbit):
+            self.activity.go_round(circle)
+        return verdict
+
     def _enter(self, custom_mode: int, author: Author) -> None:
         mode = self.style.mode(custom_mode)
         assert mode is not None
         if self.mode.behaviour is Behaviour.MISSION and isinstance(self.activity, MissionFlight):
             self.craft.mission_left()
         self.mode, self.mode_author = mode, author
+        self.craft.looks_at = None
         self.mode_changes += 1
         self._restart_activity()
 

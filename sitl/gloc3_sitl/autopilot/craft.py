@@ -54,6 +54,14 @@ class Stream:
         return now_s - self.received_s <= period and self.period_s <= period
 
 
+class Target(NamedTuple):
+    """Whom the vehicle follows, as he told it last."""
+
+    t_s: float
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+
+
 @dataclass(slots=True)
 class Craft:
     """The vehicle: what it knows, what it may, where home is, and what time it is."""
@@ -74,6 +82,10 @@ class Craft:
     fault: str = ""
     """Something that is broken, in words; arming is refused while it stands."""
     last_setpoint: Setpoint = LANDED
+    looks_at: Vector3 | None = None
+    """Where the nose shall point, where somebody has told a place."""
+    target: Target | None = None
+    """Whom to follow, where somebody has told."""
 
     def mission_left(self) -> None:
         """Mission mode was left before the end."""

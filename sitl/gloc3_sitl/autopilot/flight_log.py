@@ -49,11 +49,12 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 class FlightLog:
     """One flight."""
 
-    __slots__ = ("begins_s", "data", "number")
+    __slots__ = ("data", "number", "utc_s")
 
-    def __init__(self, number: int, begins_s: float) -> None:
+    def __init__(self, number: int, utc_s: int) -> None:
         self.number: Final = number
-        self.begins_s: Final = begins_s
+        self.utc_s: Final = utc_s
+        """Seconds since 1970 at its beginning; 0 where that is not known."""
         self.data: Final = bytearray()
 
     @property
@@ -71,14 +72,19 @@ class FlightLog:
 class FlightLogger:
     """Begins a log at arming and ends it at disarming; the oldest log makes room for a new one."""
 
-    def __init__(self, autopilot: "Autopilot") -> None:
-        self.logs: Final[list[FlightLog]] = []
+    def __init__(self, autopilot: "Autopilot", before: Sequence[FlightLog] = ()) -> None:
+        self.logs: Final[list[FlightLog]] = list(before)
         self._autopilot = autopilot
         self._open: FlightLog | None = None
-        self._count = 0
+        self._count = max((log.number for log in before), default=0)
         self._next_s = 0.0
         self._texts: list[str] = []
         autopilot.on_outer.append(self.tick)
+
+    @property
+    def count(self) -> int:
+        """Number of the newest log, which is that of the flight; 0 before the first."""
+        return self._count
 
     def note(self, text: str) -> None:
         """Keeps a text for the next record."""
@@ -87,10 +93,7 @@ class FlightLogger:
 
     def entries(self) -> list[LogEntry]:
         """All logs, in the order of their numbers."""
-        offset_s = self._autopilot.utc_offset_s
-        return [
-            LogEntry(log.number, len(log.data), int(offset_s + log.begins_s) if offset_s else 0) for log in self.logs
-        ]
+        return [LogEntry(log.number, len(log.data), log.utc_s) for log in self.logs]
 
     def read(self, number: int, offset: int, size: int) -> bytes:
         """A part of a log.
@@ -129,7 +132,7 @@ class FlightLogger:
         self._count += 1
         if len(self.logs) >= _MOST_LOGS:
             del self.logs[0]
-        log = self._open = FlightLog(self._count, now_s)
+        log = self._open = FlightLog(self._count, self._autopilot.utc_us // 1_000_000)
         self.logs.append(log)
         self._next_s = now_s
         autopilot = self._autopilot

@@ -21,6 +21,8 @@ class Behaviour(StrEnum):
     LAND = "land"
     RETURN = "return"
     MISSION = "mission"
+    ORBIT = "orbit"
+    FOLLOW = "follow"
     STREAMED = "streamed"
     """Setpoints from outside: PX4's Offboard, ArduPilot's Guided."""
     STREAMED_ATTITUDE = "streamed attitude"
@@ -132,6 +134,8 @@ class Style:
     """Whether NAV_TAKEOFF is flown inside streamed control, and refused elsewhere."""
     version: tuple[int, int, int]
     """Of the firmware whose manners are followed."""
+    orbit_mode: int | None = None
+    """Where there is one."""
 
     def mode(self, custom_mode: int) -> Mode | None:
         """The row with this number."""

@@ -4,7 +4,7 @@ from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from os import strerror
 from typing import Final
 
-from gloc3.link.ftp import Entry, checksum
+from gloc3.link.ftp import Entry
 from gloc3_sitl.autopilot.flight_log import FlightLogger
 
 _MOST_BYTES: Final = 4_000_000
@@ -27,6 +27,10 @@ class OnboardFiles:
         self._folders: dict[tuple[str, ...], None] = {(): None}
         for depth in range(1, len(self._log_folder) + 1):
             self._folders[self._log_folder[:depth]] = None
+
+    def take_over(self, other: "OnboardFiles") -> None:
+        """Keeps what stands on the same card."""
+        self._files, self._folders = other._files, other._folders
 
     def entries(self, path: str) -> list[Entry]:
         """What a folder holds, sorted."""
@@ -107,10 +111,6 @@ class OnboardFiles:
         if parts not in self._files or new_parts[:-1] not in self._folders:
             raise _error(ENOENT, path)
         self._files[new_parts] = self._files.pop(parts)
-
-    def checksum(self, path: str) -> int:
-        """The protocol's CRC-32 of a file."""
-        return checksum([bytes(self._data(path))])
 
     def _folder(self, path: str) -> tuple[str, ...]:
         parts = _parts(path)

@@ -144,6 +144,12 @@ class ParameterStore:
         for listener in self.on_change:
             listener(name, value)
 
+    def take_over(self, other: "ParameterStore") -> None:
+        """Brings every value to that of another store of the same style."""
+        for name in other:
+            if other[name] != self[name]:
+                self.set(name, other[name])
+
     def reset(self) -> None:
         """Brings every value back to its default."""
         for row in self.rows.values():

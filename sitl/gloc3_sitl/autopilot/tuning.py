@@ -56,6 +56,15 @@ class Tuning:
     """Height over home to which it comes down before it waits."""
     return_wait_s: float = 0.0
 
+    orbit_radius_m: float = 1000.0
+    """Largest circle."""
+    follow_height_m: float = 8.0
+    follow_distance_m: float = 8.0
+    follow_bearing_deg: float = 180.0
+    """Place beside the target, clockwise from its course; 180 is behind."""
+    follow_height_over: int = 0
+    """What the height counts from: 0 home, 1 ground, 2 target."""
+
     # Mission
     acceptance_radius_m: float = 2.0
     """Horizontal distance at which a waypoint counts as reached, where the item says none."""

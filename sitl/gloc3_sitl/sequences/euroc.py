@@ -55,8 +55,8 @@ def write_euroc(
     for name, (model, imager) in (("cam0", rig.CAMERAS["front_left"]), ("cam1", rig.CAMERAS["front_right"])):
         camera = Camera(world, model, imager, seed)
         moments = [truth(number / rate_hz) for number in range(int(duration_s * rate_hz) + 1)]
-        _write_pictures(top / name, camera, moments)
-        (top / name / "sensor.yaml").write_text(_camera_yaml(name, model, rate_hz), encoding="utf-8")
+        write_pictures(top / name, camera, moments)
+        write_lines(top / name / "sensor.yaml", [camera_yaml(name, model, rate_hz)])
     moments = [truth(number / IMU_HZ) for number in range(int(duration_s * IMU_HZ) + 1)]
     _write_imu(top / "imu0", moments, seed)
     _write_truth(top / "state_groundtruth_estimate0", world, moments)
@@ -68,7 +68,8 @@ def stamp_ns(t_s: float) -> int:
     return BEGIN_NS + round(t_s * 1e9)
 
 
-def _write_pictures(folder: Path, camera: Camera, truths: list[Truth]) -> None:
+def write_pictures(folder: Path, camera: Camera, truths: list[Truth]) -> None:
+    """Writes what a camera sees at each moment, and the list of it."""
     cv2 = load_opencv()
     (folder / "data").mkdir(parents=True, exist_ok=True)
     rows = ["#timestamp [ns],filename"]
@@ -77,7 +78,7 @@ def _write_pictures(folder: Path, camera: Camera, truths: list[Truth]) -> None:
         pixels = camera.capture(moment).pixels
         cv2.imwrite(str(folder / "data" / name), pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         rows.append(f"{stamp_ns(moment.t_s)},{name}")
-    _write(folder / "data.csv", rows)
+    write_lines(folder / "data.csv", rows)
 
 
 def _write_imu(folder: Path, truths: list[Truth], seed: int) -> None:
@@ -92,7 +93,7 @@ def _write_imu(folder: Path, truths: list[Truth], seed: int) -> None:
         reading = unit.measure(moment, moment.t_s)
         felt = [rotate_back(FRD_FROM_URF, part) for part in (reading.rate_frd_rad_s, reading.specific_force_frd_m_s2)]
         rows.append(f"{stamp_ns(moment.t_s)},{_numbers([*felt[0], *felt[1]])}")
-    _write(folder / "data.csv", rows)
+    write_lines(folder / "data.csv", rows)
     lines = [
         "sensor_type: imu",
         "T_BS:",
@@ -103,7 +104,7 @@ def _write_imu(folder: Path, truths: list[Truth], seed: int) -> None:
         f"accelerometer_noise_density: {imu.ACCELEROMETER_DENSITY_M_S2_RTHZ:.6e}",
         "accelerometer_random_walk: 0.0",
     ]
-    _write(folder / "sensor.yaml", ["%YAML:1.0", *lines])
+    write_lines(folder / "sensor.yaml", ["%YAML:1.0", *lines])
 
 
 def _write_truth(folder: Path, world: World, truths: list[Truth]) -> None:
@@ -119,14 +120,15 @@ def _write_truth(folder: Path, world: World, truths: list[Truth]) -> None:
         turned = normalize(multiply(body.local_from_here, FRD_FROM_URF))
         speed = world.frame.from_ned(moment.velocity_ned_m_s)
         rows.append(f"{stamp_ns(moment.t_s)},{_numbers([*body.position_m, *turned, *speed, *(0.0,) * 6])}")
-    _write(folder / "data.csv", rows)
-    _write(folder / "sensor.yaml", ["%YAML:1.0", "sensor_type: visual-inertial", "T_BS:", _matrix_yaml(np.eye(4))])
+    write_lines(folder / "data.csv", rows)
+    write_lines(folder / "sensor.yaml", ["%YAML:1.0", "sensor_type: visual-inertial", "T_BS:", _matrix_yaml(np.eye(4))])
 
 
-def _camera_yaml(name: str, model: CameraModel, rate_hz: float) -> str:
-    urf_from_rdf = matrix(FRD_FROM_URF).T @ matrix(model.frd_from_rdf)
+def camera_yaml(name: str, model: CameraModel, rate_hz: float, frd_from_body: Quaternion = FRD_FROM_URF) -> str:
+    """The calibration of a camera, placed on a body whose axes may be others than ours."""
+    body_from_frd = matrix(frd_from_body).T
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = urf_from_rdf, matrix(FRD_FROM_URF).T @ np.array(model.position_frd_m)
+    pose[:3, :3], pose[:3, 3] = body_from_frd @ matrix(model.frd_from_rdf), body_from_frd @ model.position_frd_m
     distortion = (*model.distortion, *(0.0,) * 4)[: max(4, len(model.distortion))]
     lines = [
         "%YAML:1.0",
@@ -141,7 +143,7 @@ def _camera_yaml(name: str, model: CameraModel, rate_hz: float) -> str:
         f"distortion_model: {_DISTORTION[model.lens]}",
         f"distortion_coefficients: [{', '.join(f'{value:.9g}' for value in distortion)}]",
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def _matrix_yaml(pose: Floats) -> str:
@@ -152,6 +154,7 @@ def _numbers(values: list[float]) -> str:
     return ",".join(f"{value:.12g}" for value in values)
 
 
-def _write(path: Path, lines: list[str]) -> None:
+def write_lines(path: Path, lines: list[str]) -> None:
+    """Writes a text file, and its folder where there is none."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -7,7 +7,16 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.link.codec import message
-from gloc3.link.command import ATTEMPTS, CommandCall, CommandClient, CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import (
+    ATTEMPTS,
+    CancelServer,
+    CommandCall,
+    CommandCancel,
+    CommandClient,
+    CommandRequest,
+    CommandResult,
+    CommandServer,
+)
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address
 
@@ -196,3 +205,23 @@ def test_memory_for_answers_is_bounded() -> None:
         for request in server.events():
             server.answer(request, CommandResult.ACCEPTED, now_s=0.0)
     assert len(server._known) <= 128
+
+
+def test_whom_a_server_does_not_serve_gets_no_answer_at_all() -> None:
+    server = CommandServer(VEHICLE, serves=lambda request: request.target == VEHICLE and request.sender == STATION)
+    for target, sender in (((1, 0), STATION), ((1, 1), Address(254, 190)), ((1, 1), STATION)):
+        fields = {"target_system": target[0], "target_component": target[1], "command": 31000}
+        server.receive(message("COMMAND_LONG", **fields), sender, 0.0)
+    assert [event.sender for event in server.events()] == [STATION]
+
+
+def test_a_cancel_is_taken_from_anybody_for_us_alone_and_told_with_the_commands_own_acknowledgement() -> None:
+    server = CancelServer(VEHICLE)
+    for target in ((1, 0), (0, 0), (2, 1), (1, 1)):
+        told = message("COMMAND_CANCEL", target_system=target[0], target_component=target[1], command=TAKE_OFF)
+        server.receive(told, STATION, 0.0)
+    (cancel,) = server.events()
+    assert cancel == CommandCancel(TAKE_OFF, STATION)
+    server.cancelled(cancel)
+    (answer,) = server.outgoing()
+    assert (answer.command, answer.result, answer.target_system) == (TAKE_OFF, CommandResult.CANCELLED, STATION.system)

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.link import codec, udp
+from gloc3.link import codec, serial_line, udp
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.link.peer_routes import systems_in
 from gloc3.link.signing import Signing
@@ -219,3 +219,25 @@ async def test_a_serial_line_that_another_program_holds_says_so(opener: Opener) 
     finally:
         for number in (other, slave, master):
             os.close(number)
+
+
+async def test_a_line_with_flow_control_that_nobody_lets_flow_says_so(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_line, "WRITE_TIMEOUT_S", 0.1)
+    master, slave = pty.openpty()
+    try:
+        plain, _ = await opener(f"serial://{os.ttyname(slave)}:57600")
+        await until(lambda: plain.is_connected)
+        assert not termios.tcgetattr(slave)[2] & termios.CRTSCTS
+        await plain.close()
+        endpoint, _ = await opener(f"serial_flowcontrol://{os.ttyname(slave)}:57600")
+        await until(lambda: endpoint.is_connected)
+        assert termios.tcgetattr(slave)[2] & termios.CRTSCTS
+        for _ in range(200):
+            endpoint.send(bytes(1000))
+        await until(lambda: endpoint.dropped > 0 and "wired for flow control" in endpoint.problem)
+        await endpoint.close()
+    finally:
+        os.close(master)
+        os.close(slave)

@@ -13,8 +13,8 @@ from gloc3.errors import Refused
 from gloc3.link.codec import message
 from gloc3.link.ftp import Entry, FtpError, Operation, Payload, checksum, read_entries, read_payload
 from gloc3.link.ftp_client import FtpCall, FtpClient
-from gloc3.link.ftp_files import LARGEST_CHECKED_BYTES, FolderFiles
-from gloc3.link.ftp_server import IDLE_S, MOST_SESSIONS, FtpServer
+from gloc3.link.ftp_files import FolderFiles
+from gloc3.link.ftp_server import CHECK_PAUSE_S, CHECKED_BYTES, IDLE_S, MOST_SESSIONS, FtpServer
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address
 
@@ -173,11 +173,42 @@ def test_what_cannot_be_is_refused_with_the_reason(folder: Path) -> None:
     assert all(error.words for error in FtpError)
 
 
-def test_a_checksum_that_would_hold_everything_up_is_refused(folder: Path) -> None:
+def test_a_checksum_of_a_large_file_holds_nothing_up_and_survives_being_asked_again(folder: Path) -> None:
+    pieces = 400
     with (folder / "huge").open("wb") as file:
-        file.truncate(LARGEST_CHECKED_BYTES + 1)
+        file.truncate(pieces * CHECKED_BYTES)
+    pair, server, client = wired(folder)
+    call = client.calculate_checksum(VEHICLE, "huge", now_s=0.0)
+    read: list[int] = []
+    files = server._files.read
+    server._files.read = lambda *wanted: read.append(wanted[2]) or files(*wanted)  # type: ignore[method-assign,func-returns-value]
+    assert finish(pair, call) is FtpError.NONE
+    assert call.checksum == checksum(bytes(CHECKED_BYTES) for _ in range(pieces))
+    assert len(read) == pieces + 1, "each piece once, although the client has asked more than once"
+    assert pair.now_s > pieces * CHECK_PAUSE_S
+
+
+def test_a_file_that_goes_while_its_checksum_is_calculated_is_not_found(folder: Path) -> None:
+    with (folder / "huge").open("wb") as file:
+        file.truncate(100 * CHECKED_BYTES)
     pair, _, client = wired(folder)
-    assert finish(pair, client.calculate_checksum(VEHICLE, "huge", now_s=0.0)) is FtpError.FAILED_WITH_NUMBER
+    call = client.calculate_checksum(VEHICLE, "huge", now_s=0.0)
+    pair.run(0.05)
+    (folder / "huge").unlink()
+    assert finish(pair, call) is FtpError.FILE_NOT_FOUND
+
+
+def test_checksums_for_thousands_of_systems_are_not_calculated_at_once(folder: Path) -> None:
+    with (folder / "huge").open("wb") as file:
+        file.truncate(100 * CHECKED_BYTES)
+    server = FtpServer(VEHICLE, FolderFiles(folder))
+    request = Payload(operation=Operation.CALCULATE_CRC32, size=4, data=b"huge").encode()
+    asked = message("FILE_TRANSFER_PROTOCOL", target_system=1, target_component=1, payload=request)
+    for number in range(5000):
+        server.receive(asked, Address(number % 250 + 1, number // 250 + 1), 0.0)
+    answers = [read_payload(sent.payload) for sent in server.outgoing()]
+    assert len(answers) == 5000 - MOST_SESSIONS
+    assert {answer.data[0] for answer in answers if answer} == {FtpError.NO_SESSIONS_AVAILABLE}
 
 
 def test_a_read_only_folder_is_not_changed(folder: Path) -> None:
@@ -229,6 +260,25 @@ def test_a_repeated_question_is_answered_again_and_not_done_again(folder: Path) 
     assert first[0].operation == Operation.ACKNOWLEDGED
     (refused,) = ask(server, **(remove | {"sequence": 8}))
     assert FtpError.read(refused.data) is FtpError.FILE_NOT_FOUND
+
+
+def test_a_download_that_broke_off_goes_on_at_any_place(folder: Path) -> None:
+    server = FtpServer(VEHICLE, FolderFiles(folder))
+    path = b"logs/flight.mcap"
+    (opened,) = ask(server, sequence=1, operation=Operation.OPEN_FILE_READ_ONLY, size=len(path), data=path)
+    ask(server, sequence=2, operation=Operation.READ_FILE, session=opened.session, offset=0, size=239)
+    ask(server, sequence=3, operation=Operation.RESET_SESSIONS)
+    (opened,) = ask(server, sequence=4, operation=Operation.OPEN_FILE_READ_ONLY, size=len(path), data=path)
+    for number, offset in enumerate((12_345, 29_950, 239)):
+        (part,) = ask(
+            server, sequence=5 + number, operation=Operation.READ_FILE, session=opened.session, offset=offset, size=239
+        )
+        assert part.data == CONTENT[offset : offset + 239]
+    ask(server, sequence=9, operation=Operation.BURST_READ_FILE, session=opened.session, offset=20_000, size=239)
+    server.tick(1.0)
+    begun = read_payload(next(iter(server.outgoing())).payload)
+    assert begun is not None
+    assert (begun.offset, begun.data) == (20_000, CONTENT[20_000:20_239])
 
 
 def test_sessions_are_bounded_belong_to_their_owner_and_expire(folder: Path) -> None:

@@ -8,7 +8,7 @@ from gloc3.link.codec import message
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.mission_client import CurrentItem, ItemReached, MissionClient, Transfer
-from gloc3.link.mission_server import MOST_ITEMS, MissionServer, PlanReceived, SetCurrentRequested
+from gloc3.link.mission_server import MOST_ITEMS, MissionServer, PlanOffered, PlanReceived, SetCurrentRequested
 from gloc3.link.plan import Plan, PlanItem, PlanResult, PlanType
 
 from .mission_transfer import plan, transfer
@@ -275,3 +275,84 @@ def test_who_is_not_served_is_not_answered() -> None:
     server.receive(message("MISSION_COUNT", count=3, target_system=7), STATION, 0.0)
     assert server.outgoing() == []
     assert server.next_tick_s() is None
+
+
+def offering() -> tuple[Pair, MissionServer, MissionClient]:
+    return wired(server=MissionServer(VEHICLE, check=lambda kind, items: None, tells_ids=True))
+
+
+def offers(server: MissionServer) -> list[PlanOffered]:
+    return [event for event in server.events() if isinstance(event, PlanOffered)]
+
+
+def test_a_plan_that_is_left_to_the_owner_is_in_force_when_he_says_so() -> None:
+    pair, server, client = offering()
+    sent = plan(5, 8)
+    uploading = client.upload(VEHICLE, sent, now_s=0.0)
+    pair.run(1.0)
+    (offered,) = offers(server)
+    assert (offered.kind, offered.items, offered.sender, uploading.result) == (PlanType.MISSION, sent, STATION, None)
+    assert server.plans[PlanType.MISSION] == ()
+    server.conclude(offered, PlanResult.ACCEPTED, pair.now_s)
+    server.conclude(offered, PlanResult.DENIED, pair.now_s)
+    assert finish(pair, uploading) is PlanResult.ACCEPTED
+    assert server.plans[PlanType.MISSION] == sent
+
+
+def test_a_plan_that_its_owner_refuses_leaves_the_old_one() -> None:
+    pair, server, client = offering()
+    server.set_plan(PlanType.MISSION, old := plan(1, 3))
+    uploading = client.upload(VEHICLE, plan(5, 8), now_s=0.0)
+    pair.run(15.0)
+    assert uploading.result is None, "the client goes on waiting, since it is asked for its last item again"
+    server.conclude(offers(server)[0], PlanResult.INVALID_PARAM1, pair.now_s)
+    assert finish(pair, uploading) is PlanResult.INVALID_PARAM1
+    assert server.plans[PlanType.MISSION] == old
+
+
+def test_while_the_owner_decides_others_are_denied_and_who_begins_anew_is_heard() -> None:
+    server = MissionServer(VEHICLE, check=lambda kind, items: None)
+    server.receive(to_vehicle("MISSION_COUNT", count=0), STATION, 0.0)
+    (first,) = offers(server)
+    for hostile in ("MISSION_COUNT", "MISSION_CLEAR_ALL"):
+        server.receive(to_vehicle(hostile), OTHER_STATION, 0.1)
+    assert [told.type for told in server.outgoing()] == [PlanResult.DENIED] * 2
+    server.receive(to_vehicle("MISSION_COUNT", count=0), STATION, 0.2)
+    (second,) = offers(server)
+    server.conclude(first, PlanResult.DENIED, 0.3)
+    assert server.outgoing() == []
+    server.conclude(second, PlanResult.ACCEPTED, 0.4)
+    assert [told.type for told in server.outgoing()] == [PlanResult.ACCEPTED]
+    server.receive(to_vehicle("MISSION_COUNT", count=0), STATION, 0.5)
+    server.receive(to_vehicle("MISSION_ACK", type=PlanResult.CANCELLED), STATION, 0.6)
+    server.conclude(offers(server)[0], PlanResult.ACCEPTED, 0.7)
+    assert server.outgoing() == [], "cancelled by its sender"
+
+
+def test_all_plans_are_cleared_with_one_answer_that_tells_the_worst() -> None:
+    server = MissionServer(
+        VEHICLE, check=lambda kind, items: None if kind is not PlanType.RALLY else PlanResult.ACCEPTED
+    )
+    for _ in range(2):  # asked again while it is being decided
+        server.receive(to_vehicle("MISSION_CLEAR_ALL", mission_type=255), STATION, 0.0)
+    offered = offers(server)
+    assert [one.kind for one in offered] == [PlanType.MISSION, PlanType.FENCE]
+    server.conclude(offered[0], PlanResult.DENIED, 0.1)
+    assert server.outgoing() == []
+    server.conclude(offered[1], PlanResult.ACCEPTED, 0.2)
+    (answer,) = server.outgoing()
+    assert (answer.type, answer.mission_type) == (PlanResult.DENIED, 255)
+
+
+def test_a_plan_has_an_id_that_changes_with_it() -> None:
+    server = MissionServer(VEHICLE, tells_ids=True)
+    ids = []
+    for items in ((), plan(1, 3), plan(1, 3), plan(2, 3)):
+        server.set_plan(PlanType.MISSION, items)
+        server.receive(to_vehicle("MISSION_REQUEST_LIST"), STATION, 0.0)
+        (count,) = server.outgoing()
+        assert count.opaque_id == server.current_message().mission_id
+        ids.append(count.opaque_id)
+    assert ids[0] == 0
+    assert ids[1] == ids[2] != ids[3]
+    assert 0 not in ids[1:]

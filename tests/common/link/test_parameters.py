@@ -12,7 +12,13 @@ from gloc3.link.memory import Conditions
 from gloc3.link.message import Address
 from gloc3.link.parameter import Parameter, ParameterEncoding, ParameterType, parameter, read_parameter
 from gloc3.link.parameter_client import ParameterCall, ParameterClient, ParameterFetch, ParameterResult
-from gloc3.link.parameter_server import ParameterServer
+from gloc3.link.parameter_server import (
+    ParameterChanged,
+    ParameterError,
+    ParameterRefused,
+    ParameterServer,
+    ParameterWanted,
+)
 
 from .pair import STATION, VEHICLE, Pair
 
@@ -68,7 +74,7 @@ def test_a_parameter_is_set_and_read_back(encoding: ParameterEncoding) -> None:
     assert (
         finish(pair, client.set(VEHICLE, "SPEED", 0.3, ParameterType.REAL32, now_s=pair.now_s)) is ParameterResult.DONE
     )
-    (mode, speed) = server.events()
+    (mode, speed) = (event for event in server.events() if isinstance(event, ParameterChanged))
     assert (mode.parameter.value, mode.before.value, mode.sender) == (-7, 3, STATION)
     assert speed.parameter.value == pytest.approx(0.3)
     call = client.read(VEHICLE, "SMALL", now_s=pair.now_s)
@@ -228,3 +234,82 @@ def test_a_station_that_sends_floats_sets_an_integer_where_values_are_cast() -> 
     call = client.set(VEHICLE, "MODE", 5.0, ParameterType.REAL32, now_s=0.0)
     assert finish(pair, call) is ParameterResult.DONE
     assert server["MODE"] == 5
+
+
+def leaving() -> tuple[Pair, ParameterServer, ParameterClient]:
+    """A server whose owner decides on GAIN, and lets only the station set SPEED."""
+
+    def leave(wanted: ParameterWanted) -> bool:
+        if wanted.parameter.name == "SPEED" and wanted.sender != STATION:
+            raise ParameterRefused("not yours", ParameterError.PERMISSION_DENIED)
+        return wanted.parameter.name == "GAIN"
+
+    pair = Pair(1)
+    server = ParameterServer(VEHICLE, PARAMETERS, encoding=ParameterEncoding.CAST, leave=leave)
+    client = ParameterClient(STATION, ParameterEncoding.CAST)
+    pair.add([server], [client])
+    return pair, server, client
+
+
+def wanted_of(server: ParameterServer) -> ParameterWanted:
+    (wanted,) = (event for event in server.events() if isinstance(event, ParameterWanted))
+    return wanted
+
+
+@pytest.mark.parametrize(
+    ("error", "expected", "value"),
+    [(None, ParameterResult.DONE, 2.0), (ParameterError.READ_ONLY, ParameterResult.REFUSED, 0.5)],
+)
+def test_a_value_that_is_left_to_the_owner_waits_for_him(
+    error: ParameterError | None, expected: ParameterResult, value: float
+) -> None:
+    pair, server, client = leaving()
+    server.set("GAIN", 0.5)
+    call = client.set(VEHICLE, "GAIN", 2.0, ParameterType.REAL32, now_s=0.0)
+    pair.run(0.4)
+    assert (server["GAIN"], call.result) == (0.5, None)
+    wanted = [wanted_of(server)]
+
+    def decide(_now_s: float) -> None:
+        wanted.extend(event for event in server.events() if isinstance(event, ParameterWanted))
+        for one in wanted:
+            server.conclude(one, error)
+
+    pair.vehicle.after = decide
+    assert finish(pair, call) is expected
+    assert server["GAIN"] == value
+
+
+def test_while_the_owner_decides_another_value_is_refused_and_a_repeat_waits_with_the_first() -> None:
+    _, server, _ = leaving()
+    bits = parameter("GAIN", 2.0).to_bits(ParameterEncoding.CAST)
+    fields = {"target_system": 1, "target_component": 1, "param_id": "GAIN", "param_type": 9}
+    for _ in range(3):
+        server.receive(message("PARAM_SET", param_value=bits, **fields), STATION, 0.0)
+    assert server.outgoing() == []
+    server.receive(message("PARAM_SET", param_value=bits, **fields), Address(254, 190), 0.1)
+    assert [(told.name, getattr(told, "error", 0)) for told in server.outgoing()] == [
+        ("PARAM_ERROR", 3),
+        ("PARAM_VALUE", 0),
+    ]
+    server.conclude(wanted_of(server), None)
+    assert server["GAIN"] == 2.0
+
+
+def test_who_may_not_set_a_value_is_told_so() -> None:
+    _, server, _ = leaving()
+    fields = {"target_system": 1, "target_component": 1, "param_id": "SPEED", "param_type": 9}
+    server.receive(message("PARAM_SET", param_value=0, **fields), Address(254, 190), 0.0)
+    assert [getattr(told, "error", 0) for told in server.outgoing()] == [ParameterError.PERMISSION_DENIED, 0]
+
+
+def test_thousands_who_ask_for_the_list_do_not_keep_it_from_coming_to_its_end() -> None:
+    _, server, _ = leaving()
+    asked = message("PARAM_REQUEST_LIST", target_system=1, target_component=1)
+    told: list[int] = []
+    for step in range(400):
+        server.receive(asked, Address(step % 250 + 1, 190), step * 0.01)
+        server.tick(step * 0.01)
+        told += [one.param_index for one in server.outgoing()]
+    assert set(told) == set(range(len(PARAMETERS)))
+    assert len(told) <= 400 * 4

@@ -25,14 +25,13 @@ class Net:
         self.restarted: list[int] = []
         self.router = Router(COMPANION, self.restarted.append)
         self.out: dict[str, list[Frame]] = {name: [] for name in names}
-        self.links: dict[str, RouterLink] = {name: self.router.attach(name, self.out[name].append) for name in names}
+        self.links: dict[str, RouterLink] = {name: self.router.attach(name, self.out[name].extend) for name in names}
         self.now_s = 0.0
 
     def hear(self, name: str, raw: bytes) -> dict[str, int]:
         """A frame comes in; by link, how many went out because of it."""
         before = {each: len(frames) for each, frames in self.out.items()}
-        for frame in Parser(is_datagram=True).receive(raw):
-            self.router.route(self.links[name], frame, self.now_s)
+        self.router.route(self.links[name], Parser(is_datagram=True).receive(raw), self.now_s)
         return {each: more for each, frames in self.out.items() if (more := len(frames) - before[each])}
 
     def say(self, name: str, who: Encoder, what: str = "HEARTBEAT", **fields: Any) -> dict[str, int]:

@@ -25,6 +25,7 @@ from gloc3.vehicle import HeightAboveGround
 
 IMU_HZ = 100
 GRAVITY = 9.80665
+WANDER_S = 1.1
 Array = np.ndarray[Any, np.dtype[Any]]
 M = TypeVar("M", Odometry, PositionFix)
 
@@ -169,11 +170,11 @@ class Sensor:
 
 @dataclass
 class Odometer(Sensor):
-    """Key-framed; the errors of one key frame's reports have a share in common."""
+    """Key-framed; the errors of one key frame's reports have a share in common, which wanders slowly."""
 
     std_m: float = 0.003
     std_rad: float = 3e-4
-    share: float = 0.3
+    share: float = 0.9
     key_m: float = 0.6
     key_s: float = 4.0
     is_level: bool = False
@@ -199,6 +200,8 @@ class Odometer(Sensor):
         then = flight.attitude[key]
         axes = from_yaw(yaw_of(then)) if self.is_level else then
         n, e, d = flight.position[now] - flight.position[key]
+        kept = np.exp(-1.0 / (self.rate_hz * WANDER_S))
+        self._common = kept * self._common + np.sqrt((1.0 - kept**2) * self.share) * self._draw()
         noise = self._common + np.sqrt(1.0 - self.share) * self._draw()
         scale = 1.0 + self.scale
         x, y, z = rotate_back(axes, (n * scale, e * scale, d * scale))
@@ -213,6 +216,7 @@ class Odometer(Sensor):
             reference_from_frd=turned,
             covariance=covariance.ravel().tolist(),
             is_level=self.is_level,
+            shared=self.share,
         )
 
     def _new_key(self, t_s: float, flight: Flight) -> None:

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gloc3.frames import Vector3, conjugate, multiply, to_rotation_vector
+from gloc3.frames import Vector3, conjugate, from_yaw, multiply, to_rotation_vector
 from gloc3.perception import Odometry, PositionFix
-from gloc3.vehicle import HeightAboveGround, Pose
+from gloc3.vehicle import AutopilotPose, HeightAboveGround, Pose
 from gloc3_onboard.fusion.pose_fusion import PoseFusion
 from gloc3_onboard.fusion.settings import FusionSettings
 
@@ -55,8 +55,10 @@ def fly(
     imu: Callable[[float, Any, Any], tuple[Any, Any] | None] = lambda _, rate, force: (rate, force),
     until_s: float = 1e9,
     fusion: PoseFusion | None = None,
+    *,
+    has_autopilot: bool = False,
 ) -> Flown:
-    """Feeds everything in the order of its arrival; `imu` may change a sample, or drop it."""
+    """Feeds everything in the order of its arrival; `imu` may change a sample, or drop it. The autopilot tells attitudes only."""
     rng = np.random.default_rng((seed, 99))
     gyro_bias, force_bias = rng.normal(size=3) * GYRO_BIAS, rng.normal(size=3) * FORCE_BIAS
     fusion = fusion or PoseFusion(settings or FusionSettings(start_ned_m=(0.0, 0.0, 0.0), start_heading_deg=0.0))
@@ -75,6 +77,8 @@ def fly(
         sample = imu(t_s, tuple(rate.tolist()), tuple(force.tolist()))
         if sample is not None:
             fusion.imu(*sample, t_s)
+        if has_autopilot and i % 5 == 0:
+            fusion.attitude(_attitude(flight, i), t_s)
         for sensor in sensors:
             for arrives_s, valid_s, message in sensor.reports(flight, t_s):
                 count += 1
@@ -102,6 +106,18 @@ def fly(
         list(columns[4]),
         fusion,
         innovations,
+    )
+
+
+def _attitude(flight: Flight, i: int) -> AutopilotPose:
+    """With a heading that is another, and a position that is nowhere."""
+    p, q, r = flight.rate[i].tolist()
+    attitude = multiply(from_yaw(2.0), flight.attitude[i])
+    return AutopilotPose(
+        position_ned_m=(99.0, 0.0, 0.0),
+        velocity_ned_m_s=(9.0, 0.0, 0.0),
+        ned_from_frd=attitude,
+        rate_frd_rad_s=(p, q, r),
     )
 
 

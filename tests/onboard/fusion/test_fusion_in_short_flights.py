@@ -2,6 +2,7 @@
 
 from math import nan
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -100,6 +101,22 @@ def test_a_message_ahead_of_the_inertial_unit_waits_for_it() -> None:
     assert fusion.state().sources[-1].accepted == 1
 
 
+@pytest.mark.parametrize(("away_m", "jumps"), [(0.5, 1), (0.05, 0)])
+def test_a_large_correction_is_a_jump_and_counted_and_a_small_one_is_blended_in(away_m: float, jumps: int) -> None:
+    fusion = PoseFusion(msgspec.structs.replace(AT_HOME, start_std_m=0.3))
+    standing(fusion, 1.0)
+    covariance = (np.eye(3) * 1e-4).ravel().tolist()
+    fusion.fix(PositionFix(source="tracker", position_ned_m=(away_m, 0.0, 0.0), covariance=covariance), 1.0)
+    standing(fusion, 1.02, 1.0)
+    fusion.tick(1.02)
+    first = fusion.pose()
+    standing(fusion, 2.0, 1.02)
+    last = fusion.pose()
+    assert (first.reset_counter, last.reset_counter) == (jumps, jumps)
+    assert last.position_ned_m[0] == pytest.approx(away_m, abs=0.01)
+    assert (first.position_ned_m[0] > 0.9 * away_m) == bool(jumps), "at once, or by and by"
+
+
 def test_garbage_of_every_kind_never_makes_it_not_a_number() -> None:
     rng = np.random.default_rng(5)
     fusion = PoseFusion(AT_HOME)
@@ -168,17 +185,17 @@ def test_a_frozen_odometer_is_found_within_half_a_second_and_let_in_again() -> N
 def test_without_any_source_the_pose_is_soon_not_valid_and_says_why_and_comes_back() -> None:
     sensors = sensors_of("hummingbird", 0)
     for sensor in sensors:
-        sensor.fault, sensor.fault_s = "removed", (6.0, 9.0)
-    flown = fly(inspection(), sensors, until_s=10.5)
+        sensor.fault, sensor.fault_s = "removed", (6.0, 10.0)
+    flown = fly(inspection(), sensors, until_s=11.5)
     valid = np.array([pose.is_valid for pose in flown.poses])
     first = flown.t_s[~valid][0]
-    assert 7.0 < first < 8.0
+    assert 8.0 < first < 9.0
     reason = flown.poses[int(np.flatnonzero(~valid)[0])].reason
     assert "nothing has held the position" in reason
     assert "stereo: nothing comes from it" in reason
     assert flown.poses[np.searchsorted(flown.t_s, 7.2)].quality < 0.3
     assert valid[-1]
-    assert flown.worst_m(10.0) < 0.06
+    assert flown.worst_m(11.0) < 0.06
 
 
 def test_without_the_inertial_unit_it_goes_on_with_the_odometers() -> None:
@@ -190,6 +207,21 @@ def test_without_the_inertial_unit_it_goes_on_with_the_odometers() -> None:
     assert "imu" not in flown.poses[np.searchsorted(flown.t_s, 8.0)].sources
     assert "imu" in flown.poses[-1].sources
     assert flown.worst_m() < 0.12
+
+
+def test_without_the_inertial_unit_and_the_stereo_pair_the_autopilot_tells_where_down_is() -> None:
+    flown = fly(
+        inspection(),
+        [sensor for sensor in sensors_of("pelican", 0) if sensor.name != "stereo"],
+        imu=lambda t_s, rate, force: None if 6.0 < t_s < 12.0 else (rate, force),
+        until_s=13.0,
+        has_autopilot=True,
+    )
+    assert np.abs(flown.turn_rad).max() < 0.02
+    assert flown.worst_m() < 0.05
+    assert all(pose.is_valid for pose in flown.poses)
+    assert "autopilot" in flown.poses[np.searchsorted(flown.t_s, 11.0)].sources
+    assert "autopilot" not in flown.poses[-1].sources
 
 
 def test_the_reported_position_has_no_steps_where_nothing_was_reset() -> None:

@@ -41,3 +41,15 @@ def test_of_garbage_within_what_it_can_measure_next_to_nothing_is_believed() -> 
         believed += watch.take(rate, force, t_s, t_s, trust) is not None and is_garbage
     assert believed == 0
     assert not trust.is_used
+
+
+def test_who_is_doubted_again_and_again_is_left_out_for_longer_and_longer() -> None:
+    watch, trust = ImuWatch(), Trust("imu", 1.0)
+    now_s, spans = 0.0, []
+    for _ in range(7):
+        watch.doubt(now_s, "it contradicts everybody", trust)
+        begin_s = now_s
+        while watch.is_doubted(now_s):
+            now_s += 0.5
+        spans.append(now_s - begin_s)
+    assert spans == [3.0, 6.0, 12.0, 24.0, 48.0, 60.0, 60.0]

@@ -17,11 +17,14 @@ from gloc3.frames import (
     yaw_of,
 )
 from gloc3.perception import UNKNOWN_VARIANCE
-from gloc3_onboard.fusion.error_state import SIZE, ErrorState, past_pose
+from gloc3_onboard.fusion.alignment import Start
+from gloc3_onboard.fusion.error_state import ROTATION, SIZE, VELOCITY, ErrorState, past_pose
+from gloc3_onboard.fusion.estimate import Estimate
 from gloc3_onboard.fusion.inertial import Inertial, State
-from gloc3_onboard.fusion.measurements import Measured, covariance_of, matrix_of, place, relative
+from gloc3_onboard.fusion.measurements import Measured, covariance_of, level_of, matrix_of, place, relative
+from gloc3_onboard.fusion.settings import FusionSettings
 from gloc3_onboard.fusion.trust import Trust
-from gloc3_onboard.fusion.vote import Vote
+from gloc3_onboard.fusion.vote import Elsewhere, Vote
 
 LEVEL_AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.80665))
 
@@ -130,6 +133,29 @@ def test_the_error_of_a_past_pose_follows_from_the_error_now() -> None:
     assert (jacobian @ now).tolist() == pytest.approx(difference(wrong.at(0.0), then).tolist(), abs=5e-7)
 
 
+def test_a_speed_that_is_found_without_the_inertial_unit_tells_nothing_of_the_tilt() -> None:
+    estimate, state = Estimate(FusionSettings()), State(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), IDENTITY)
+    estimate.begin(Start(state, 0.01, 0.01, is_moving=False), state, (0.0, 0.0, 0.0))
+    for step in range(1, 51):
+        estimate.coast(0.02 * step)
+    estimate.predict()
+    rows = np.zeros((3, SIZE))
+    rows[:, VELOCITY] = np.eye(3)
+    estimate.take(np.array((0.7, 0.0, 0.0)), rows, 1e-4 * np.eye(3))
+    assert estimate.inertial.now.velocity_ned_m_s[0] == pytest.approx(0.7, abs=0.01)
+    assert estimate.inertial.now.ned_from_frd == pytest.approx(IDENTITY, abs=1e-9)
+    assert estimate.errors.covariance[VELOCITY, ROTATION] == pytest.approx(np.zeros((3, 3)), abs=1e-9)
+
+
+def test_an_attitude_from_elsewhere_tells_where_down_is_and_not_the_heading() -> None:
+    truth, turn = from_euler(0.1, -0.2, 0.5), (0.003, -0.002, 0.7)
+    believed = multiply(from_rotation_vector((-0.003, 0.002, 0.0)), truth)
+    told = multiply(from_yaw(turn[2]), truth)
+    measured = level_of(believed, told, 0.02)
+    assert measured.residual == pytest.approx((0.003, -0.002), abs=1e-5)
+    assert measured.by_pose @ np.array((0.0, 0.0, 0.0, *turn)) == pytest.approx((0.003, -0.002))
+
+
 def test_a_clone_is_the_pose_of_its_time_and_goes_without_trace() -> None:
     errors = ErrorState()
     errors.reset(np.full(SIZE, 0.1))
@@ -221,3 +247,23 @@ def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_t
 
     assert vote(1e-3) == "late"
     assert vote(0.2) == ""
+
+
+def test_two_that_say_together_that_the_body_is_elsewhere_are_heard_and_two_that_say_different_things_are_not() -> None:
+    def elsewhere(a_m: Vector3, b_m: Vector3, blind_std_m: float = 0.002) -> Elsewhere | None:
+        vote = Vote(6.0, 0.01)
+        for name, by_m, std_m in (("a", a_m, 0.002), ("b", b_m, 0.002), ("c", (0.0, 0.0, 0.0), blind_std_m)):
+            for i in range(20):
+                excess = by_m if i == 12 else (0.0, 0.0, 0.0)
+                vote.record(name).add(i * 0.1, excess, np.eye(3) * std_m**2)
+        vote.look({"a": True, "b": True, "c": True}, (0.0, 0.0, 0.0), 0.0, 1.9)
+        return vote.elsewhere(["a", "b", "c"], 1.15, 1.9)
+
+    found = elsewhere((0.1, 0.0, 0.0), (0.1, 0.0, 0.01))
+    assert found is not None
+    assert found.names == ("a", "b")
+    assert found.by_m == pytest.approx((0.1, 0.0, 0.005), abs=1e-3)
+    assert elsewhere((0.1, 0.0, 0.0), (0.1, 0.0, 0.01), blind_std_m=9.0) is not None
+    assert elsewhere((0.1, 0.0, 0.0), (-0.1, 0.0, 0.0)) is None
+    assert elsewhere((0.1, 0.0, 0.0), (0.005, 0.0, 0.0)) is None
+    assert elsewhere((0.005, 0.0, 0.0), (0.005, 0.0, 0.0)) is None

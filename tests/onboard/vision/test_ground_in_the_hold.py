@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from tests.evidence.ground import Run
+from tests.evidence.ground import Run, controls
 from tests.evidence.ground_flight import fly, motion, write_folder
 
 from gloc3.cli import _call
@@ -42,6 +42,7 @@ def test_a_leg_over_the_floor_keeps_the_bars_and_an_honest_covariance() -> None:
     assert plain.drift() < 0.8
     assert biased.drift() < 1.3
     assert 0.1 < np.mean([position for position, _ in plain.errors]) < 2.0
+    assert min(controls(motion(2, LEG))) > 10.0
 
 
 def test_boxes_below_are_not_taken_for_motion() -> None:
@@ -65,7 +66,10 @@ def test_the_command_runs_on_a_folder_and_tells_errors_and_reasons(
     assert found["run"]["inputs"] == 60
     assert found["run"]["valid"] >= 57
     assert found["errors"]["absolute_m"]["rms"] < 0.03
-    assert len(out.read_text().splitlines()) == found["poses"]
+    rows = [line.split() for line in out.read_text().splitlines()]
+    assert (len(rows), len(rows[0])) == (found["poses"], 8)
+    begin_ns = int((folder / "ground" / "data.csv").read_text().splitlines()[1].split(",")[0])
+    assert float(rows[0][0]) == pytest.approx(begin_ns * 1e-9, abs=1e-9), "the data set's own time"
     (folder / "height.csv").write_text("1,2\nx,2\n")
     with pytest.raises(InputError, match=r"height\.csv:2"):
         _call(app, ["ground", str(folder)])

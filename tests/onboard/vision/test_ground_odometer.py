@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gloc3.camera_model import CameraModel
 from gloc3.frames import IDENTITY, from_euler, from_yaw, yaw_of
 from gloc3.perception import Odometry
+from gloc3_onboard.vision.ground_height import GroundHeight
 from gloc3_onboard.vision.ground_odometer import GroundOdometer
 
 FOCAL_PX = 200.0
@@ -156,22 +157,31 @@ def test_pictures_of_the_past_are_turned_down_until_time_itself_has_gone_back() 
     assert flight.odometer.update(seen(8), 5 * PERIOD_S, IDENTITY, HEIGHT_M).is_valid
 
 
-def test_without_heights_it_goes_on_for_a_while_and_comes_back_by_itself() -> None:
+def test_without_heights_it_goes_on_by_what_it_sees_of_them_and_comes_back_by_itself() -> None:
     flight = Flight()
     flight.steps(3)
-    found = flight.step(height_m=math.nan)
-    assert found.is_valid
+    assert flight.step(height_m=math.nan).is_valid
     reasons = []
-    for number in range(5 * 15 + 4):
+    for number in range(8 * 15):
         flight.count += 1
         shift = STEP_PX * 4 + number % 2
-        found = flight.odometer.update(seen(shift), flight.t_s, IDENTITY, math.nan)
-        reasons.append(found.reason)
-    assert reasons[-1] == "there is no height"
-    assert not any(reasons[:60])
+        reasons.append(flight.odometer.update(seen(shift), flight.t_s, IDENTITY, math.nan).reason)
+    assert not any(reasons), set(reasons)
+    flight.count += 30
+    assert flight.odometer.update(seen(STEP_PX * 5), flight.t_s, IDENTITY, math.nan).reason == "there is no height"
     flight.count += 1
     flight.odometer.update(seen(STEP_PX * 3), flight.t_s, IDENTITY, HEIGHT_M)
     assert flight.odometer.update(seen(STEP_PX * 4), flight.t_s + PERIOD_S, IDENTITY, HEIGHT_M).is_valid
+
+
+def test_a_height_that_has_changed_unmeasured_too_often_is_none() -> None:
+    height = GroundHeight(0.02, 0.007)
+    height.begin(1.5)
+    found = []
+    for _ in range(100):
+        height.rise(1.0, 0.0102)
+        found.append(height.is_lost(5.0))
+    assert (found[80], found[99]) == (False, True)
 
 
 def test_without_an_attitude_nothing_is_told() -> None:

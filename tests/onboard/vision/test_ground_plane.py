@@ -80,8 +80,6 @@ def test_the_height_smooths_echoes_of_the_floor_and_of_a_known_box_and_turns_dow
     assert height.update(1.2, 1.0, (0.0, 0.8), 0.1)
     assert height.mean_m == pytest.approx(before_m, abs=0.001)
     assert not height.is_lost(5.0)
-    height.miss(6.0)
-    assert height.is_lost(5.0)
     height.rise(1.5, 0.001)
     assert height.mean_m == pytest.approx(3.0, abs=0.02)
 

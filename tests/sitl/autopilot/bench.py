@@ -12,6 +12,7 @@ from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.plan import PlanItem, PlanResult, PlanType
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
+from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.simulator import Simulator
 from gloc3_sitl.world import World
 
@@ -39,6 +40,10 @@ class Bench:
     @property
     def autopilot(self) -> Any:
         return self.sim.autopilot
+
+    @property
+    def pilot(self) -> Pilot:
+        return self.sim.pilot
 
     @property
     def mode(self) -> str:
@@ -123,7 +128,7 @@ class Bench:
             assert self.command(TAKE_OFF, nan, 0, 0, nan, nan, nan, nan) is Result.ACCEPTED
             self.run_until(lambda: self.mode == "Hold", 20.0)
         else:
-            self.run_until(lambda: bool(self.autopilot.estimator.is_position_good(self.sim.now_s)), 10.0)
+            self.run_until(lambda: bool(self.autopilot.estimator.is_position_good(self.autopilot.craft.now_s)), 10.0)
             assert self.set_mode("GUIDED") is Result.ACCEPTED
             self.get_ready()
             assert self.command(ARM, 1) is Result.ACCEPTED

@@ -3,12 +3,15 @@
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 import yaml
 from numpy.typing import NDArray
 
 from gloc3.errors import Refused
+from gloc3_onboard.odometry_ground import ground as odometry
+from gloc3_onboard.odometry_report import ReportOptions
 from gloc3_sitl.record_cli import Form, lap, record
 from gloc3_sitl.sequences.carmen import write_carmen
 from gloc3_sitl.sequences.euroc import write_euroc
@@ -104,6 +107,21 @@ def test_a_carmen_log_s_poses_put_its_points_on_the_walls(tmp_path: Path) -> Non
         off = np.abs(np.column_stack([px - 21.0, px + 3.0, py - 13.0, py + 3.0])).min(axis=1)
         assert np.median(off) < 0.02
         assert (off < 0.05).mean() > 0.95, "nearly all of them: it leans a little"
+
+
+def test_the_ground_odometer_finds_the_way_of_a_ground_data_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "floor"
+    way = ["5,1,1.5", "9,1,1.5"]
+    assert record(Form.GROUND, folder, way=way, speed=0.8, rate=8.0, seconds=5.0) == 0
+    assert odometry(folder, options=ReportOptions(truth=folder / "truth.txt", json=True), slant=True) == 0
+    found = msgspec.json.decode(capsys.readouterr().out)
+    assert (found["run"]["inputs"], found["run"]["valid"]) == (41, 40)
+    assert found["errors"]["poses"] == 41
+    assert found["errors"]["path_m"] > 1.0
+    assert found["errors"]["absolute_m"]["max"] < 0.03
+    assert found["errors"]["absolute_deg"]["max"] < 0.5
 
 
 def test_the_command_writes_each_form_and_refuses_what_makes_no_sense(tmp_path: Path) -> None:

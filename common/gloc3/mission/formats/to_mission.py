@@ -24,7 +24,7 @@ _HEIGHT_ABOVE: Final = {
 }
 _ARDUPILOT: Final = 3
 _METRES_PER_DEGREE: Final = 111_320.0
-_LEFT_OUT: Final = {
+LEFT_OUT: Final = {
     189: "DO_LAND_START",
     200: "DO_CONTROL_VIDEO",
     202: "DO_DIGICAM_CONFIGURE",
@@ -88,8 +88,8 @@ class _Converter:
             handler = _HANDLERS.get(item.command)
             if handler is not None:
                 handler(self, item, number)
-            elif item.command in _LEFT_OUT:
-                self._warn(f"item {number}, {_LEFT_OUT[item.command]}, is left out", "add record_images by hand")
+            elif item.command in LEFT_OUT:
+                self._warn(f"item {number}, {LEFT_OUT[item.command]}, is left out", "add record_images by hand")
             else:
                 self._refuse(number, f"command {item.command} cannot be expressed in a mission")
         self._end_flight()
@@ -260,6 +260,8 @@ _HANDLERS: Final[dict[int, Handler]] = {
     201: _Converter._look,
 }
 """By MAV_CMD: waypoint, loiter for a time, return, land, take-off, delay, speed, region of interest."""
+CONVERTED: Final = frozenset(_HANDLERS)
+"""The commands that become actions of a mission, or change how those behind them are flown."""
 
 
 def _begins_with_home(items: tuple[MavItem, ...]) -> bool:

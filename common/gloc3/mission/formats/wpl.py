@@ -3,6 +3,7 @@
 from math import isfinite, isnan
 from typing import Final
 
+from gloc3.counting import counted
 from gloc3.errors import Finding, InputError
 from gloc3.mission.formats.items import Entry, MavItem, Plan
 
@@ -66,7 +67,7 @@ class _BadLine(Exception):
 def _item(columns: list[str], expected: int) -> MavItem:
     if len(columns) != _COLUMNS:
         hint = "index, current, frame, command, four parameters, latitude, longitude, altitude, autocontinue"
-        raise _BadLine(f"{len(columns)} column{'' if len(columns) == 1 else 's'}, but an item has {_COLUMNS}", hint)
+        raise _BadLine(f"{counted(len(columns), 'column')}, but an item has {_COLUMNS}", hint)
     index, current, frame, command = (_whole(text) for text in columns[:4])
     if index != expected:
         raise _BadLine(f"item {index} stands where item {expected} is expected", "number the items from 0 without gaps")

@@ -7,7 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
-from gloc3_groundstation.counting import counted
+from gloc3.counting import counted
 from gloc3_groundstation.parameter_desk import judge
 from gloc3_groundstation.service_jobs import Service
 from gloc3_groundstation.services.parameter_table import ParameterRow, ParameterTable

@@ -4,9 +4,9 @@ from collections.abc import Container, Sequence
 from typing import Final
 
 from gloc3.ci import ControlVerb
+from gloc3.counting import counted
 from gloc3.port_advice import port_advice
 from gloc3_groundstation import wording
-from gloc3_groundstation.counting import counted
 from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.lines import Line, Span, Tone, cut
@@ -113,7 +113,9 @@ def link_line(link: LinkSnapshot, width: int) -> Line:
     """One link."""
     is_lost = bool(link.problem) and not link.is_connected
     behind = ", ".join((*link.platforms, *link.heard)) or ("nobody is heard" if link.is_connected else "nobody yet")
-    tone = Tone.TEXT if link.platforms or link.heard else Tone.DIM
+    tone = Tone.WARN if link.refusals else Tone.TEXT if link.platforms or link.heard else Tone.DIM
+    if remark := link.remark():
+        behind = f"{remark}; {behind}" if link.refusals else f"{behind}; {remark}"
     problem = link.problem.removeprefix(f"{link.url.partition('://')[2]}: ")
     return table_of(LINK_COLUMNS, width).line(
         [

@@ -5,7 +5,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-from gloc3_groundstation.counting import counted
+from gloc3.counting import counted
 from gloc3_groundstation.services.parameter_table import (
     DiffKind,
     DiffRow,

@@ -1,7 +1,7 @@
 """The form of a behaviour, and the part that most share: a smooth way to a place with a heading."""
 
 from abc import ABC, abstractmethod
-from math import hypot, sqrt
+from math import atan2, hypot, sqrt
 
 from gloc3.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint
@@ -70,6 +70,20 @@ class Mover(Activity):
         pn, pe, pd = trajectory.position
         lag = sqrt((pn - n) ** 2 + (pe - e) ** 2 + (pd - d) ** 2)
         trajectory.advance(PERIOD_S if lag < _LAG_M else PERIOD_S * max(0.0, 2.0 - lag / _LAG_M))
+        self.turn()
+        return MotionSetpoint(
+            position_ned_m=trajectory.position,
+            velocity_ned_m_s=trajectory.velocity,
+            acceleration_ned_m_s2=trajectory.acceleration,
+            yaw_rad=self.yaw_rad,
+        )
+
+    def turn(self) -> float:
+        """Turns the wanted heading on by one period; gives it."""
+        place = self.craft.looks_at
+        if place is not None:
+            n, e, _ = self.craft.estimator.inertial.position_ned_m
+            self.yaw_wanted_rad = atan2(place[1] - e, place[0] - n)
         turn = wrap_pi(self.yaw_wanted_rad - self.yaw_rad)
         step = self.craft.tuning.yaw_rate_rad_s * PERIOD_S
         if turn > step:
@@ -77,12 +91,7 @@ class Mover(Activity):
         elif turn < -step:
             turn = -step
         self.yaw_rad = wrap_pi(self.yaw_rad + turn)
-        return MotionSetpoint(
-            position_ned_m=trajectory.position,
-            velocity_ned_m_s=trajectory.velocity,
-            acceleration_ned_m_s2=trajectory.acceleration,
-            yaw_rad=self.yaw_rad,
-        )
+        return self.yaw_rad
 
     def distance_to(self, position_ned_m: Vector3) -> float:
         """From where the vehicle is believed to be."""

@@ -2,9 +2,11 @@
 
 from gloc3_sitl.autopilot.behaviours.base import Activity
 from gloc3_sitl.autopilot.behaviours.climb import TakeOff
+from gloc3_sitl.autopilot.behaviours.follow import Follow
 from gloc3_sitl.autopilot.behaviours.hold import Brake, Hold
 from gloc3_sitl.autopilot.behaviours.land import Land
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
+from gloc3_sitl.autopilot.behaviours.orbit import Orbit
 from gloc3_sitl.autopilot.behaviours.piloted import Altitude, Position, Stabilize
 from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
 from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard, StreamedAttitude
@@ -52,6 +54,10 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, *, i
             return ReturnHome(craft)
         case Behaviour.MISSION:
             return MissionFlight(craft)
+        case Behaviour.ORBIT:
+            return Orbit(craft)
+        case Behaviour.FOLLOW:
+            return Follow(craft)
         case Behaviour.STREAMED:
             return Guided(craft) if is_guided else Offboard(craft)
         case Behaviour.STREAMED_ATTITUDE:

@@ -13,6 +13,8 @@ from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdom
 _GATE_SIGMA: Final = 5.0
 _FIRST_MEASUREMENTS: Final = 10
 """Positions taken in before the estimate may be flown by."""
+_STUCK: Final = 10
+"""So many equal readings of a magnetometer in a row: a working one has noise."""
 _FIX_LOST_S: Final = 0.5
 _GYRO_ALONE_S: Final = 3.0
 """So long the gyro alone keeps the attitude better than a level found from gravity and the vehicle's own accelerations."""
@@ -52,6 +54,7 @@ class Estimator:
     _horizontal: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 4e-4))
     _vertical: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 1e-3))
     _alignment: Alignment = field(default_factory=Alignment)
+    _field_repeats: int = 0
     _horizontal_s: float = 0.0
     _vertical_s: float = 0.0
     _barometer_offset_m: float = nan
@@ -195,9 +198,12 @@ class Estimator:
             self._barometer_offset_m = altitude_m + down
 
     def take_magnetometer(self, field_frd: Vector3, now_s: float) -> None:
-        """Magnetic field in the body, in any unit."""
+        """Magnetic field in the body, in any unit; one that stays the same to the last bit is stuck, and left out."""
+        self._field_repeats = self._field_repeats + 1 if field_frd == self._alignment.field_frd else 0
         self._alignment.field_frd = field_frd
         if not self.is_aligned or not self.sources & Source.MAGNETOMETER or self.sources & Source.EXTERNAL_YAW:
+            return
+        if self._field_repeats >= _STUCK:
             return
         north, east, _ = rotate(self.inertial.ned_from_frd, field_frd)
         self._take_heading(wrap_pi(self.declination_rad - atan2(east, north)), 0.02, now_s)

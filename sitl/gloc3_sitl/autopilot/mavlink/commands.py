@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint, Vector3
 from gloc3.link.command import CommandRequest
+from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
+from gloc3_sitl.autopilot.mavlink.service_commands import SERVICE_HANDLERS
 from gloc3_sitl.autopilot.modes import Behaviour, Result, Severity
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
 
@@ -22,6 +24,7 @@ MOST_HEIGHT_M: Final = 100_000.0
 _UNSUPPORTED: Final = Verdict(Result.UNSUPPORTED)
 _RELATIVE: Final = (3, 6)
 _CUSTOM_FLAG: Final = 1
+_LOOK_AT_NOTHING: Final = 197
 
 
 def handle(front: "Front", request: CommandRequest) -> Verdict:
@@ -95,8 +98,11 @@ def _terminate(front: "Front", request: CommandRequest) -> Verdict:
 # -- places -----------------------------------------------------------------------------------------------------------
 
 
-def _place(front: "Front", request: CommandRequest) -> Vector3 | Verdict:
-    """The NED position of parameters 5 to 7; NaN means here."""
+def _place(front: "Front", request: CommandRequest, *, is_absolute: bool = False) -> Vector3 | Verdict:
+    """The NED position of parameters 5 to 7; NaN means here.
+
+    The height counts from home where a COMMAND_INT says so, unless it `is_absolute` whatever the frame.
+    """
     craft = front.craft
     origin = craft.estimator.origin
     latitude, longitude, height = request.params[4:]
@@ -111,7 +117,8 @@ def _place(front: "Front", request: CommandRequest) -> Vector3 | Verdict:
         if abs(height) > MOST_HEIGHT_M:
             return OUT_OF_RANGE
         base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
-        d = base - height if request.is_int and request.frame in _RELATIVE else origin.origin.altitude_m - height
+        is_relative = request.is_int and request.frame in _RELATIVE and not is_absolute
+        d = base - height if is_relative else origin.origin.altitude_m - height
     return (n, e, d)
 
 
@@ -132,10 +139,21 @@ def _reposition(front: "Front", request: CommandRequest) -> Verdict:
     return commander.go_to(place, yaw, request.params[0])
 
 
+def _orbit(front: "Front", request: CommandRequest) -> Verdict:
+    if front.commander.style.orbit_mode is None:
+        return _UNSUPPORTED
+    place = _place(front, request, is_absolute=True)
+    if isinstance(place, Verdict):
+        return place
+    radius, speed, facing = request.params[:3]
+    known = Facing(int(facing)) if facing in list(Facing) else Facing.CENTRE
+    return front.commander.orbit(circle(place, radius, speed, known, front.craft.tuning.orbit_radius_m))
+
+
 def _set_home(front: "Front", request: CommandRequest) -> Verdict:
     if request.params[0] == 1.0:
         return front.commander.set_home()
-    place = _place(front, request)
+    place = _place(front, request, is_absolute=front.is_px4)  # PX4 does not look at the frame
     return place if isinstance(place, Verdict) else front.commander.set_home(place)
 
 
@@ -206,14 +224,6 @@ def _capabilities(front: "Front", request: CommandRequest) -> Verdict:
     return front.request_message(148, request)
 
 
-def _calibrate(front: "Front", request: CommandRequest) -> Verdict:
-    del request
-    if front.craft.is_armed:
-        return Verdict(front.commander.style.refused, "armed")
-    front.begin_calibration()
-    return Verdict(Result.IN_PROGRESS)
-
-
 def _run_checks(front: "Front", request: CommandRequest) -> Verdict:
     del request
     commander = front.commander
@@ -247,34 +257,38 @@ def _fence_enable(front: "Front", request: CommandRequest) -> Verdict:
     return ACCEPTED
 
 
-def _nothing(front: "Front", request: CommandRequest) -> Verdict:
-    """Cameras, gimbals and servos that the vehicle does not have: taken, and nothing moves."""
-    del front, request
+def _look_at(front: "Front", request: CommandRequest) -> Verdict:
+    """ArduPilot turns the vehicle towards a place, until the mode changes; PX4 turns a gimbal, and there is none."""
+    if front.is_px4:
+        return ACCEPTED
+    if request.command == _LOOK_AT_NOTHING or not any(request.params[4:6]):
+        front.craft.looks_at = None
+        return ACCEPTED
+    place = _place(front, request)
+    if isinstance(place, Verdict):
+        return place
+    front.craft.looks_at = place
     return ACCEPTED
 
 
 HANDLERS: Final[Mapping[int, Handler]] = {
+    **SERVICE_HANDLERS,
     17: _loiter,
     20: _return,
     21: _land,
     22: _take_off,
+    34: _orbit,
     176: _set_mode,
     178: _change_speed,
     179: _set_home,
-    183: _nothing,
     185: _terminate,
     192: _reposition,
     193: _pause_continue,
-    195: _nothing,
-    197: _nothing,
-    201: _nothing,
-    202: _nothing,
-    203: _nothing,
-    205: _nothing,
-    206: _nothing,
+    195: _look_at,
+    197: _look_at,
+    201: _look_at,
     207: _fence_enable,
     224: _set_current,
-    241: _calibrate,
     245: _storage,
     300: _mission_start,
     400: _arm,
@@ -285,8 +299,6 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     519: _capabilities,
     520: _capabilities,
     611: _set_origin,
-    2000: _nothing,
-    2001: _nothing,
     42007: _source_set,
 }
 """By MAV_CMD."""

@@ -8,7 +8,7 @@ from gloc3.link import codec
 from gloc3.link.command import CommandRequest, CommandResult, CommandServer
 from gloc3.link.ftp_server import FtpServer
 from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.interval import StreamScheduler
+from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamScheduler
 from gloc3.link.log_server import LogServer
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
@@ -26,7 +26,7 @@ from gloc3_sitl.autopilot.mavlink.odometry import HeadingOffset
 from gloc3_sitl.autopilot.mavlink.parameter_keeper import ParameterKeeper
 from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanKeeper
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
-from gloc3_sitl.autopilot.mavlink.telemetry import PRODUCERS
+from gloc3_sitl.autopilot.mavlink.telemetry import producers
 from gloc3_sitl.autopilot.mavlink.version import version_of
 from gloc3_sitl.autopilot.modes import Result, Severity
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
@@ -48,9 +48,10 @@ class Front:
 
     Args:
         autopilot: whom it speaks for; its outer loop drives this too.
+        before: itself before a reboot; uploaded plans and files outlive that.
     """
 
-    def __init__(self, autopilot: Autopilot) -> None:
+    def __init__(self, autopilot: Autopilot, before: "Front | None" = None) -> None:
         self.autopilot: Final = autopilot
         self.craft: Final = autopilot.craft
         self.commander: Final = autopilot.commander
@@ -63,6 +64,11 @@ class Front:
         self._texts = StatusTextSender(self.own)
         self._heartbeat = Heartbeat(self.own, vehicle_type=_QUADROTOR, autopilot=autopilot.style.autopilot)
         self.plans: Final = PlanKeeper(self, self.own)
+        if before is not None:
+            self.plans.take_over(before.plans)
+        self.files: Final = OnboardFiles(autopilot.logger, autopilot.style.log_folder)
+        if before is not None:
+            self.files.take_over(before.files)
         self._parameters = ParameterKeeper(autopilot.parameters, self.own, is_bytewise=self.is_px4)
         self._node = Node(
             self.own,
@@ -73,12 +79,14 @@ class Front:
                 self.plans.server,
                 self._parameters.server,
                 LogServer(self.own, autopilot.logger, may_erase=True),
-                FtpServer(self.own, OnboardFiles(autopilot.logger, autopilot.style.log_folder)),
+                FtpServer(self.own, self.files),
                 TimeSync(self.own),
             ),
         )
         self._streams: dict[Link, StreamScheduler] = {}
-        self._producers = {codec.shape(name).id: produce for name, produce in PRODUCERS.items()}
+        self.producers: Final = producers(autopilot.style.name)
+        """By name, what can be streamed or requested."""
+        self._producers = {codec.shape(name).id: produce for name, produce in self.producers.items()}
         self._producers[codec.shape("HEARTBEAT").id] = lambda _: self._heartbeat.message()
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
         self._calibration: tuple[CommandRequest, float] | None = None
@@ -121,11 +129,6 @@ class Front:
         """Sends a sentence to everybody."""
         self._texts.say(int(severity), text)
         self._serve_s = 0.0
-
-    @property
-    def producible(self) -> list[str]:
-        """Names of the messages that can be streamed or requested."""
-        return list(PRODUCERS)
 
     # -- in -----------------------------------------------------------------------------------------------------------
 
@@ -231,7 +234,7 @@ class Front:
 
     def send_now(self, name: str) -> None:
         """Sends a message to everybody out of turn."""
-        message = PRODUCERS[name](self.autopilot)
+        message = self.producers[name](self.autopilot)
         if message is not None:
             self.router.send(message)
 
@@ -275,6 +278,8 @@ class Front:
         link = self.link_of(request.sender)
         if link is None:
             return Verdict(Result.FAILED, "unknown link")
+        if self.is_px4 and request.command == SET_MESSAGE_INTERVAL and request.params[0] not in self._producers:
+            return Verdict(Result.FAILED, "message is not produced here")
         streams = self._streams[link]
         result = streams.command(request, self.craft.now_s)
         for message in streams.outgoing():

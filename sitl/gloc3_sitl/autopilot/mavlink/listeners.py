@@ -1,15 +1,17 @@
 """Messages that are neither commands nor a microservice: heartbeats, setpoints, sticks, origin, odometry."""
 
 from collections.abc import Callable, Mapping
-from math import inf
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint
+from gloc3.link import codec
 from gloc3.link.message import Address, MavlinkMessage
-from gloc3_sitl.autopilot.mavlink.odometry import odometry, vision_position, vision_speed
+from gloc3_sitl.autopilot.craft import Target
+from gloc3_sitl.autopilot.mavlink.odometry import mocap, odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
-from gloc3_sitl.autopilot.modes import Behaviour
-from gloc3_sitl.autopilot.verdict import Author
+from gloc3_sitl.autopilot.modes import Behaviour, Result
+from gloc3_sitl.autopilot.verdict import Author, Verdict
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.mavlink.front import Front
@@ -17,6 +19,15 @@ if TYPE_CHECKING:
 Listener = Callable[["Front", MavlinkMessage, Address], None]
 
 _GROUND_STATION: Final = 6
+_SHELL: Final = 10
+"""SERIAL_CONTROL_DEV: the shell."""
+_SHELL_BYTES: Final = 70
+_NO_SHELL: Final = "gloc3 sitl: there is no shell here, nothing is run\n"
+_POLE_DEG: Final = 90.0
+_GO_NOW: Final = 2
+_OVER_SEA: Final = (0, 5)
+_LEAVE: Final = 65535
+_OVERRIDE_S: Final = 3.0
 _JOYSTICK_S: Final = 0.5
 """A joystick that is silent for so long is gone."""
 
@@ -69,16 +80,91 @@ def _manual_control(front: "Front", message: MavlinkMessage, sender: Address) ->
     pilot.held_until_s = front.craft.now_s + _JOYSTICK_S
 
 
+def _target(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+    """Somebody to follow tells where he is; ArduPilot's way to follow is not here."""
+    del sender
+    origin = front.craft.estimator.origin
+    latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
+    if not front.is_px4 or origin is None or abs(latitude) > _POLE_DEG or not isfinite(message.alt):
+        return
+    n, e, _ = origin.ned_from_geo(latitude, longitude, origin.origin.altitude_m)
+    velocity = (message.vel[0], message.vel[1], message.vel[2])
+    front.craft.target = Target(
+        front.craft.now_s,
+        (n, e, origin.origin.altitude_m - message.alt),
+        velocity if all(map(isfinite, velocity)) else (0.0, 0.0, 0.0),
+    )
+
+
+def _shell(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+    """There is no shell: whoever types something is told so. ArduPilot has none on this message either."""
+    if not front.is_px4 or message.device != _SHELL or not message.count:
+        return
+    text = _NO_SHELL.encode()
+    link = front.link_of(sender)
+    if link is not None:
+        fields = {"device": _SHELL, "flags": 1, "timeout": 0, "baudrate": 0, "count": len(text)}
+        data = (*text, *bytes(_SHELL_BYTES - len(text)))
+        link.send(link.encoder.encode(codec.message("SERIAL_CONTROL", data=data, **fields)))
+
+
+def _guided_item(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+    """ArduPilot's old way to be sent somewhere: a mission item that is marked as one to go to now."""
+    if front.is_px4 or message.current != _GO_NOW:
+        return
+    craft, origin = front.craft, front.craft.estimator.origin
+    verdict = Verdict(Result.FAILED, "not in GUIDED")
+    if origin is not None and front.commander.mode.behaviour is Behaviour.STREAMED:
+        per_unit = 1e-7 if message.name == "MISSION_ITEM_INT" else 1.0
+        n, e, _ = origin.ned_from_geo(message.x * per_unit, message.y * per_unit, origin.origin.altitude_m)
+        base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
+        over_sea = message.frame in _OVER_SEA
+        down = origin.origin.altitude_m - message.z if over_sea else base - message.z
+        if all(map(isfinite, (n, e, down))):
+            verdict = front.commander.go_to((n, e, down), nan, nan)
+    link = front.link_of(sender)
+    if link is not None:
+        fields = {"target_system": sender.system, "target_component": sender.component}
+        ack = codec.message("MISSION_ACK", type=0 if verdict.is_accepted else 1, **fields)
+        link.send(link.encoder.encode(ack))
+
+
+def _override(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+    """Sticks as pulse lengths, as long as they go on: the first four channels; 0 gives one back, the largest leaves it."""
+    if not front.takes_joystick(sender):
+        return
+    pilot = front.craft.pilot
+    if pilot.is_on and pilot.held_until_s == inf:
+        return  # a transmitter goes first
+    pulses = (message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw)
+    before = (pilot.roll, pilot.pitch, 2.0 * pilot.throttle - 1.0, pilot.yaw)
+    roll, pitch, throttle, yaw = (
+        0.0 if pulse == 0 else stick if pulse == _LEAVE else (pulse - 1500) / 500.0
+        for pulse, stick in zip(pulses, before, strict=True)
+    )
+    if not any(pulses):
+        pilot.switch_off()
+        return
+    pilot.sticks(roll=roll, pitch=pitch, yaw=yaw, throttle=(throttle + 1.0) / 2.0)
+    pilot.held_until_s = front.craft.now_s + _OVERRIDE_S
+
+
 def _origin(front: "Front", message: MavlinkMessage, sender: Address) -> None:
     del sender
     front.set_origin(GeoPoint(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3))
 
 
 LISTENERS: Final[Mapping[str, Listener]] = {
+    "ATT_POS_MOCAP": mocap,
+    "FOLLOW_TARGET": _target,
     "HEARTBEAT": _heartbeat,
     "MANUAL_CONTROL": _manual_control,
+    "MISSION_ITEM": _guided_item,
+    "MISSION_ITEM_INT": _guided_item,
     "ODOMETRY": odometry,
+    "RC_CHANNELS_OVERRIDE": _override,
     "REQUEST_DATA_STREAM": _data_stream,
+    "SERIAL_CONTROL": _shell,
     "SET_ATTITUDE_TARGET": _attitude,
     "SET_GPS_GLOBAL_ORIGIN": _origin,
     "SET_MODE": _set_mode,

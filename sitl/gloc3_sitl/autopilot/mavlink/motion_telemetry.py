@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
 
 
+_DILUTION: Final = 14.0
+"""Horizontal dilution of precision times the number of satellites, about; the vertical one is half as much again."""
+
+
 def attitude(autopilot: "Autopilot") -> MavlinkMessage:
     """ATTITUDE."""
     roll, pitch, yaw = autopilot.estimator.euler_rad
@@ -125,8 +129,8 @@ def gps_raw(autopilot: "Autopilot") -> MavlinkMessage:
         lat=round(fix.place.latitude_deg * 1e7),
         lon=round(fix.place.longitude_deg * 1e7),
         alt=round(fix.place.altitude_m * 1e3),
-        eph=min(65535, round(fix.horizontal_accuracy_m * 100.0)),
-        epv=min(65535, round(fix.vertical_accuracy_m * 100.0)),
+        eph=round(100.0 * _DILUTION / max(1, fix.satellites)),
+        epv=round(150.0 * _DILUTION / max(1, fix.satellites)),
         vel=min(65534, round(speed * 100.0)),
         cog=round(degrees(atan2(ve, vn) % tau) * 100.0) % 36000,
         satellites_visible=fix.satellites,

@@ -101,6 +101,18 @@ def vision_speed(front: "Front", message: MavlinkMessage, sender: Address) -> No
         _take(front, message.usec, None, velocity, None, _USUAL_DEVIATION, _USUAL_DEVIATION, resets)
 
 
+def mocap(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+    """ATT_POS_MOCAP: ArduPilot takes it; what PX4 makes of it its estimator does not use."""
+    del sender
+    if front.is_px4 or not front.autopilot.parameters["VISO_TYPE"]:
+        return
+    w, x, y, z = message.q
+    yaw = yaw_of(normalize((w, x, y, z))) if all(isfinite(value) for value in message.q) else None
+    position = _finite((message.x, message.y, message.z))
+    resets = front.autopilot.estimator.external_resets
+    _take(front, message.time_usec, position, None, yaw, _USUAL_DEVIATION, _USUAL_DEVIATION, resets)
+
+
 def _take(
     front: "Front",
     time_usec: int,
@@ -111,6 +123,8 @@ def _take(
     velocity_deviation_m_s: float,
     reset_counter: int,
 ) -> None:
+    if not front.autopilot.takes_odometry:
+        return
     now_s = front.craft.now_s
     t_s = time_usec * 1e-6
     if not now_s - 1.0 < t_s <= now_s:

@@ -42,8 +42,14 @@ class PlanKeeper:
     def __init__(self, front: "Front", own: Address) -> None:
         self._front = front
         self._first = front.craft.first_item
-        self.server: Final = MissionServer(own, check=self._check, tells_current=False)
+        self.server: Final = MissionServer(own, check=self._check, tells_current=False, is_old=not front.is_px4)
         self._home_told: object = None
+
+    def take_over(self, other: "PlanKeeper") -> None:
+        """Keeps the plans of before a reboot."""
+        for kind, items in other.server.plans.items():
+            self.server.set_plan(kind, items)
+        self.server.events()
 
     def tick(self) -> None:
         """Puts new plans in force, and keeps ArduPilot's item 0 at home."""

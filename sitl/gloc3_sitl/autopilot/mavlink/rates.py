@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
-from gloc3_sitl.autopilot.mavlink.telemetry import PRODUCERS
+from gloc3_sitl.autopilot.mavlink.telemetry import producers
 
 _SLOW: Final = {
     "SYS_STATUS": 1.0,
@@ -27,6 +27,10 @@ _DEFAULTS: Final[Mapping[str, Mapping[LinkKind, Mapping[str, float]]]] = {
             "ESTIMATOR_STATUS": 0.5,
             "GLOBAL_POSITION_INT": 5.0,
             "LOCAL_POSITION_NED": 4.0,
+            "ORBIT_EXECUTION_STATUS": 2.0,
+            "RC_CHANNELS": 5.0,
+            "SCALED_PRESSURE": 1.0,
+            "SERVO_OUTPUT_RAW": 1.0,
             "VFR_HUD": 4.0,
         },
         LinkKind.COMPANION: {
@@ -48,12 +52,13 @@ _DEFAULTS: Final[Mapping[str, Mapping[LinkKind, Mapping[str, float]]]] = {
 
 def starting_rates(style: str, kind: LinkKind) -> dict[str, float]:
     """Rates in Hz at which a link begins; 0 for what is only sent when somebody asks."""
-    return dict.fromkeys(PRODUCERS, 0.0) | dict(_DEFAULTS[style].get(kind, {}))
+    return dict.fromkeys(producers(style), 0.0) | dict(_DEFAULTS[style].get(kind, {}))
 
 
 GROUPS: Final[Mapping[int, tuple[str, ...]]] = {
-    1: ("SCALED_IMU",),
+    1: ("RAW_IMU", "SCALED_IMU", "SCALED_PRESSURE"),
     2: ("SYS_STATUS", "MISSION_CURRENT", "GPS_RAW_INT", "FENCE_STATUS"),
+    3: ("RC_CHANNELS", "SERVO_OUTPUT_RAW"),
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
     10: ("ATTITUDE",),
     11: ("VFR_HUD",),
@@ -64,6 +69,7 @@ GROUPS: Final[Mapping[int, tuple[str, ...]]] = {
 GROUP_PARAMETERS: Final[Mapping[str, int]] = {
     "MAV1_RAW_SENS": 1,
     "MAV1_EXT_STAT": 2,
+    "MAV1_RC_CHAN": 3,
     "MAV1_POSITION": 6,
     "MAV1_EXTRA1": 10,
     "MAV1_EXTRA2": 11,

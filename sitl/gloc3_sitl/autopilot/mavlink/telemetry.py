@@ -1,17 +1,18 @@
-"""Every message that the autopilot can tell about itself, by name."""
+"""Every message that the autopilot can tell about itself, by name and style."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from gloc3.link.message import MavlinkMessage
-from gloc3_sitl.autopilot.mavlink import motion_telemetry, state_telemetry
+from gloc3_sitl.autopilot.mavlink import motion_telemetry, output_telemetry, state_telemetry
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
 
 Producer = Callable[["Autopilot"], MavlinkMessage | None]
 
-PRODUCERS: Final[dict[str, Producer]] = {
+_PRODUCERS: Final[dict[str, Producer]] = {
+    "ACTUATOR_OUTPUT_STATUS": output_telemetry.actuator_output,
     "ALTITUDE": motion_telemetry.altitude,
     "ATTITUDE": motion_telemetry.attitude,
     "ATTITUDE_QUATERNION": motion_telemetry.attitude_quaternion,
@@ -22,17 +23,45 @@ PRODUCERS: Final[dict[str, Producer]] = {
     "ESTIMATOR_STATUS": state_telemetry.estimator_status,
     "EXTENDED_SYS_STATE": state_telemetry.extended_sys_state,
     "FENCE_STATUS": state_telemetry.fence_status,
+    "FLIGHT_INFORMATION": output_telemetry.flight_information,
     "GLOBAL_POSITION_INT": motion_telemetry.global_position,
     "GPS_GLOBAL_ORIGIN": state_telemetry.global_origin,
     "GPS_RAW_INT": motion_telemetry.gps_raw,
+    "HIL_STATE_QUATERNION": output_telemetry.ground_truth,
     "HIGHRES_IMU": motion_telemetry.highres_imu,
     "HOME_POSITION": state_telemetry.home_position,
     "LOCAL_POSITION_NED": motion_telemetry.local_position,
     "MISSION_CURRENT": state_telemetry.mission_current,
+    "ODOMETRY": output_telemetry.odometry_out,
+    "ORBIT_EXECUTION_STATUS": output_telemetry.orbit_status,
     "POSITION_TARGET_LOCAL_NED": motion_telemetry.position_target,
+    "RAW_IMU": output_telemetry.raw_imu,
+    "RC_CHANNELS": output_telemetry.rc_channels,
     "SCALED_IMU": motion_telemetry.scaled_imu,
+    "SCALED_PRESSURE": output_telemetry.scaled_pressure,
+    "SERVO_OUTPUT_RAW": output_telemetry.servo_output,
     "SYSTEM_TIME": state_telemetry.system_time,
     "SYS_STATUS": state_telemetry.sys_status,
     "VFR_HUD": motion_telemetry.vfr_hud,
 }
 """By the name of the message; None means that there is nothing to tell now."""
+
+_NOT_TOLD: Final[Mapping[str, frozenset[str]]] = {
+    "px4": frozenset({"EKF_STATUS_REPORT", "FENCE_STATUS", "RAW_IMU"}),
+    "ardupilot": frozenset(
+        {
+            "ACTUATOR_OUTPUT_STATUS",
+            "ALTITUDE",
+            "ESTIMATOR_STATUS",
+            "HIL_STATE_QUATERNION",
+            "ODOMETRY",
+            "ORBIT_EXECUTION_STATUS",
+        }
+    ),
+}
+"""What the firmware of a style has no stream for."""
+
+
+def producers(style: str) -> dict[str, Producer]:
+    """What a style can tell."""
+    return {name: produce for name, produce in _PRODUCERS.items() if name not in _NOT_TOLD[style]}

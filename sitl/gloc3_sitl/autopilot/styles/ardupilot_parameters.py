@@ -58,6 +58,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("MAV1_EXTRA2", 0, 0, 50, "stream rate of VFR_HUD, Hz", kind=Kind.INT16),
     whole("MAV1_EXTRA3", 0, 0, 50, "stream rate of slow state, Hz", kind=Kind.INT16),
     whole("MAV1_EXT_STAT", 0, 0, 50, "stream rate of status, Hz", kind=Kind.INT16),
+    whole("MAV1_RC_CHAN", 0, 0, 50, "stream rate of sticks and outputs, Hz", kind=Kind.INT16),
     whole("MAV1_RAW_SENS", 0, 0, 50, "stream rate of raw sensors, Hz", kind=Kind.INT16),
     # Arming and failsafes
     whole("ARMING_SKIPCHK", 0, 0, 1, "1 skips the arming checks", "check_mask", _CHECKS_SKIPPED),

@@ -24,6 +24,8 @@ _TAKE_OFF: Final = px4_mode(4, 2)
 _POSITION: Final = px4_mode(3)
 _ALTITUDE: Final = px4_mode(2)
 _OFFBOARD: Final = px4_mode(6)
+_ORBIT: Final = px4_mode(3, 1)
+_FOLLOW: Final = px4_mode(4, 8)
 
 PX4: Final = Style(
     name="px4",
@@ -38,6 +40,8 @@ PX4: Final = Style(
         Mode(name="Mission", custom_mode=_MISSION, base_mode=AUTO, behaviour=Behaviour.MISSION),
         Mode(name="Return", custom_mode=_RETURN, base_mode=AUTO, behaviour=Behaviour.RETURN, can_arm=False),
         Mode(name="Land", custom_mode=_LAND, base_mode=AUTO, behaviour=Behaviour.LAND, can_arm=False),
+        Mode(name="Orbit", custom_mode=_ORBIT, base_mode=AUTO, behaviour=Behaviour.ORBIT, can_arm=False),
+        Mode(name="Follow", custom_mode=_FOLLOW, base_mode=AUTO, behaviour=Behaviour.FOLLOW, can_arm=False),
         Mode(name="Offboard", custom_mode=_OFFBOARD, base_mode=AUTO, behaviour=Behaviour.STREAMED),
     ),
     boot_mode=_HOLD,
@@ -70,5 +74,6 @@ PX4: Final = Style(
     pilot_disarms_in_air=False,
     takeoff_in_streamed=False,
     version=(1, 16, 0),
+    orbit_mode=_ORBIT,
 )
 """PX4 v1.16 as a multicopter."""

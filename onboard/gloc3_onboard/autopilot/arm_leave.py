@@ -1,0 +1,55 @@
+"""Gives an autopilot leave to arm, or not, when it asks for it: MAV_CMD_ARM_AUTHORIZATION_REQUEST.
+
+PX4 asks the system of COM_ARM_AUTH_ID where COM_ARM_AUTH_REQ is set; the vehicle's own system id means this companion.
+MAVLink: an acceptance tells in `result_param2` for how many seconds it holds.
+"""
+
+from collections.abc import Callable
+from typing import Final, Never
+
+from gloc3.link.command import CommandResult, CommandServer
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.service import Service
+from gloc3.link.statustext import StatusTextSender
+
+ARM_AUTHORIZATION_REQUEST: Final = 3001
+HOLDS_S: Final = 10
+"""So long an acceptance holds."""
+WARNING: Final = 4
+"""MAV_SEVERITY of the reason."""
+
+
+class ArmLeave(Service[Never]):
+    """Answers the autopilot; the reason of a refusal goes out as a text beside it.
+
+    Args:
+        own: as whom it answers.
+        why_not: why the vehicle must not be armed now; an empty text where it may.
+    """
+
+    handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+
+    def __init__(self, own: Address, why_not: Callable[[], str]) -> None:
+        super().__init__(own)
+        self.autopilot: Address | None = None
+        """Who may ask."""
+        self._why_not = why_not
+        self._server = CommandServer(own, {ARM_AUTHORIZATION_REQUEST})
+        self._texts = StatusTextSender(own)
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Answers a question of the autopilot; other commands are for others."""
+        if sender != self.autopilot or message.command != ARM_AUTHORIZATION_REQUEST:
+            return
+        self._server.receive(message, sender, now_s)
+        for request in self._server.events():
+            reason = self._why_not()
+            if reason:
+                self._texts.say(WARNING, f"Arming not authorised: {reason}")
+                self._server.answer(request, CommandResult.DENIED, now_s=now_s)
+            else:
+                self._server.answer(request, CommandResult.ACCEPTED, now_s=now_s, result_param2=HOLDS_S)
+
+    def outgoing(self) -> list[MavlinkMessage]:
+        """Texts before answers, so that the reason is there when the refusal is."""
+        return [*self._texts.outgoing(), *self._server.outgoing()]

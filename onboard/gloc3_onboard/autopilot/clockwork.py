@@ -1,0 +1,46 @@
+"""How the autopilot's clock lies to ours: by the stamps of its messages, set right by TIMESYNC's round trips."""
+
+from typing import Final
+
+from gloc3.link.message import Address
+from gloc3.link.timesync import TimeSync
+from gloc3_onboard.autopilot.telemetry import Telemetry
+
+RESTARTED_S: Final = 0.5
+"""An autopilot whose clock has gone back behind what was seen of it by more has restarted."""
+CLOCKS_AGREE_S: Final = 0.25
+"""A clock that is told by round trips and differs by more from the stamps of the messages is another one."""
+
+
+class Clockwork:
+    """Sees a restart in the clock alone, and a clock that has stood still.
+
+    Args:
+        own: as whom it asks.
+        telemetry: keeps the clock by stamps.
+    """
+
+    def __init__(self, own: Address, telemetry: Telemetry) -> None:
+        self.service: Final = TimeSync(own, tell_s=telemetry.boot_s)
+        """Driven by its owner."""
+        self._telemetry = telemetry
+        self._jumps = 0
+
+    def look(self, now_s: float) -> None:
+        """Tells the telemetry of what the round trips show."""
+        service = self.service
+        if service.jumps != self._jumps:  # an autopilot that sends nothing unasked shows a restart by its clock alone
+            self._jumps = service.jumps
+            told_s = service.to_peer_s(now_s)
+            if told_s is not None and told_s < self._telemetry.last_boot_s - RESTARTED_S:
+                self._telemetry.restarted()
+        if service.events() and service.is_converged and (best := service.best) is not None:
+            self._telemetry.correct_clock(-best.offset_s - best.round_trip_s)
+
+    def boot_s(self, t_s: float) -> float:
+        """The autopilot's own time of ours: by round trips, where they agree with its stamps; 0 while it is not known."""
+        stamped_s = self._telemetry.boot_s(t_s)
+        if stamped_s is None:
+            return 0.0
+        exact_s = self.service.to_peer_s(t_s) if self.service.is_converged else None
+        return exact_s if exact_s is not None and abs(exact_s - stamped_s) < CLOCKS_AGREE_S else stamped_s

@@ -1,0 +1,26 @@
+"""Which adapter an autopilot needs: told by its heartbeat."""
+
+from typing import Final
+
+from gloc3.link.message import MavlinkMessage
+from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
+from gloc3_onboard.autopilot.ardupilot import ArduPilot
+from gloc3_onboard.autopilot.facts import CLASSES
+from gloc3_onboard.autopilot.px4 import Px4
+from gloc3_onboard.autopilot.style import AutopilotStyle
+
+ARDUPILOT, PX4 = 3, 12
+"""MAV_AUTOPILOT."""
+NOT_SUPPORTED: Final = "an autopilot of a kind that is not supported"
+
+
+def style_of(heartbeat: MavlinkMessage) -> AutopilotStyle | None:
+    """The adapter of an autopilot; None for one of which we would not know what its modes mean."""
+    vehicle = CLASSES.get(heartbeat.type)
+    if vehicle is None:
+        return None
+    if heartbeat.autopilot == ARDUPILOT and vehicle in ardupilot_facts.CLASSES:
+        return ArduPilot(vehicle)
+    if heartbeat.autopilot == PX4 and vehicle in px4_facts.CLASSES:
+        return Px4(vehicle)
+    return None

@@ -1,0 +1,29 @@
+"""What happens on the autopilot's link, as events: logged, narrated, and told to the stations like those of a component."""
+
+from collections.abc import Callable
+
+from gloc3.exchange import Publisher
+from gloc3.exchange.base import Exchange
+from gloc3.messages import Event, Severity
+
+SOURCE = "autopilot_link"
+
+
+class LinkNews:
+    """Publishes events in the name of the link.
+
+    Args:
+        exchange: the platform's middleware.
+        platform: the platform's name.
+        boot: a random number for this start of the process.
+        time_s: the time.
+    """
+
+    def __init__(self, exchange: Exchange, platform: str, boot: int, time_s: Callable[[], float]) -> None:
+        self._publisher = Publisher(exchange, platform, SOURCE, boot)
+        self._topic = f"{platform}/components/{SOURCE}/event"
+        self._time_s = time_s
+
+    def say(self, severity: Severity, text: str) -> None:
+        """Tells one thing."""
+        self._publisher.publish(self._topic, Event(severity=severity, text=text), self._time_s())

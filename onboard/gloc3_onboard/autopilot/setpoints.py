@@ -1,0 +1,127 @@
+"""Setpoints in the form that a vehicle takes: a moving position, a velocity that leads to it, or a place far ahead.
+
+Masks: MAVLink, POSITION_TARGET_TYPEMASK. A rover of ArduPilot takes a velocity as a heading and a speed; with a yaw
+beside it, it turns to that yaw.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+from gloc3.frames import GeoPoint, TangentPlane, Vector3, yaw_of
+from gloc3.link import codec
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.vehicle import AutopilotPose
+from gloc3_onboard.autopilot.facts import Form
+
+LOCAL_NED: Final = 1
+GLOBAL: Final = 0
+DO_REPOSITION: Final = 192
+IGNORE_POSITION: Final = 0b0000_0000_0000_0111
+IGNORE_VELOCITY: Final = 0b0000_0000_0011_1000
+IGNORE_ACCELERATION: Final = 0b0000_0001_1100_0000
+IGNORE_YAW: Final = 0b0000_0100_0000_0000
+IGNORE_YAW_RATE: Final = 0b0000_1000_0000_0000
+
+PER_S: Final = 0.8
+"""How fast a distance is made good, by a vehicle that is led by velocities: m/s a metre."""
+MOST_M_S: Final = 2.0
+"""No faster than that beyond the feed-forward."""
+NEAR_M: Final = 0.5
+"""A vehicle that is led by velocities stops so near to a place that does not move: it cannot go sideways to it."""
+BEHIND_M: Final = 1.5
+"""The same of a place that it has passed: it would have to drive round in a circle to come back."""
+STANDING_M_S: Final = 0.05
+AHEAD_M: Final = 200.0
+"""So far ahead lies the place to which a vehicle is led that cannot stop."""
+
+
+class Wanted(NamedTuple):
+    """One setpoint, in the autopilot's own local NED frame; what is None is left to it."""
+
+    position_ned_m: Vector3 | None
+    velocity_ned_m_s: Vector3 | None
+    yaw_rad: float | None
+
+
+def setpoint_message(
+    wanted: Wanted, form: Form, target: Address, boot_ms: int, pose: AutopilotPose | None
+) -> MavlinkMessage | None:
+    """The message that leads a vehicle; None where that needs a pose, and there is none.
+
+    Args:
+        wanted: where to.
+        form: how the vehicle is led.
+        target: the autopilot.
+        boot_ms: its time now.
+        pose: where it is, by its own estimate.
+    """
+    if form is Form.REPOSITION:
+        return _reposition(wanted, target, pose)
+    if form is Form.VELOCITY and wanted.position_ned_m is not None:
+        if pose is None:
+            return None
+        wanted = led_by_velocity(wanted.position_ned_m, wanted.velocity_ned_m_s, pose)
+    elif form is Form.MOVING and wanted.velocity_ned_m_s is None:
+        wanted = wanted._replace(velocity_ned_m_s=(0.0, 0.0, 0.0))
+    elif form is Form.VELOCITY and pose is not None and math.hypot(*wanted.velocity_ned_m_s or (0.0,)) < STANDING_M_S:
+        wanted = Wanted(None, (0.0, 0.0, 0.0), yaw_of(pose.ned_from_frd))
+    mask = IGNORE_ACCELERATION | IGNORE_YAW_RATE
+    mask |= IGNORE_POSITION if wanted.position_ned_m is None else 0
+    mask |= IGNORE_VELOCITY if wanted.velocity_ned_m_s is None else 0
+    mask |= IGNORE_YAW if wanted.yaw_rad is None else 0
+    x, y, z = wanted.position_ned_m or (0.0, 0.0, 0.0)
+    vx, vy, vz = wanted.velocity_ned_m_s or (0.0, 0.0, 0.0)
+    return codec.message(
+        "SET_POSITION_TARGET_LOCAL_NED",
+        time_boot_ms=boot_ms,
+        target_system=target.system,
+        target_component=target.component,
+        coordinate_frame=LOCAL_NED,
+        type_mask=mask,
+        x=x,
+        y=y,
+        z=z,
+        vx=vx,
+        vy=vy,
+        vz=vz,
+        yaw=wanted.yaw_rad or 0.0,
+    )
+
+
+def led_by_velocity(place: Vector3, feed_forward: Vector3 | None, pose: AutopilotPose) -> Wanted:
+    """The velocity that brings a vehicle to a moving place; standing, with its present heading, when it is there."""
+    north, east = place[0] - pose.position_ned_m[0], place[1] - pose.position_ned_m[1]
+    told = feed_forward or (0.0, 0.0, 0.0)
+    distance_m, is_moving = math.hypot(north, east), math.hypot(told[0], told[1]) > STANDING_M_S
+    yaw_rad = yaw_of(pose.ned_from_frd)
+    is_behind = north * math.cos(yaw_rad) + east * math.sin(yaw_rad) < 0.0
+    if not is_moving and distance_m < (BEHIND_M if is_behind else NEAR_M):
+        return Wanted(None, (0.0, 0.0, 0.0), yaw_rad)
+    share = min(PER_S, MOST_M_S / distance_m) if distance_m > 0.0 else 0.0
+    velocity = (told[0] + share * north, told[1] + share * east, 0.0)
+    if math.hypot(velocity[0], velocity[1]) < STANDING_M_S:
+        return Wanted(None, (0.0, 0.0, 0.0), yaw_rad)
+    return Wanted(None, velocity, None)
+
+
+def _reposition(wanted: Wanted, target: Address, pose: AutopilotPose | None) -> MavlinkMessage | None:
+    if pose is None or pose.origin_geo is None or wanted.position_ned_m is None:
+        return None
+    (north, east, down), at = wanted.position_ned_m, pose.position_ned_m
+    way_n, way_e, _ = wanted.velocity_ned_m_s or (north - at[0], east - at[1], 0.0)
+    speed = math.hypot(way_n, way_e)
+    if speed > STANDING_M_S:
+        north, east = north + AHEAD_M * way_n / speed, east + AHEAD_M * way_e / speed
+    latitude, longitude, altitude = TangentPlane(GeoPoint(*pose.origin_geo)).geo_from_ned((north, east, down))
+    return codec.message(
+        "COMMAND_INT",
+        target_system=target.system,
+        target_component=target.component,
+        command=DO_REPOSITION,
+        frame=GLOBAL,
+        param1=-1.0,
+        param4=math.nan,
+        x=round(latitude * 1e7),
+        y=round(longitude * 1e7),
+        z=altitude,
+    )

@@ -1,0 +1,96 @@
+"""ArduPilot's parameters that matter before a start, by class of vehicle.
+
+Sources: the full parameter lists of Copter, Rover, Sub and Plane, 4.7, and "Failsafes" in the documentation of each;
+older names stand beside the newer ones.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from gloc3.vehicle import VehicleClass
+from gloc3_onboard.checks.parameters import (
+    CONTINUE,
+    DISARM,
+    HOLD,
+    LAND,
+    PILOT,
+    RETURN,
+    TERMINATE,
+    Failsafe,
+    StyleTable,
+    share_of,
+    value_of,
+)
+
+_BATTERY_LIMIT: Final = share_of("BATT_LOW_MAH", "BATT_CAPACITY"), ("BATT_LOW_MAH", "BATT_CAPACITY")
+_FIXED_STOP: Final = Failsafe("", {0: HOLD}, lambda _: 3.0)
+"""Rover and Sub stop three seconds after the last setpoint, which cannot be changed."""
+
+COPTER: Final = StyleTable(
+    least_firmware=(4, 4, 0),
+    link_loss=Failsafe(
+        "FS_GCS_ENABLE",
+        {0: CONTINUE, 1: RETURN, 2: CONTINUE, 3: RETURN, 4: LAND, 5: LAND, 6: RETURN, 7: HOLD},
+        value_of("FS_GCS_TIMEOUT"),
+        ("FS_GCS_TIMEOUT",),
+    ),
+    low_battery=Failsafe(
+        "BATT_FS_LOW_ACT",
+        {0: CONTINUE, 1: LAND, 2: RETURN, 3: RETURN, 4: LAND, 5: TERMINATE, 6: RETURN, 7: HOLD},
+        *_BATTERY_LIMIT,
+    ),
+    pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: LAND, 2: PILOT, 3: LAND}),
+    setpoints_lost=Failsafe("", {0: HOLD}, value_of("GUID_TIMEOUT"), ("GUID_TIMEOUT",)),
+    calibrated={},
+    arming_checks={"ARMING_SKIPCHK": 0.0, "ARMING_CHECK": 1.0},
+)
+
+_ROVER_ACTIONS: Final = {0: CONTINUE, 1: RETURN, 2: HOLD, 3: RETURN, 4: RETURN, 5: TERMINATE, 6: HOLD}
+ROVER: Final = COPTER._replace(
+    link_loss=Failsafe(
+        "FS_ACTION", _ROVER_ACTIONS, value_of("FS_GCS_TIMEOUT"), ("FS_GCS_TIMEOUT",), enabled_by="FS_GCS_ENABLE"
+    ),
+    low_battery=Failsafe("BATT_FS_LOW_ACT", _ROVER_ACTIONS, *_BATTERY_LIMIT),
+    pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: HOLD, 2: CONTINUE}),
+    setpoints_lost=_FIXED_STOP,
+)
+
+SUB: Final = COPTER._replace(
+    link_loss=Failsafe(
+        "FS_GCS_ENABLE",
+        {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: HOLD, 4: LAND},
+        value_of("FS_GCS_TIMEOUT"),
+        ("FS_GCS_TIMEOUT",),
+    ),
+    low_battery=Failsafe("BATT_FS_LOW_ACT", {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: LAND}, *_BATTERY_LIMIT),
+    pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: CONTINUE, 2: DISARM}),
+    setpoints_lost=_FIXED_STOP,
+    doubtful={"FS_PILOT_INPUT": (2.0, "disarms under way when a joystick that was connected falls silent")},
+)
+"""To *land* is to surface."""
+
+PLANE: Final = COPTER._replace(
+    link_loss=Failsafe(
+        "FS_LONG_ACTN",
+        {0: CONTINUE, 1: RETURN, 2: TERMINATE, 3: TERMINATE, 4: "fly its own mission", 5: LAND},
+        value_of("FS_LONG_TIMEOUT"),
+        ("FS_LONG_TIMEOUT",),
+        enabled_by="FS_GCS_ENABL",
+    ),
+    low_battery=Failsafe(
+        "BATT_FS_LOW_ACT",
+        {0: CONTINUE, 1: RETURN, 2: LAND, 3: TERMINATE, 4: LAND, 5: TERMINATE, 6: LAND, 7: LAND},
+        *_BATTERY_LIMIT,
+    ),
+    pose_lost=Failsafe("", {0: CONTINUE}),
+    setpoints_lost=Failsafe("", {0: HOLD}),
+)
+"""To *hold* is to circle; without a position it flies on by what it believes."""
+
+CLASSES: Final[Mapping[VehicleClass, StyleTable]] = {
+    VehicleClass.COPTER: COPTER,
+    VehicleClass.ROVER: ROVER,
+    VehicleClass.BOAT: ROVER,
+    VehicleClass.SUB: SUB,
+    VehicleClass.PLANE: PLANE,
+}

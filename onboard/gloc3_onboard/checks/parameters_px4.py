@@ -1,0 +1,53 @@
+"""PX4's parameters that matter before a start, by class of vehicle.
+
+Source: its parameter reference, v1.16, groups Commander, Battery Calibration, Geofence and Sensor Calibration.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from gloc3.vehicle import VehicleClass
+from gloc3_onboard.checks.parameters import (
+    CONTINUE,
+    DISARM,
+    HOLD,
+    LAND,
+    PILOT,
+    RETURN,
+    TERMINATE,
+    Failsafe,
+    StyleTable,
+    value_of,
+)
+
+COPTER: Final = StyleTable(
+    least_firmware=(1, 14, 0),
+    link_loss=Failsafe(
+        "NAV_DLL_ACT",
+        {0: CONTINUE, 1: HOLD, 2: RETURN, 3: LAND, 5: TERMINATE, 6: DISARM},
+        value_of("COM_DL_LOSS_T"),
+        ("COM_DL_LOSS_T",),
+        exempt=("COM_DLL_EXCEPT", 4),
+    ),
+    low_battery=Failsafe(
+        "COM_LOW_BAT_ACT", {0: CONTINUE, 1: RETURN, 2: LAND, 3: RETURN}, value_of("BAT_CRIT_THR"), ("BAT_CRIT_THR",)
+    ),
+    pose_lost=Failsafe("", {0: LAND}),
+    setpoints_lost=Failsafe(
+        "COM_OBL_RC_ACT",
+        {0: PILOT, 1: PILOT, 2: PILOT, 3: RETURN, 4: LAND, 5: HOLD, 6: TERMINATE, 7: DISARM},
+        value_of("COM_OF_LOSS_T"),
+        ("COM_OF_LOSS_T",),
+    ),
+    calibrated={"CAL_GYRO0_ID": "gyroscope", "CAL_ACC0_ID": "accelerometer", "CAL_MAG0_ID": "compass"},
+    arming_checks={},
+)
+
+ROVER: Final = COPTER._replace(pose_lost=Failsafe("", {0: HOLD}))
+"""What cannot land stops."""
+
+CLASSES: Final[Mapping[VehicleClass, StyleTable]] = {
+    VehicleClass.COPTER: COPTER,
+    VehicleClass.ROVER: ROVER,
+    VehicleClass.PLANE: COPTER,
+}

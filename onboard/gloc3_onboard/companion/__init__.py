@@ -1,0 +1,1 @@
+"""Component 191 for other people's software: commands, missions, parameters, files, metadata, control."""

@@ -1,0 +1,169 @@
+"""Asks the command interface server in the name of MAVLink systems, as a station of ours asks: one path, one log."""
+
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from gloc3.ci import (
+    AnyBody,
+    CiReply,
+    CiRequest,
+    Control,
+    ControlState,
+    ControlVerb,
+    MissionSummary,
+    Outcome,
+)
+from gloc3.errors import Refused
+from gloc3.exchange.base import Exchange, Publisher
+from gloc3.link.message import Address
+from gloc3.messages import Envelope
+
+ANSWER_S: Final = 15.0
+"""Longer than the server itself waits for a component, or for a fence to be in the autopilot."""
+MOST_OPEN: Final = 16
+"""Requests that wait for an answer; each is written to disk before it is carried out."""
+
+Then = Callable[[CiReply], None]
+
+
+class NotInControl(Refused):
+    """Somebody else holds control."""
+
+
+class _Open(NamedTuple):
+    then: Then
+    until_s: float
+
+
+class Asking:
+    """One for the process.
+
+    What needs control is refused here for everybody but its holder: strangers, however many, reach neither the server nor
+    its journal.
+
+    Args:
+        exchange: the platform's middleware.
+        platform: the platform's name.
+        boot: a random number for this start of the process.
+        now_s: tells the time.
+        changed: called when an answer has come, or what is known of control and mission has changed.
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        platform: str,
+        boot: int,
+        now_s: Callable[[], float],
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.control = ControlState(holder="")
+        """Who holds control, as told last."""
+        self.mission = MissionSummary(name="", digest="", state="")
+        """The loaded mission, as told last."""
+        self.acted: Callable[[Address], None] = lambda _sender: None
+        """Told who has done what needs control."""
+        self._platform, self._boot, self.now_s, self._changed = platform, boot, now_s, changed
+        self._publisher = Publisher(exchange, platform, "companion", boot)
+        self._sequence = 0
+        self._open: dict[tuple[str, int], _Open] = {}
+        self._unsubscribe = [
+            exchange.subscribe(f"{platform}/ci/reply", self._take_reply),
+            exchange.subscribe(f"{platform}/ci/control", self._take_control),
+            exchange.subscribe(f"{platform}/ci/mission", self._take_mission),
+        ]
+
+    def close(self) -> None:
+        """Hears nothing any more; who waits is not answered."""
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
+        self._open.clear()
+
+    def require(self, system: int) -> None:
+        """Refuses a system while another one holds control.
+
+        Raises:
+            NotInControl: somebody else does.
+        """
+        if self.control.holder not in ("", str(system)):
+            raise NotInControl(f"station {self.control.holder} holds control")
+
+    def act(self, sender: Address, body: AnyBody, then: Then) -> None:
+        """Asks for what needs control. While nobody holds it, control is asked for first: other programs cannot.
+
+        Raises:
+            Refused: somebody else holds control, or too much is asked at once.
+        """
+        system = sender.system
+        self.require(system)
+
+        def ended(reply: CiReply) -> None:
+            if reply.outcome is Outcome.ACCEPTED:
+                self.acted(sender)
+            then(reply)
+
+        def granted(reply: CiReply) -> None:
+            if reply.outcome is not Outcome.ACCEPTED:
+                then(reply)
+                return
+            try:
+                self.ask(str(system), body, ended)
+            except Refused as refusal:
+                then(msgspec.structs.replace(reply, outcome=Outcome.REFUSED, reason=str(refusal)))
+
+        if self.control.holder:
+            self.ask(str(system), body, ended)
+        else:
+            self.ask(str(system), Control(verb=ControlVerb.REQUEST), granted)
+
+    def ask(self, sender: str, body: AnyBody, then: Then) -> None:
+        """Asks; `then` gets the reply, or after a while one that says *unknown*.
+
+        Raises:
+            Refused: too much is asked at once.
+        """
+        if len(self._open) >= MOST_OPEN:
+            raise Refused(f"busy: {MOST_OPEN} requests wait already")
+        self._sequence += 1
+        now_s = self.now_s()
+        request = CiRequest(sender=sender, boot=self._boot, sequence=self._sequence, body=body)
+        self._open[sender, self._sequence] = _Open(then, now_s + ANSWER_S)
+        self._publisher.publish(f"{self._platform}/ci/request", request, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Ends the waiting of those whose answer has not come."""
+        for key, waiting in [item for item in self._open.items() if now_s >= item[1].until_s]:
+            del self._open[key]
+            waiting.then(
+                CiReply(
+                    sender=key[0],
+                    boot=self._boot,
+                    sequence=key[1],
+                    outcome=Outcome.UNKNOWN,
+                    reason="the command interface has not answered",
+                )
+            )
+
+    def next_tick_s(self) -> float | None:
+        """When the first has waited for too long."""
+        return min((waiting.until_s for waiting in self._open.values()), default=None)
+
+    def _take_reply(self, envelope: Envelope[Any]) -> None:
+        reply = envelope.payload
+        if reply.boot == self._boot:
+            waiting = self._open.pop((reply.sender, reply.sequence), None)
+            if waiting is not None:
+                waiting.then(reply)
+                self._changed()
+
+    def _take_control(self, envelope: Envelope[ControlState]) -> None:
+        is_new, self.control = envelope.payload != self.control, envelope.payload
+        if is_new:
+            self._changed()
+
+    def _take_mission(self, envelope: Envelope[MissionSummary]) -> None:
+        before, self.mission = self.mission, envelope.payload
+        if (before.digest, before.state) != (self.mission.digest, self.mission.state):
+            self._changed()

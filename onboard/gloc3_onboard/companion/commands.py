@@ -1,0 +1,229 @@
+"""The command protocol of the onboard computer: missions are steered, messages asked for; all else is refused, with why.
+
+Only what is addressed to it alone is looked at: a command for everybody is the autopilot's, and must not be done twice.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from gloc3.ci import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
+from gloc3.errors import Refused
+from gloc3.link.codec import enum_name
+from gloc3.link.command import CancelServer, CommandCancel, CommandRequest, CommandResult, CommandServer
+from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamScheduler
+from gloc3.link.message import Address
+from gloc3.link.version import VersionServer
+from gloc3.mission.states import ActionState
+from gloc3_onboard.companion.asking import Asking, NotInControl
+from gloc3_onboard.companion.operator_control import REQUEST_OPERATOR_CONTROL, OperatorControl
+
+MISSION_START: Final = 300
+FASTEST_HZ: Final = 10.0
+"""Who only looks must not fill a radio."""
+PROGRESS_AFTER_S: Final = 0.4
+PROGRESS_EVERY_S: Final = 1.0
+_OPEN: Final = (ActionState.RUNNING, ActionState.PAUSED)
+_NEVER: Final[Mapping[int, str]] = {
+    176: "the onboard computer has no modes: ask the autopilot",
+    185: "flights are not terminated by the onboard computer: ask the autopilot",
+    224: "a mission cannot be begun at an item",
+    400: "the onboard computer does not arm by command: start a mission, or ask the autopilot",
+}
+"""What people may expect, and why it is not done."""
+
+
+class _Running:
+    """A command whose answer is still to come."""
+
+    __slots__ = ("is_cancelled", "next_s", "request")
+
+    def __init__(self, request: CommandRequest, now_s: float) -> None:
+        self.request = request
+        self.next_s = now_s + PROGRESS_AFTER_S
+        self.is_cancelled = False
+
+
+class Commands:
+    """Carries out commands.
+
+    Args:
+        own: as whom it answers.
+        asking: reaches the command interface server.
+        control: who holds control.
+        streams: the messages that can be asked for.
+        version: tells what this component can do.
+        serves: whom it serves.
+        say: takes the reason of each refusal.
+    """
+
+    def __init__(
+        self,
+        own: Address,
+        asking: Asking,
+        control: OperatorControl,
+        streams: StreamScheduler,
+        version: VersionServer,
+        serves: Callable[[Address], bool],
+        say: Callable[[str], None],
+    ) -> None:
+        self.refused = 0
+        """Commands that were turned down."""
+        self._asking, self._control, self._streams, self._version = asking, control, streams, version
+        self._say = say
+        self.server: Final = CommandServer(own, serves=lambda one: one.target == own and serves(one.sender))
+        self.cancels: Final = CancelServer(own)
+        self._running: list[_Running] = []
+        self._handlers: Final[Mapping[int, Callable[[CommandRequest], AnyBody]]] = {
+            20: self._return,
+            21: self._land,
+            193: self._pause_or_continue,
+            MISSION_START: self._start,
+            31010: self._abort,
+        }
+
+    def tick(self, now_s: float) -> None:
+        """Carries out what has come, and tells that what takes its time is in progress."""
+        for request in self.server.events():
+            self._run(request, now_s)
+        for cancel in self.cancels.events():
+            self._cancel(cancel)
+        for running in self._running:
+            if now_s >= running.next_s:
+                running.next_s = now_s + PROGRESS_EVERY_S
+                self.server.answer(running.request, CommandResult.IN_PROGRESS, now_s=now_s)
+
+    def next_tick_s(self) -> float | None:
+        """When progress is to be told."""
+        return min((running.next_s for running in self._running), default=None)
+
+    def _run(self, request: CommandRequest, now_s: float) -> None:
+        try:
+            result = self._look(request, now_s)
+            if result is not None:
+                self._answer(request, result, "" if result is CommandResult.ACCEPTED else "it cannot be had")
+            elif request.command == REQUEST_OPERATOR_CONTROL:
+                running = self._begin(request, now_s)
+                self._control.request(request, lambda found, reason: self._end(running, found, reason))
+            elif request.command in self._handlers:
+                self._act(request, self._handlers[request.command](request), now_s)
+            else:
+                reason = _NEVER.get(request.command, "not supported by the onboard computer")
+                self._answer(request, CommandResult.UNSUPPORTED, reason)
+        except NotInControl as refusal:
+            self._refuse(request, CommandResult.NOT_IN_CONTROL, str(refusal))
+        except Refused as refusal:
+            self._refuse(request, CommandResult.DENIED, str(refusal))
+
+    def _look(self, request: CommandRequest, now_s: float) -> CommandResult | None:
+        """What only looks, and needs no control; None for any other command."""
+        if request.command == SET_MESSAGE_INTERVAL and 0.0 < request.params[1] < 1e6 / FASTEST_HZ:
+            raise Refused(f"no message is sent more often than {FASTEST_HZ:g} times a second")
+        found = self._version.command(request)
+        return found if found is not None else self._streams.command(request, now_s)
+
+    def _act(self, request: CommandRequest, body: AnyBody, now_s: float) -> None:
+        running = self._begin(request, now_s)
+
+        def ended(reply: CiReply) -> None:
+            if running.is_cancelled:
+                return
+            match reply.outcome:
+                case Outcome.ACCEPTED:
+                    self._end(running, CommandResult.ACCEPTED, "")
+                case Outcome.REFUSED:
+                    self._end(running, CommandResult.DENIED, _with_first_line(reply))
+                case _:
+                    self._end(running, CommandResult.FAILED, reply.reason)
+
+        self._asking.act(request.sender, body, ended)
+
+    def _begin(self, request: CommandRequest, now_s: float) -> _Running:
+        running = _Running(request, now_s)
+        self._running.append(running)
+        return running
+
+    def _end(self, running: _Running, result: CommandResult, reason: str) -> None:
+        if running in self._running:
+            self._running.remove(running)
+        self._answer(running.request, result, reason)
+
+    def _refuse(self, request: CommandRequest, result: CommandResult, reason: str) -> None:
+        self._running = [running for running in self._running if running.request is not request]
+        self._answer(request, result, reason)
+
+    def _answer(self, request: CommandRequest, result: CommandResult, reason: str) -> None:
+        if result is not CommandResult.ACCEPTED:
+            self.refused += 1
+            name = enum_name("MAV_CMD", request.command).removeprefix("MAV_CMD_")
+            self._say(f"{name} of station {request.sender.system} refused: {reason}")
+        self.server.answer(request, result, now_s=self._asking.now_s())
+
+    def _cancel(self, cancel: CommandCancel) -> None:
+        """Ends what a command has begun: the mission, for its start; nothing else can be taken back."""
+        sender = cancel.sender
+        running = next(
+            (one for one in self._running if (one.request.sender, one.request.command) == (sender, cancel.command)),
+            None,
+        )
+        is_open = self._asking.mission.state in _OPEN
+        if cancel.command != MISSION_START or (running is None and not is_open):
+            return
+
+        def ended(reply: CiReply) -> None:
+            if reply.outcome is not Outcome.ACCEPTED:
+                self._say(f"the mission of station {sender.system} is not cancelled: {reply.reason}")
+            elif running is not None:
+                running.is_cancelled = True
+                self._end(running, CommandResult.CANCELLED, "cancelled by its sender")
+            else:
+                self.cancels.cancelled(cancel)
+
+        try:
+            self._asking.act(sender, Steer(verb=Verb.ABORT), ended)
+        except Refused as refusal:
+            self.refused += 1
+            self._say(f"COMMAND_CANCEL of station {sender.system} refused: {refusal}")
+
+    # --- what the commands mean ---
+
+    def _start(self, request: CommandRequest) -> AnyBody:
+        first, last = request.params[:2]
+        if not _is_unset(first) or not (_is_unset(last) or last < 0.0):
+            raise Refused("a mission starts as a whole: leave the first and last item at 0")
+        is_paused = self._asking.mission.state == ActionState.PAUSED
+        return Steer(verb=Verb.RESUME if is_paused else Verb.START)
+
+    def _pause_or_continue(self, request: CommandRequest) -> AnyBody:
+        match request.params[0]:
+            case 0.0:
+                return Steer(verb=Verb.PAUSE)
+            case 1.0:
+                return Steer(verb=Verb.RESUME)
+        raise Refused(f"{request.params[0]:g} is neither 0, pause, nor 1, continue")
+
+    def _abort(self, request: CommandRequest) -> AnyBody:
+        if request.params[0] != 1.0:
+            raise Refused(f"{request.params[0]:g} is not 1, abort")
+        return Steer(verb=Verb.ABORT)
+
+    def _return(self, request: CommandRequest) -> AnyBody:
+        return RequestAction(capability="return_home", author=_author(request))
+
+    def _land(self, request: CommandRequest) -> AnyBody:
+        if not all(_is_unset(value) for value in request.params[4:6]):
+            raise Refused("it lands where it is: leave the place at 0")
+        return RequestAction(capability="land", author=_author(request))
+
+
+def _author(request: CommandRequest) -> str:
+    return f"station {request.sender.system}"
+
+
+def _is_unset(value: Any) -> bool:
+    return value == 0.0 or math.isnan(value)
+
+
+def _with_first_line(reply: CiReply) -> str:
+    more = reply.text.strip().partition("\n")[0]
+    return f"{reply.reason}: {more}" if more else reply.reason

@@ -1,0 +1,296 @@
+"""Component 191 as other people's software sees it: the services, put on every link of the onboard process."""
+
+import asyncio
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Final, NamedTuple
+
+from gloc3 import __version__
+from gloc3.ci import StationHeard
+from gloc3.clock import Clock
+from gloc3.exchange import Publisher
+from gloc3.exchange.base import Exchange
+from gloc3.link import codec
+from gloc3.link.codec import Frame
+from gloc3.link.ftp_files import Files
+from gloc3.link.ftp_server import FtpServer
+from gloc3.link.interval import StreamScheduler
+from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.node import Node
+from gloc3.link.service import earliest
+from gloc3.link.version import Capability, Version, VersionServer, version_number
+from gloc3.messages import Event, Severity
+from gloc3.platform import Platform
+from gloc3_onboard.companion.asking import Asking
+from gloc3_onboard.companion.commands import Commands
+from gloc3_onboard.companion.metadata import Metadata
+from gloc3_onboard.companion.operator_control import OperatorControl
+from gloc3_onboard.companion.parameter_table import ParameterRow, rows_of
+from gloc3_onboard.companion.parameters import Parameters
+from gloc3_onboard.companion.plans import Plans
+from gloc3_onboard.companion.reasons import Reasons
+from gloc3_onboard.herald import computer_status
+from gloc3_onboard.vitals import Vitals
+
+MOST_PEERS: Final = 64
+"""Of so many it is remembered on which link they are; who was not heard for longest is forgotten."""
+HEARD_PERIOD_S: Final = 0.5
+AUTOPILOT_INVALID: Final = 8
+RATES_HZ: Final = {
+    "CONTROL_STATUS": 1.0,
+    "ONBOARD_COMPUTER_STATUS": 0.2,
+    "MISSION_CURRENT": 0.0,
+    "COMPONENT_METADATA": 0.0,
+}
+"""What can be asked for. The last two are told on request only: stations would take a MISSION_CURRENT of ours for the
+autopilot's."""
+CAPABILITIES: Final = (
+    Capability.MISSION_FLOAT
+    | Capability.MISSION_INT
+    | Capability.MISSION_FENCE
+    | Capability.COMMAND_INT
+    | Capability.FTP
+    | Capability.MAVLINK2
+    | Capability.PARAM_ENCODE_C_CAST
+    | Capability.COMPONENT_ACCEPTS_GCS_CONTROL
+)
+
+Send = Callable[[MavlinkMessage], None]
+Hear = Callable[[Iterable[Frame]], None]
+
+
+class OwnParameter(NamedTuple):
+    """A parameter of the onboard computer itself."""
+
+    row: ParameterRow
+    apply: Callable[[float], None]
+    """Takes a new value."""
+
+
+class _Link(NamedTuple):
+    send: Send
+    is_to_stations: bool
+
+
+class Companion:
+    """Speaks for the onboard computer on any number of links.
+
+    Args:
+        own: as whom.
+        platform: the platform file.
+        exchange: the platform's middleware.
+        clock: of the process.
+        loop: wakes it.
+        boot: a random number for this start of the process.
+        look: looks at the computer.
+        parameters: of the onboard computer itself.
+        takes_plans: plans that stations send to the autopilot are ours, and do not reach it.
+    """
+
+    def __init__(
+        self,
+        own: Address,
+        platform: Platform,
+        exchange: Exchange,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        boot: int,
+        look: Callable[[], Vitals] = Vitals,
+        parameters: Sequence[OwnParameter] = (),
+        *,
+        takes_plans: bool = False,
+    ) -> None:
+        self.own: Final = own
+        self._clock, self._loop, self._look, self._takes_plans = clock, loop, look, takes_plans
+        self._timer: asyncio.TimerHandle | None = None
+        self._is_closed = self._is_waking = False
+        self._began_s = loop.time()
+        self._publisher = Publisher(exchange, platform.platform, "companion", boot)
+        self._heard_topic = f"{platform.platform}/ci/heard"
+        self._event_topic = f"{platform.platform}/components/companion/event"
+        self.reasons: Final = Reasons(self._publish)
+        self._asking = Asking(exchange, platform.platform, boot, loop.time, self._wake)
+        self.control: Final = OperatorControl(self._asking, self._send)
+        self._asking.acted = self.control.holds
+        self._apply = {each.row.name: each.apply for each in parameters}
+        rows = [*(each.row for each in parameters), *rows_of(platform.components)]
+        self.metadata: Final = Metadata(own, platform.platform, rows)
+        self.parameters: Final = Parameters(
+            own, self._asking, exchange, platform, rows, self._apply_own, self.reasons.say, self._wake
+        )
+        self.plans: Final = Plans(own, self._asking, platform, self._serves, self.reasons.say)
+        self._streams = StreamScheduler(own, RATES_HZ)
+        version = Version(capabilities=CAPABILITIES, flight_software=version_number(*_version()))
+        about = VersionServer(own, version)
+        self.commands: Final = Commands(
+            own, self._asking, self.control, self._streams, about, self._serves, self.reasons.say
+        )
+        services = (self.commands.server, self.commands.cancels, self.plans.server, self.parameters.server, about)
+        self._node = Node(own, (*services, self._streams))
+        names = sorted({name for service in services for name in service.handles})
+        self._wanted = {codec.shape(name).id for name in names}
+        self._plan_ids = {codec.shape(name).id for name in sorted(self.plans.server.handles)}
+        self._heartbeat_id = codec.shape("HEARTBEAT").id
+        self._producers: Mapping[int, Callable[[], MavlinkMessage]] = {
+            codec.shape("CONTROL_STATUS").id: self.control.status,
+            codec.shape("MISSION_CURRENT").id: self.plans.server.current_message,
+            codec.shape("COMPONENT_METADATA").id: lambda: self.metadata.message(self._boot_ms()),
+            codec.shape("ONBOARD_COMPUTER_STATUS").id: lambda: computer_status(self._look(), self._clock.utc_s()),
+        }
+        self._links: list[_Link] = []
+        self._peers: OrderedDict[Address, _Link] = OrderedDict()
+        self._autopilots: set[Address] = set()
+        self._told_heard_s = float("-inf")
+        self._wake()
+
+    def attach(self, send: Send, *, is_to_stations: bool = True) -> Hear:
+        """Adds a link; gives what is to be called with the frames that are heard there."""
+        link = _Link(send, is_to_stations)
+        self._links.append(link)
+        return lambda frames: self._hear(link, frames)
+
+    def share(self, files: Files, may_write: Callable[[], bool] = lambda: True) -> None:
+        """Shares files over MAVLink FTP from now on."""
+
+        def admits(sender: Address) -> bool:
+            return may_write() and self._asking.control.holder in ("", str(sender.system))
+
+        server = FtpServer(self.own, files, admits=admits)
+        self._node.add(server)
+        self._wanted |= {codec.shape(name).id for name in server.handles}
+
+    def close(self) -> None:
+        """Says nothing any more."""
+        self._is_closed = True
+        self._asking.close()
+        self.parameters.close()
+        if self._timer is not None:
+            self._timer.cancel()
+
+    # --- what is heard ---
+
+    def keeps(self, frame: Frame) -> bool:
+        """Whether a frame of a station is not to be passed on: it belongs to a plan for the autopilot that is ours."""
+        return (
+            self._takes_plans
+            and frame.message_id in self._plan_ids
+            and Address(frame.target_system, frame.target_component) in self._autopilots
+        )
+
+    def _hear(self, link: _Link, frames: Iterable[Frame]) -> None:
+        is_news = False
+        for frame in frames:
+            if frame.message_id == self._heartbeat_id:
+                self._meet(frame)
+            elif frame.message_id in self._wanted:
+                is_news |= self._take(link, frame)
+        if is_news:
+            self._settle()
+
+    def _meet(self, frame: Frame) -> None:
+        """Notices the autopilot, and that whoever holds control by MAVLink is there."""
+        if frame.system == self.own.system:
+            message = frame.decode()
+            if message is not None and message.autopilot != AUTOPILOT_INVALID:
+                self._autopilots.add(frame.sender)
+        if self.control.is_holder(frame.sender):
+            self._count_as_heard(frame.system)
+
+    def _take(self, link: _Link, frame: Frame) -> bool:
+        """Whether a frame was for one of the services."""
+        now_s = self._loop.time()
+        if link.is_to_stations and self.keeps(frame):
+            message = frame.decode()
+            if message is None or frame.sender == self.own:
+                return False
+            self.plans.server.receive(_to(message, self.own), frame.sender, now_s)
+        elif (
+            frame.target_system not in (0, self.own.system)
+            or frame.target_component not in (0, self.own.component)
+            or not self._node.receive(frame, now_s)
+        ):
+            return False
+        self._remember(frame.sender, link)
+        if self.control.is_holder(frame.sender):
+            self._count_as_heard(frame.system)
+        return True
+
+    def _remember(self, peer: Address, link: _Link) -> None:
+        self._peers[peer] = link
+        self._peers.move_to_end(peer)
+        if len(self._peers) > MOST_PEERS:
+            self._peers.popitem(last=False)
+
+    def _count_as_heard(self, system: int) -> None:
+        now_s = self._loop.time()
+        if now_s - self._told_heard_s >= HEARD_PERIOD_S:
+            self._told_heard_s = now_s
+            self._publisher.publish(self._heard_topic, StationHeard(station=str(system)), now_s)
+
+    def _apply_own(self, name: str, value: float) -> None:
+        self._apply[name](value)
+
+    def _serves(self, sender: Address) -> bool:
+        """Not the autopilot: with that, this component is the one that asks."""
+        return sender not in self._autopilots
+
+    # --- what is said ---
+
+    def _wake(self) -> None:
+        """Settles soon: something has changed that was not heard on a link."""
+        if not self._is_waking and not self._is_closed:
+            self._is_waking = True
+            self._loop.call_soon(self._settle)
+
+    def _settle(self) -> None:
+        """Lets every service do what is due, sends what they say, and sets the alarm."""
+        self._is_waking = False
+        if self._is_closed:
+            return
+        now_s = self._loop.time()
+        self._asking.tick(now_s)
+        self._node.tick(now_s)
+        self.commands.tick(now_s)
+        self.plans.tick(now_s)
+        self.parameters.tick()
+        self.control.tick()
+        self.reasons.tick(now_s)
+        for number in self._streams.due(now_s):
+            self._send(self._producers[number]())
+        for message in self._node.outgoing():
+            self._send(message)
+        services = (self._asking, self._node, self.commands, self.plans, self.reasons)
+        next_s = earliest(*(service.next_tick_s() for service in services))
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None if next_s is None else self._loop.call_at(max(next_s, now_s), self._settle)
+
+    def _send(self, message: MavlinkMessage) -> None:
+        """To whom it is addressed, where that was heard; to all stations what is for everybody, or for who is forgotten."""
+        target_system = getattr(message, "target_system", 0)
+        found = self._peers.get(Address(target_system, message.target_component)) if target_system else None
+        for link in self._links if found is None else (found,):
+            if found is not None or link.is_to_stations:
+                link.send(message)
+
+    def _publish(self, text: str) -> None:
+        event = Event(severity=Severity.WARNING, text=text)
+        self._publisher.publish(self._event_topic, event, self._loop.time())
+
+    def _boot_ms(self) -> int:
+        return round((self._loop.time() - self._began_s) * 1e3) & 0xFFFF_FFFF
+
+
+def _to(message: MavlinkMessage, target: Address) -> MavlinkMessage:
+    """The same message, to somebody else."""
+    fields = {field.attribute: getattr(message, field.attribute) for field in message.shape.fields}
+    return codec.message(
+        message.name, **{**fields, "target_system": target.system, "target_component": target.component}
+    )
+
+
+def _version() -> tuple[int, int, int]:
+    """Our version in three numbers."""
+    numbers = [int(part) for part in __version__.split(".")[:3] if part.isdecimal()]
+    major, minor, patch = (*numbers, 0, 0, 0)[:3]
+    return major, minor, patch

@@ -1,0 +1,122 @@
+"""Items of MAVLink's mission protocol, and what they stand for in a plan: judged one by one, converted both ways."""
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gloc3.link.plan import Plan as Items
+from gloc3.link.plan import PlanItem, PlanResult
+from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
+
+UNITS_PER_DEGREE: Final = 1e7
+RETURN_POINT, POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = range(5000, 5005)
+_FRAMES: Final = frozenset({0, 2, 3, 5, 6, 10, 11})
+"""Global ones, and that of items without a place."""
+_PLACED: Final = frozenset({16, 19, 21, 22, 195, 201})
+_FRAME_MISSION: Final = 2
+
+
+class Verdict(NamedTuple):
+    """What is wrong with a plan."""
+
+    result: PlanResult
+    reason: str
+
+
+def judge(items: Items) -> Verdict | None:
+    """What is wrong with the first item that cannot be flown; None where all can be, as far as each tells."""
+    for number, item in enumerate(items):
+        found = _judge_item(item)
+        if found is not None:
+            return Verdict(found.result, f"item {number}: {found.reason}")
+    return None
+
+
+def _judge_item(item: PlanItem) -> Verdict | None:
+    if item.command not in CONVERTED and item.command not in LEFT_OUT:
+        return Verdict(PlanResult.UNSUPPORTED, f"command {item.command} cannot be expressed in a mission")
+    if item.frame not in _FRAMES:
+        return Verdict(PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported")
+    params = (item.param1, item.param2, item.param3, item.param4)
+    for number, value in enumerate(params):
+        if math.isinf(value):
+            return Verdict(PlanResult(PlanResult.INVALID_PARAM1 + number), f"param{number + 1} is infinite")
+    if item.command not in _PLACED or item.frame == _FRAME_MISSION:
+        return None
+    if abs(item.x) > 90 * UNITS_PER_DEGREE:
+        return Verdict(PlanResult.INVALID_PARAM5_X, f"latitude {item.x / UNITS_PER_DEGREE:g} is not on Earth")
+    if abs(item.y) > 180 * UNITS_PER_DEGREE:
+        return Verdict(PlanResult.INVALID_PARAM6_Y, f"longitude {item.y / UNITS_PER_DEGREE:g} is not on Earth")
+    if not math.isfinite(item.z):
+        return Verdict(PlanResult.INVALID_PARAM7_Z, "its height is no number")
+    return None
+
+
+def plan_of(items: Items, fence: Sequence[FenceArea]) -> Plan:
+    """The plan that items of a mission, and a fence, stand for."""
+    return Plan(entries=tuple(Entry(items=(_mav_item(item),)) for item in items), fence=tuple(fence))
+
+
+def fence_of(items: Items) -> tuple[FenceArea, ...] | Verdict:
+    """The areas that items of a fence stand for; or what is wrong with them."""
+    areas: list[FenceArea] = []
+    corners: list[tuple[float, float]] = []
+    for number, item in enumerate(items):
+        place = (item.x / UNITS_PER_DEGREE, item.y / UNITS_PER_DEGREE)
+        if item.frame not in _FRAMES:
+            return Verdict(PlanResult.UNSUPPORTED_FRAME, f"item {number}: frame {item.frame} is not supported")
+        if item.command in (CIRCLE_IN, CIRCLE_OUT):
+            if not (math.isfinite(item.param1) and item.param1 > 0.0):
+                return Verdict(PlanResult.INVALID_PARAM1, f"item {number}: a circle without a radius")
+            areas.append(FenceArea(is_inclusion=item.command == CIRCLE_IN, center=place, radius_m=item.param1))
+        elif item.command in (POLYGON_IN, POLYGON_OUT):
+            corners.append(place)
+            follows = number + 1 < len(items) and items[number + 1].command == item.command
+            if not (math.isfinite(item.param1) and item.param1 >= 3 and len(corners) <= item.param1):
+                return Verdict(PlanResult.INVALID_PARAM1, f"item {number}: a polygon of {item.param1:g} corners")
+            if len(corners) == item.param1:
+                areas.append(FenceArea(is_inclusion=item.command == POLYGON_IN, polygon=tuple(corners)))
+                corners = []
+            elif not follows:
+                return Verdict(PlanResult.INVALID, f"item {number}: a polygon lacks corners")
+        elif item.command != RETURN_POINT:
+            return Verdict(PlanResult.UNSUPPORTED, f"item {number}: command {item.command} is none of a fence")
+    return tuple(areas)
+
+
+def items_of(found: Sequence[MavItem]) -> Items:
+    """Items as they are sent."""
+    return tuple(_plan_item(item) for item in found)
+
+
+def _mav_item(item: PlanItem) -> MavItem:
+    params = (item.param1, item.param2, item.param3, item.param4)
+    p1, p2, p3, p4 = (None if math.isnan(value) else value for value in params)
+    per_unit = 1.0 if item.frame == _FRAME_MISSION else UNITS_PER_DEGREE
+    return MavItem(
+        command=item.command,
+        frame=item.frame,
+        params=(p1, p2, p3, p4),
+        x=item.x / per_unit,
+        y=item.y / per_unit,
+        z=None if math.isnan(item.z) else item.z,
+        is_continued=item.autocontinue,
+        is_current=item.is_current,
+    )
+
+
+def _plan_item(item: MavItem) -> PlanItem:
+    p1, p2, p3, p4 = (math.nan if value is None else value for value in item.params)
+    per_unit = 1.0 if item.frame == _FRAME_MISSION else UNITS_PER_DEGREE
+    return PlanItem(
+        command=item.command,
+        frame=item.frame,
+        param1=p1,
+        param2=p2,
+        param3=p3,
+        param4=p4,
+        x=round((item.x or 0.0) * per_unit),
+        y=round((item.y or 0.0) * per_unit),
+        z=item.z or 0.0,
+    )

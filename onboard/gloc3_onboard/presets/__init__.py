@@ -1,0 +1,1 @@
+"""The presets of autopilot parameters that ship with GLOC3."""

@@ -1,0 +1,90 @@
+"""Calibration as PX4 tells it: in status texts that begin with `[cal]`. Nothing is changed by it."""
+
+from enum import StrEnum
+from typing import Final
+
+from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.modes import Severity
+
+
+class Subject(StrEnum):
+    """What is calibrated, in PX4's words."""
+
+    GYRO = "gyro"
+    MAGNETOMETER = "mag"
+    ACCELEROMETER = "accel"
+    LEVEL = "level"
+
+
+TURNED: Final = frozenset({Subject.MAGNETOMETER, Subject.ACCELEROMETER})
+"""Those for which somebody has to lay the vehicle on each of its sides, which nobody can here."""
+
+_STEP_S: Final = 0.3
+_STEPS: Final = 5
+PATIENCE_S: Final = 30.0
+"""So long a vehicle waits to be turned."""
+
+
+class Calibration:
+    """The one that is under way, if any."""
+
+    def __init__(self, craft: Craft) -> None:
+        self._craft: Final = craft
+        self._subject: Subject | None = None
+        self._begin_s = 0.0
+        self._step = 0
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether one is under way."""
+        return self._subject is not None
+
+    def begin(self, subject: Subject) -> None:
+        """Begins one; `tick` goes on with it."""
+        self._subject, self._begin_s, self._step = subject, self._craft.now_s, 0
+        self._say(f"calibration started: 2 {subject}")
+        if subject in TURNED:
+            self._say("pending: back front left right up down")
+            self._say("hold vehicle still on a pending side")
+
+    def cancel(self) -> None:
+        """Ends the one that is under way."""
+        if self._subject is not None:
+            self._subject = None
+            self._say("calibration cancelled")
+
+    def tick(self, now_s: float) -> None:
+        """Tells how it goes, and how it ends."""
+        subject = self._subject
+        if subject is None:
+            return
+        if self._craft.is_armed:
+            self._fail("armed")
+        elif subject in TURNED:
+            self._wait(subject, now_s)
+        elif now_s - self._begin_s >= (self._step + 1) * _STEP_S:
+            self._step += 1
+            self._say(f"progress <{100 * self._step // _STEPS}>")
+            if self._step == _STEPS:
+                self._subject = None
+                self._say(f"calibration done: {subject}")
+
+    def _wait(self, subject: Subject, now_s: float) -> None:
+        """The side on which it stands is measured; the others nobody brings down."""
+        waited_s = now_s - self._begin_s
+        if self._step == 0 and waited_s >= _STEP_S:
+            self._step = 1
+            self._say("down orientation detected")
+        elif self._step == 1 and subject is Subject.ACCELEROMETER and waited_s >= _STEPS * _STEP_S:
+            self._step = 2  # the compass wants to be turned about even on this side
+            self._say("down side done, rotate to a different side")
+            self._say("progress <17>")
+        elif waited_s >= PATIENCE_S:
+            self._fail("timeout: no motion")
+
+    def _fail(self, reason: str) -> None:
+        self._subject = None
+        self._say(f"calibration failed: {reason}")
+
+    def _say(self, text: str) -> None:
+        self._craft.say(Severity.INFO, f"[cal] {text}")

@@ -1,0 +1,70 @@
+"""What the autopilot can ask of the simulation that it is in: things that no real one could do."""
+
+from enum import IntEnum
+from typing import Protocol
+
+from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
+from gloc3_sitl.truth import Truth
+
+
+class Power(IntEnum):
+    """What becomes of the autopilot's supply, numbered as the first parameter of MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
+
+    REBOOT = 1
+    SHUTDOWN = 2
+
+
+class Unit(IntEnum):
+    """What can be made to fail, numbered as FAILURE_UNIT."""
+
+    MAGNETOMETER = 2
+    BAROMETER = 3
+    GPS = 4
+    ODOMETRY = 6
+    RANGE_FINDER = 7
+    BATTERY = 100
+    RECEIVER = 104
+
+
+class Failure(IntEnum):
+    """How it fails, numbered as FAILURE_TYPE."""
+
+    OK = 0
+    OFF = 1
+    STUCK = 2
+    GARBAGE = 3
+    WRONG = 4
+    DELAYED = 6
+
+
+class Surroundings(Protocol):
+    """The simulation, as the autopilot sees it."""
+
+    def switch(self, power: Power) -> None:
+        """Boots the autopilot anew, or leaves it without power, as soon as its answer has gone out."""
+
+    def truth(self) -> Truth:
+        """What the vehicle really does."""
+
+    def inject(self, unit: Unit, failure: Failure) -> Verdict:
+        """Makes something fail, or repairs it."""
+
+
+class Nowhere:
+    """Surroundings that take everything and do nothing: for an autopilot on a bench of its own."""
+
+    def switch(self, power: Power) -> None:
+        """Does nothing."""
+
+    def truth(self) -> Truth:
+        """There is none.
+
+        Raises:
+            LookupError: always.
+        """
+        raise LookupError("there is no simulation")
+
+    def inject(self, unit: Unit, failure: Failure) -> Verdict:
+        """Does nothing."""
+        del unit, failure
+        return ACCEPTED

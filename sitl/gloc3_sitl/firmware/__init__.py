@@ -1,0 +1,1 @@
+"""Real autopilot firmwares on our physics, sensors and worlds."""

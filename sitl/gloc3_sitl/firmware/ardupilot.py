@@ -1,0 +1,132 @@
+"""ArduPilot on our physics: answers each servo packet with the state one step later, in strict lock-step."""
+
+from collections.abc import Hashable, Sequence
+from typing import Final
+
+from gloc3_sitl.firmware.body import MOTORS, Body
+from gloc3_sitl.firmware.json_wire import Servos, State, read_servos, state_text
+from gloc3_sitl.sensors.readings import ImuReading, RangeReading, Reading
+
+RATE_HZ: Final = 800
+"""Steps of the physics per second: ArduCopter does not arm with fewer than 1.8 samples of the gyro to each of its 400 loops."""
+NO_ECHO_M: Final = 1000.0
+"""Sent as a range where there is no echo: farther than any range finder tells, so the firmware says *out of range*."""
+
+_PWM_LOW_US, _PWM_SPAN_US = 1000.0, 1000.0
+
+
+class ArduPilotBridge:
+    """Steps a vehicle by the servo packets that it is given, and says what is to be answered.
+
+    The firmware speaks first and counts what it has accepted, so:
+
+    * the next count is one step;
+    * a count that comes again is a packet that it sends again, because it has no answer or took none: the last state
+      is sent once more, and time stands;
+    * a count that leaves some out is one step, too: time is ours, so nothing is lost but what it wanted meanwhile;
+    * a count that falls is a firmware that has started anew: so does the vehicle, at home, at time 0;
+    * another sender is a firmware that has started anew if it counts from 0; else it is not answered.
+
+    Args:
+        body: the vehicle; `RATE_HZ` steps a second.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self.steps = 0
+        """Servo packets that were steps."""
+        self.repeats = 0
+        """Servo packets that came again."""
+        self.skips = 0
+        """Counts that never came."""
+        self.restarts = 0
+        """Times that the firmware has started anew."""
+        self.refused = 0
+        """Packets that are none, or come from a second firmware."""
+        self._body: Final = body
+        self._sender: Hashable | None = None
+        self._frame = -1
+        self._answer = b""
+        self._imu: ImuReading | None = None
+        self._range_m: float | None = None
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether no firmware has been heard yet."""
+        return self._sender is None
+
+    @property
+    def now_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self._body.now_s
+
+    def receive(self, data: bytes, sender: Hashable) -> bytes | None:
+        """Takes what has come from the firmware.
+
+        Args:
+            data: one datagram.
+            sender: who has sent it.
+
+        Returns:
+            What is to be sent back to that sender; None for nothing.
+        """
+        servos = read_servos(data)
+        if servos is None:
+            self.refused += 1
+            return None
+        if self._sender is None:
+            self._begin(servos, sender)
+        elif sender != self._sender:
+            if servos.frame != 0:
+                self.refused += 1
+                return None
+            self._restart(servos, sender)
+        elif servos.frame < self._frame:
+            self._restart(servos, sender)
+        elif servos.frame == self._frame:
+            self.repeats += 1
+            return self._answer
+        else:
+            self.skips += servos.frame - self._frame - 1
+            self._step(servos)
+        return self._answer
+
+    def _begin(self, servos: Servos, sender: Hashable) -> None:
+        self._sender = sender
+        self._step(servos)
+
+    def _restart(self, servos: Servos, sender: Hashable) -> None:
+        self.restarts += 1
+        self._body.restart()
+        self._imu = self._range_m = None
+        self._begin(servos, sender)
+
+    def _step(self, servos: Servos) -> None:
+        self.steps += 1
+        self._frame = servos.frame
+        self._take(self._body.step([(pulse - _PWM_LOW_US) / _PWM_SPAN_US for pulse in servos.pwm_us[:MOTORS]]))
+        truth = self._body.truth()
+        imu = self._imu
+        force, rate = (
+            (imu.specific_force_frd_m_s2, imu.rate_frd_rad_s)
+            if imu is not None
+            else (truth.specific_force_frd_m_s2, truth.rate_frd_rad_s)
+        )
+        self._answer = state_text(
+            State(
+                t_s=truth.t_s,
+                rate_frd_rad_s=rate,
+                specific_force_frd_m_s2=force,
+                position_ned_m=truth.position_ned_m,
+                ned_from_frd=truth.attitude_wxyz,
+                velocity_ned_m_s=truth.velocity_ned_m_s,
+                range_m=self._range_m,
+            )
+        )
+
+    def _take(self, readings: Sequence[Reading]) -> None:
+        """Keeps what this interface can carry; fixes, pressure and the field the firmware makes by itself."""
+        for reading in readings:
+            if isinstance(reading, ImuReading):
+                self._imu = reading
+            elif isinstance(reading, RangeReading):
+                self._range_m = reading.distance_m if reading.is_valid else NO_ECHO_M

@@ -1,0 +1,107 @@
+"""A simulated vehicle without an autopilot: physics and sensors in a world, stepped by whoever drives the motors."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Misuse
+from gloc3_sitl.ground import PERIOD_STEPS, raise_ground
+from gloc3_sitl.physics import Quadrotor
+from gloc3_sitl.sensors.height import level_ground
+from gloc3_sitl.sensors.readings import Reading
+from gloc3_sitl.sensors.suite import SensorSuite
+from gloc3_sitl.truth import Truth
+from gloc3_sitl.wind import CALM, Wind
+from gloc3_sitl.world import World
+from gloc3_sitl.world.probe import WorldProbe
+
+MOTORS: Final = 4
+
+
+class BodySettings(msgspec.Struct, frozen=True, kw_only=True):
+    """What is simulated."""
+
+    vehicle: str = "pelican"
+    """What flies, by the name of a model."""
+    seed: int = 0
+    """Of turbulence and of all sensor noise."""
+    wind: Wind = CALM
+    """What the air does."""
+    is_without_gps: bool = False
+    """No fixes at all."""
+    is_plain_gps: bool = False
+    """Metre-level fixes in place of RTK-grade ones."""
+
+
+class Body:
+    """One vehicle in one world; the same throttles give the same flight bit for bit.
+
+    Args:
+        world: where it flies.
+        settings: what is simulated.
+        rate_hz: steps of the physics, and samples of the inertial unit, per second.
+    """
+
+    def __init__(self, world: World, settings: BodySettings, rate_hz: int) -> None:
+        self.world: Final = world
+        self.settings: Final = settings
+        self.rate_hz: Final = rate_hz
+        self._is_flat = world.is_flat
+        self._make()
+
+    def _make(self) -> None:
+        settings, world = self.settings, self.world
+        self.quadrotor = Quadrotor(
+            settings.vehicle,
+            world.home,
+            wind=settings.wind,
+            seed=settings.seed,
+            rate_hz=self.rate_hz,
+            heading_deg=world.heading_deg,
+        )
+        self.sensors = SensorSuite(
+            settings.seed,
+            world.home,
+            model=self.quadrotor.model,
+            is_plain_gps=settings.is_plain_gps,
+            imu_rate_hz=float(self.rate_hz),
+            probe=level_ground if self._is_flat else WorldProbe(world),
+        )
+        if settings.is_without_gps:
+            self.sensors.fail("fix", "lost")
+
+    def restart(self) -> None:
+        """Begins anew: at home, at rest, at time 0."""
+        self._make()
+
+    def step(self, throttles: Sequence[float]) -> list[Reading]:
+        """Advances by one step.
+
+        Args:
+            throttles: of the four motors, front right, rear left, front left, rear right, 0 to 1; more are ignored.
+
+        Returns:
+            The readings that arrive now.
+
+        Raises:
+            Misuse: there are fewer.
+        """
+        if len(throttles) < MOTORS:
+            raise Misuse(f"{MOTORS} throttles are needed, not {len(throttles)}")
+        one, two, three, four = throttles[:MOTORS]
+        quadrotor = self.quadrotor
+        quadrotor.step((one, two, three, four))
+        now_s = quadrotor.now_s
+        if not self._is_flat and quadrotor.steps % PERIOD_STEPS == 0:
+            raise_ground(quadrotor, self.world, now_s)
+        return self.sensors.sample(quadrotor, now_s)
+
+    @property
+    def now_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.quadrotor.now_s
+
+    def truth(self) -> Truth:
+        """What the vehicle really does now."""
+        return self.quadrotor.truth()

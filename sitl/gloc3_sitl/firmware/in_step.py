@@ -1,0 +1,224 @@
+"""A real ArduPilot in step with a flight in virtual time: it stands where a simulator with an autopilot of ours would.
+
+It waits for physics after each of its steps, and we step only when the flight's clock asks for it; so cameras that take
+long, and a computer that is busy, cost wall time and nothing else.
+"""
+
+import select
+import socket
+from asyncio import AbstractEventLoop, TimerHandle
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final, NoReturn
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3_sitl.autopilot.autopilot import Autopilot
+from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
+from gloc3_sitl.autopilot.modes import Severity
+from gloc3_sitl.autopilot.pilot import Pilot
+from gloc3_sitl.autopilot.surroundings import Power
+from gloc3_sitl.firmware.ardupilot import RATE_HZ, ArduPilotBridge
+from gloc3_sitl.firmware.body import Body, BodySettings
+from gloc3_sitl.firmware.json_server import SocketAddress, newest
+from gloc3_sitl.firmware.kinds import Wishes, kind_named, start_program
+from gloc3_sitl.firmware.program import find_binary
+from gloc3_sitl.sensors.suite import SensorSuite
+from gloc3_sitl.truth import Truth
+from gloc3_sitl.wind import Wind
+from gloc3_sitl.world import World
+
+PERIOD_S: Final = 0.02
+"""How often messages of the link go back and forth, in simulated time."""
+READY_WITHIN_S: Final = 120.0
+"""Its estimator takes 40 s to believe satellites."""
+SENSORS: Final = ("imu", "height")
+"""Those of ours that it flies by; the others it simulates by itself."""
+_SILENT_S: Final = 20.0
+_AS_FAST_AS_IT_CAN: Final = 1000.0
+_LARGEST: Final = 2048
+
+
+class FirmwareInStep:
+    """One vehicle in one world, flown by ArduPilot.
+
+    Args:
+        world: where it flies.
+        settings: what is simulated.
+        parameters: of the firmware, beside those of the vehicle.
+        out: folder for what it says and leaves; None keeps nothing.
+
+    Raises:
+        Refused: its program is not there.
+    """
+
+    def __init__(
+        self, world: World, settings: BodySettings, parameters: Mapping[str, float], out: Path | None = None
+    ) -> None:
+        kind = kind_named("ardupilot")
+        binary = find_binary(kind.programs[settings.vehicle], None)
+        self.world: Final = world
+        self.texts: Final[deque[tuple[float, Severity, str]]] = deque()
+        """Always empty: what it says is on its link, and in `firmware.txt`."""
+        self.problem = ""
+        """Why time does not go on any more."""
+        self._body: Final = Body(world, settings, RATE_HZ)
+        self._bridge: Final = ArduPilotBridge(self._body)
+        self._scratch: Final = TemporaryDirectory(prefix="gloc3-firmware-")
+        folder = Path(self._scratch.name) if out is None else out.absolute() / "firmware"
+        folder.mkdir(parents=True, exist_ok=True)
+        self._physics, self._line = _listen(), _listen()
+        self._peer: SocketAddress | None = None
+        self._send: Send | None = None
+        self._timer: TimerHandle | None = None
+        self._program: Final = start_program(
+            kind,
+            binary,
+            Wishes(
+                world=world,
+                vehicle=settings.vehicle,
+                port=int(self._physics.getsockname()[1]),
+                links=(f"udpout://127.0.0.1:{self._line.getsockname()[1]}",),
+                speedup=_AS_FAST_AS_IT_CAN,
+                is_without_gps=settings.is_without_gps,
+                parameters=parameters,
+                folder=folder,
+            ),
+        )
+
+    # -- time ---------------------------------------------------------------------------------------------------------
+
+    def start(self, loop: AbstractEventLoop) -> None:
+        """Has an event loop advance it from now on."""
+        begin_s = loop.time()
+
+        def turn() -> None:
+            try:
+                self.advance(loop.time() - begin_s)
+            except Gloc3Error as error:  # nobody is above: the flight finds its autopilot silent
+                self.problem = str(error)
+            else:
+                self._timer = loop.call_later(PERIOD_S, turn)
+
+        self._timer = loop.call_later(PERIOD_S, turn)
+
+    def stop(self) -> None:
+        """Ends the firmware."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self._program.kill()
+        self._physics.close()
+        self._line.close()
+        self._scratch.cleanup()
+
+    def advance(self, now_s: float) -> None:
+        """Simulates up to a time.
+
+        Raises:
+            Gloc3Error: the firmware has ended, or says nothing.
+        """
+        until = int(now_s * RATE_HZ + 1e-6)
+        while self._bridge.steps < until:
+            self._await_packet()
+            for data, sender in newest(self._physics):
+                answer = self._bridge.receive(data, sender)
+                if answer is not None:
+                    self._physics.sendto(answer, sender)
+        self._hear()
+
+    def _await_packet(self) -> None:
+        for _ in range(round(_SILENT_S)):
+            if select.select([self._physics], [], [], 1.0)[0]:
+                return
+            if self._program.exit_code is not None:
+                break
+        why = "says nothing" if self._program.exit_code is None else "has ended by itself"
+        raise Gloc3Error(f"ArduPilot {why}: {self._program.last_words()}")
+
+    # -- the outside --------------------------------------------------------------------------------------------------
+
+    def attach(self, send: Send, kind: LinkKind = LinkKind.COMPANION) -> Receive:
+        """Connects its one MAVLink link.
+
+        Args:
+            send: called with each datagram that comes out.
+            kind: of no account: it tells what it is asked for.
+
+        Returns:
+            What is to be called with each piece of data that goes in.
+        """
+        self._send = send
+        return self._tell
+
+    def _hear(self) -> None:
+        while True:
+            try:
+                data, self._peer = self._line.recvfrom(_LARGEST)
+            except (BlockingIOError, InterruptedError):
+                return
+            except OSError:  # it is starting anew
+                continue
+            if self._send is not None:
+                self._send(data)
+
+    def _tell(self, data: bytes) -> None:
+        if self._peer is not None:
+            self._line.sendto(data, self._peer)
+
+    def truth(self) -> Truth:
+        """What the vehicle really does now."""
+        return self._body.truth()
+
+    @property
+    def sensors(self) -> SensorSuite:
+        """All of them; it flies by `SENSORS`."""
+        return self._body.sensors
+
+    @property
+    def wind(self) -> Wind:
+        """What the air does; may be set at any time."""
+        return self._body.quadrotor.wind
+
+    @wind.setter
+    def wind(self, wind: Wind) -> None:
+        self._body.quadrotor.wind = wind
+
+    @property
+    def autopilot(self) -> Autopilot:
+        """There is none of ours.
+
+        Raises:
+            Refused: always.
+        """
+        _none_of_ours()
+
+    @property
+    def pilot(self) -> Pilot:
+        """There is none of ours.
+
+        Raises:
+            Refused: always.
+        """
+        _none_of_ours()
+
+    def switch(self, power: Power) -> None:
+        """It has no power of ours.
+
+        Raises:
+            Refused: always.
+        """
+        _none_of_ours()
+
+
+def _none_of_ours() -> NoReturn:
+    raise Refused("a real firmware has no pilot of ours, and no power switch")
+
+
+def _listen() -> socket.socket:
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.bind(("127.0.0.1", 0))
+    opened.setblocking(False)
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+    return opened

@@ -1,0 +1,117 @@
+"""ArduPilot's JSON interface on a UDP socket, at the pace of the wall clock."""
+
+import asyncio
+import errno
+import socket
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any, Final, TypeAlias
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
+from gloc3_sitl.firmware.pace import Pace
+
+SocketAddress: TypeAlias = tuple[Any, ...]
+
+DEFAULT_PORT: Final = 9002
+_LARGEST: Final = 2048
+_AT_ONCE: Final = 64
+"""After so many packets the rest of the process has its turn."""
+_MOST_EARLY_S: Final = 0.004
+"""Steps are made in bursts of so long: a timer for each would cost more than the step."""
+
+
+class JsonServer:
+    """Answers each servo packet to where it came from; while it is early the next one waits in the socket.
+
+    Args:
+        bridge: what answers.
+        loop: whose time is kept.
+        speed: times real time that the flight is to be held to.
+    """
+
+    def __init__(self, bridge: ArduPilotBridge, loop: asyncio.AbstractEventLoop, speed: float = 1.0) -> None:
+        self.failure: Gloc3Error | None = None
+        """Why nothing is answered any more."""
+        self._bridge, self._loop = bridge, loop
+        self._pace: Final = Pace(speed)
+        self._timer: asyncio.TimerHandle | None = None
+        self._socket: socket.socket | None = None
+
+    @property
+    def port(self) -> int:
+        """The port that it really has."""
+        assert self._socket is not None
+        return int(self._socket.getsockname()[1])
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether a firmware has been heard."""
+        return not self._bridge.is_alone
+
+    async def open(self, port: int) -> None:
+        """Listens on loopback.
+
+        Raises:
+            Refused: the port is in use.
+        """
+        opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            opened.bind(("127.0.0.1", port))
+        except OSError as error:
+            opened.close()
+            reason = "another program has it" if error.errno == errno.EADDRINUSE else error.strerror
+            raise Refused(f"UDP port {port} for the firmware: {reason}") from error
+        opened.setblocking(False)
+        self._socket = opened
+        self._loop.add_reader(opened, self._read)
+
+    async def close(self) -> None:
+        """Answers no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._socket is not None:
+            self._loop.remove_reader(self._socket)
+            self._socket.close()
+            self._socket = None
+
+    def _read(self) -> None:
+        opened = self._socket
+        assert opened is not None
+        for data, sender in newest(opened):
+            try:
+                answer = self._bridge.receive(data, sender)
+            except Gloc3Error as error:
+                self.failure = error
+                self._loop.remove_reader(opened)
+                return
+            if answer is None:
+                continue
+            with suppress(OSError):  # it asks again
+                opened.sendto(answer, sender)
+            wait_s = self._pace.wait_s(self._loop.time(), self._bridge.now_s)
+            if wait_s > _MOST_EARLY_S and self._timer is None:
+                self._loop.remove_reader(opened)
+                self._timer = self._loop.call_later(wait_s, self._go_on)
+
+    def _go_on(self) -> None:
+        self._timer = None
+        if self._socket is not None:
+            self._loop.add_reader(self._socket, self._read)
+
+
+def newest(opened: socket.socket) -> Iterator[tuple[bytes, SocketAddress]]:
+    """What is in a socket that does not block; what has come several times, because nobody has answered, comes once."""
+    before: tuple[bytes, SocketAddress] | None = None
+    for _ in range(_AT_ONCE):
+        try:
+            packet = opened.recvfrom(_LARGEST)
+        except (BlockingIOError, InterruptedError):
+            break
+        except OSError:  # who was answered is gone
+            continue
+        if before is not None and packet != before:
+            yield before
+        before = packet
+    if before is not None:
+        yield before

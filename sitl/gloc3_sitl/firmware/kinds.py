@@ -1,0 +1,188 @@
+"""The firmwares that can be had on our physics: how each is started, for which vehicle, with which parameters."""
+
+import socket
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused, nearest
+from gloc3.link.endpoints import parse_url
+from gloc3_sitl.firmware import ardupilot, px4
+from gloc3_sitl.firmware.hil_server import DEFAULT_PORT as HIL_PORT
+from gloc3_sitl.firmware.json_server import DEFAULT_PORT as JSON_PORT
+from gloc3_sitl.firmware.parameters import preset_text, read_parameters, write_parameters
+from gloc3_sitl.firmware.program import Program
+from gloc3_sitl.world import World
+
+_MOST_LINKS: Final = 3
+_INSTANCES: Final = 10
+
+
+class Wishes(msgspec.Struct, frozen=True, kw_only=True):
+    """What a firmware is started for."""
+
+    world: World
+    vehicle: str
+    port: int
+    """Where our physics listens."""
+    links: Sequence[str]
+    """URLs of the MAVLink links that it is to open; empty for those that it opens by itself."""
+    speedup: float
+    """Times real time that it may run at most."""
+    is_without_gps: bool
+    parameters: Mapping[str, float]
+    """Beside those of the vehicle."""
+    folder: Path
+    """Where it works."""
+
+
+class Start(msgspec.Struct, frozen=True, kw_only=True):
+    """How a program is to be called."""
+
+    arguments: Sequence[str]
+    environment: Mapping[str, str]
+
+
+class Kind(msgspec.Struct, frozen=True, kw_only=True):
+    """One firmware."""
+
+    title: str
+    programs: Mapping[str, Sequence[str]]
+    """As what it is looked for on PATH, by the vehicle."""
+    port: int
+    """Where our physics listens if nothing else is said."""
+    rate_hz: int
+    links: Sequence[str]
+    """That it is told to open if nothing else is said."""
+    takes_fixes: bool
+    """Whether our satellite receiver is its; otherwise it has one of its own."""
+    start: Callable[[Wishes], Start]
+    by_hand: str
+    """What a person would type, with {port}."""
+
+
+def kind_named(name: str) -> Kind:
+    """The firmware of that name.
+
+    Raises:
+        Refused: there is none.
+    """
+    if name not in KINDS:
+        raise Refused(f"no firmware {name!r}; {nearest(name, list(KINDS))}")
+    return KINDS[name]
+
+
+def start_program(kind: Kind, binary: Path, wishes: Wishes) -> Program:
+    """Starts a firmware.
+
+    Raises:
+        Refused: the system will not run it, or it cannot do what is wished for.
+    """
+    start = kind.start(wishes)
+    program = Program([str(binary), *start.arguments], wishes.folder, start.environment)
+    program.start()
+    return program
+
+
+def _start_ardupilot(wishes: Wishes) -> Start:
+    """A fresh ArduPilot; its parameters go into files, in the order in which they count."""
+    names = [f"ardupilot_{wishes.vehicle}.parm", *(["ardupilot_odometry.parm"] if wishes.is_without_gps else [])]
+    for name in names:
+        (wishes.folder / name).write_text(preset_text(name))
+    if wishes.parameters:
+        names.append("given.parm")
+        write_parameters(wishes.folder / "given.parm", wishes.parameters)
+    (wishes.folder / "eeprom.bin").unlink(missing_ok=True)
+    if len(wishes.links) > _MOST_LINKS:
+        raise Refused(f"ArduPilot has {_MOST_LINKS} MAVLink lines here, not {len(wishes.links)}")
+    lines = [_ardupilot_line(url) for url in wishes.links]
+    lines += ["none:0"] * (_MOST_LINKS - len(lines))
+    latitude, longitude, altitude = wishes.world.home
+    return Start(
+        arguments=[
+            *("--model", "JSON:127.0.0.1"),
+            *("--sim-port-out", str(wishes.port)),
+            *("--home", f"{latitude:.9f},{longitude:.9f},{altitude:.3f},{wishes.world.heading_deg:.3f}"),
+            *("--rate", str(ardupilot.RATE_HZ)),
+            *("--speedup", f"{wishes.speedup:g}"),
+            *("--defaults", ",".join(names)),
+            *(word for number, line in enumerate(lines) for word in (f"--serial{number}", line)),
+            *("--rc-in-port", str(_free_udp_port())),
+        ],
+        environment={},
+    )
+
+
+def _ardupilot_line(url: str) -> str:
+    """A link as ArduPilot's simulation is told of it.
+
+    Raises:
+        Refused: it has none of this kind.
+    """
+    there = parse_url(url)
+    match there.scheme:
+        case "udpout":
+            return f"udpclient:{socket.gethostbyname(there.host)}:{there.port}"
+        case "tcpin":
+            return f"tcp:{there.port}"
+        case "tcpout":
+            return f"tcpclient:{socket.gethostbyname(there.host)}:{there.port}"
+        case "serial" if there.baud is not None:
+            return f"uart:{there.device}:{there.baud}"
+    raise Refused(f"link {url!r}: ArduPilot opens udpout://, tcpin://, tcpout:// and serial:// with a rate")
+
+
+def _start_px4(wishes: Wishes) -> Start:
+    """A PX4 whose parameters are in its environment; its own start script opens 14550 and 14540."""
+    if wishes.links:
+        raise Refused("PX4 opens its links by itself: 127.0.0.1:14550 for stations, 127.0.0.1:14540 for companions")
+    instance = wishes.port - HIL_PORT
+    if not 0 <= instance < _INSTANCES:
+        raise Refused(f"PX4 connects to a port from {HIL_PORT} to {HIL_PORT + _INSTANCES - 1}, not {wishes.port}")
+    parameters: dict[str, float] = {}
+    for name in (f"px4_{wishes.vehicle}.params", *(["px4_odometry.params"] if wishes.is_without_gps else [])):
+        parameters |= read_parameters(preset_text(name), name)
+    parameters |= wishes.parameters
+    return Start(
+        arguments=["-d", "-i", str(instance), "-w", str(wishes.folder)],
+        environment={
+            "PX4_SIM_MODEL": "none_iris",
+            "PX4_SIM_HOST_ADDR": "127.0.0.1",
+            "PX4_SIM_SPEED_FACTOR": f"{wishes.speedup:g}",
+            **{f"PX4_PARAM_{name}": f"{value:.10g}" for name, value in parameters.items()},
+        },
+    )
+
+
+def _free_udp_port() -> int:
+    """For the transmitter that ArduPilot would listen to: two of them must not meet."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind(("127.0.0.1", 0))
+        return int(opened.getsockname()[1])
+
+
+KINDS: Final[Mapping[str, Kind]] = {
+    "ardupilot": Kind(
+        title="ArduPilot",
+        programs={"pelican": ("arducopter",)},
+        port=JSON_PORT,
+        rate_hz=ardupilot.RATE_HZ,
+        links=("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540"),
+        takes_fixes=False,
+        start=_start_ardupilot,
+        by_hand="arducopter --model JSON:127.0.0.1 --sim-port-out {port} --rate 800",
+    ),
+    "px4": Kind(
+        title="PX4",
+        programs={"pelican": ("px4",)},
+        port=HIL_PORT,
+        rate_hz=px4.RATE_HZ,
+        links=(),
+        takes_fixes=True,
+        start=_start_px4,
+        by_hand="PX4_SIM_MODEL=none_iris px4, which connects to TCP port {port}",
+    ),
+}
+"""By name."""

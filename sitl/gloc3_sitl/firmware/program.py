@@ -1,0 +1,106 @@
+"""A firmware's program: found, started in a folder of its own, and ended."""
+
+import asyncio
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from gloc3.errors import Refused
+
+STOP_S: Final = 2.0
+"""How long it may take to end when it is asked to; one that waits for physics does not hear at all."""
+LAST_LINES: Final = 8
+_LAST_BYTES: Final = 4000
+_LOOK_EVERY_S: Final = 0.02
+
+
+def find_binary(names: Sequence[str], given: Path | None) -> Path:
+    """The program of a firmware.
+
+    Args:
+        names: as which it is looked for on PATH.
+        given: where it is instead.
+
+    Raises:
+        Refused: there is none; the text says what to do.
+    """
+    if given is not None:
+        if not (given.is_file() and os.access(given, os.X_OK)):
+            raise Refused(f"{given} is not a program")
+        return given.absolute()
+    for name in names:
+        found = shutil.which(name)
+        if found is not None:
+            return Path(found).absolute()
+    raise Refused(
+        f"there is no {' or '.join(names)} on PATH: docs/firmware.md says where it comes from. Put it there, give it with "
+        "--firmware-binary FILE, or start it yourself and say --firmware-running"
+    )
+
+
+class Program:
+    """A firmware that we have started; what it says is in `firmware.txt` in its folder.
+
+    Args:
+        command: with all arguments.
+        folder: where it works and leaves its files.
+        environment: beside our own.
+    """
+
+    def __init__(self, command: Sequence[str], folder: Path, environment: Mapping[str, str]) -> None:
+        self.command: Final = tuple(command)
+        self._folder, self._environment = folder, environment
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Starts it out of reach of the terminal's Ctrl-C; it ends with us even where we are killed.
+
+        Raises:
+            Refused: the system will not run it.
+        """
+        keeper = shutil.which("setpriv")
+        before = [keeper, "--pdeathsig", "KILL"] if keeper else []
+        try:
+            with (self._folder / "firmware.txt").open("wb") as file:
+                self._process = subprocess.Popen(
+                    [*before, *self.command],
+                    cwd=self._folder,
+                    env={**os.environ, **self._environment},
+                    stdin=subprocess.DEVNULL,
+                    stdout=file,
+                    stderr=file,
+                    start_new_session=True,
+                )
+        except OSError as error:
+            raise Refused(f"{self.command[0]} does not start: {error.strerror}") from error
+
+    @property
+    def exit_code(self) -> int | None:
+        """With what it has ended; None while it runs."""
+        return None if self._process is None else self._process.poll()
+
+    def last_words(self) -> str:
+        """The last lines that it has said."""
+        file = self._folder / "firmware.txt"
+        lines = file.read_bytes()[-_LAST_BYTES:].decode(errors="replace").splitlines() if file.exists() else []
+        return "\n".join(line for line in lines[-LAST_LINES:] if line.strip()) or "it said nothing"
+
+    async def stop(self) -> None:
+        """Ends it: asks first, then does not ask."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        for _ in range(round(STOP_S / _LOOK_EVERY_S)):
+            if self._process.poll() is not None:
+                return
+            await asyncio.sleep(_LOOK_EVERY_S)
+        self.kill()
+
+    def kill(self) -> None:
+        """Ends it at once."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()

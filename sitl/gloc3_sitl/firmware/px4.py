@@ -1,0 +1,163 @@
+"""PX4 on our physics, by its simulator interface: a HIL_SENSOR is a step, and the next waits for its HIL_ACTUATOR_CONTROLS.
+
+Not yet flown against the real firmware: written from its documentation and from the source of its `simulator_mavlink`.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gloc3.link import codec
+from gloc3.link.codec import Encoder, Parser
+from gloc3.link.message import MavlinkMessage
+from gloc3_sitl.firmware import hil_messages as hil
+from gloc3_sitl.firmware.body import MOTORS, Body
+from gloc3_sitl.sensors.readings import (
+    BarometerReading,
+    FixReading,
+    ImuReading,
+    MagnetometerReading,
+    RangeReading,
+    Reading,
+)
+
+RATE_HZ: Final = 250
+"""Steps of the physics and HIL_SENSOR messages per second, which PX4's own simulators have, too."""
+
+_SYSTEM, _COMPONENT = 1, 200
+"""As whom we speak on the link."""
+_HEARTBEAT_STEPS: Final = RATE_HZ
+_STANDING_STILL: Final = (0.0,) * MOTORS
+_STILL: Final = ImuReading(t_s=0.0, specific_force_frd_m_s2=(0.0, 0.0, 0.0), rate_frd_rad_s=(0.0, 0.0, 0.0))
+"""In fields that are not said to be new."""
+_LOCK_STEP_FLAG: Final = 1
+_SET_MESSAGE_INTERVAL: Final = 511
+_HIL_STATE: Final = 115
+
+
+class Px4Bridge:
+    """Steps a vehicle for PX4.
+
+    Until the first HIL_ACTUATOR_CONTROLS the time runs freely, since PX4 boots by it. From then on there is a step only
+    when the last one has been answered. A PX4 that says that it is not built for lock-step is not waited for.
+
+    Args:
+        body: the vehicle; `RATE_HZ` steps a second.
+        utc_offset_s: UTC at time 0, in seconds since 1970.
+    """
+
+    def __init__(self, body: Body, utc_offset_s: float) -> None:
+        self.steps = 0
+        """Steps since PX4 has connected."""
+        self.answers = 0
+        """HIL_ACTUATOR_CONTROLS since then."""
+        self.is_armed = False
+        """What the last of them says."""
+        self._body: Final = body
+        self._utc_offset_s: Final = utc_offset_s
+        self.connected()
+
+    def connected(self) -> None:
+        """A PX4 has connected: it, and the vehicle with it, begin anew."""
+        if self.steps:
+            self._body.restart()
+        self.steps = self.answers = 0
+        self.is_armed = False
+        self._parser = Parser()
+        self._encoder = Encoder(_SYSTEM, _COMPONENT)
+        self._throttles: Sequence[float] = _STANDING_STILL
+        self._is_in_step = self._is_waiting = False
+        self._imu: ImuReading | None = None
+        self._magnetometer: MagnetometerReading | None = None
+        self._barometer: BarometerReading | None = None
+        self._truth_every_s: float | None = None
+        self._truth_due_s = 0.0
+
+    @property
+    def now_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self._body.now_s
+
+    @property
+    def is_due(self) -> bool:
+        """Whether there may be a step now, as far as PX4 is concerned."""
+        return not self._is_waiting
+
+    @property
+    def is_in_step(self) -> bool:
+        """Whether PX4 has begun to answer."""
+        return self._is_in_step
+
+    def receive(self, data: bytes) -> None:
+        """Takes a piece of the stream from PX4."""
+        for frame in self._parser.receive(data):
+            message = codec.decode(frame)
+            if message is not None:
+                self._take(message)
+
+    def _take(self, message: MavlinkMessage) -> None:
+        match message.name:
+            case "HIL_ACTUATOR_CONTROLS":
+                self.answers += 1
+                self.is_armed = bool(message.mode & codec.enums.MAV_MODE_FLAG_SAFETY_ARMED)
+                self._throttles = message.controls[:MOTORS]
+                self._is_in_step = bool(message.flags & _LOCK_STEP_FLAG)
+                self._is_waiting = False
+            case "COMMAND_LONG" if message.command == _SET_MESSAGE_INTERVAL and round(message.param1) == _HIL_STATE:
+                every_us = message.param2
+                self._truth_every_s = every_us * 1e-6 if every_us > 0.0 else None
+
+    def step(self) -> bytes:
+        """Advances by one step; gives what PX4 is to be told.
+
+        HIL_SENSOR comes last, because PX4's time goes on with it: what else is new was true before.
+        """
+        body = self._body
+        self.steps += 1
+        messages: list[MavlinkMessage] = []
+        updated = self._sort(body.step(self._throttles), messages)
+        if (self.steps - 1) % _HEARTBEAT_STEPS == 0:
+            messages += self._signs_of_life()
+        if self._truth_every_s is not None and body.now_s >= self._truth_due_s - 1e-6:
+            self._truth_due_s = max(self._truth_due_s + self._truth_every_s, body.now_s)
+            messages.append(hil.hil_state(body.truth()))
+        imu = self._imu or _STILL
+        messages.append(hil.hil_sensor(body.now_s, imu, self._magnetometer, self._barometer, updated))
+        self._is_waiting = self._is_in_step and bool(updated & hil.GYRO)  # PX4 controls when there is a turn rate
+        return b"".join(map(self._encoder.encode, messages))
+
+    def _sort(self, readings: Sequence[Reading], messages: list[MavlinkMessage]) -> int:
+        """Keeps the readings, or makes messages of them; what is new in HIL_SENSOR, as bits."""
+        updated = 0
+        for reading in readings:
+            match reading:
+                case ImuReading():
+                    self._imu = reading
+                    updated |= hil.ACCELEROMETER | hil.GYRO
+                case MagnetometerReading():
+                    self._magnetometer = reading
+                    updated |= hil.MAGNETOMETER
+                case BarometerReading():
+                    self._barometer = reading
+                    updated |= hil.BAROMETER
+                case FixReading() if self.steps > 1:  # PX4 has no time before the first HIL_SENSOR
+                    messages.append(hil.hil_gps(reading, self._utc_offset_s))
+                case RangeReading() if self.steps > 1:
+                    messages.append(hil.distance_sensor(reading))
+        return updated
+
+    def _signs_of_life(self) -> list[MavlinkMessage]:
+        now_s = self._body.now_s
+        return [
+            codec.message(
+                "HEARTBEAT",
+                type=codec.enums.MAV_TYPE_GENERIC,
+                autopilot=codec.enums.MAV_AUTOPILOT_INVALID,
+                system_status=codec.enums.MAV_STATE_ACTIVE,
+                mavlink_version=3,
+            ),
+            codec.message(
+                "SYSTEM_TIME",
+                time_unix_usec=round((now_s + self._utc_offset_s) * 1e6),
+                time_boot_ms=round(now_s * 1e3),
+            ),
+        ]

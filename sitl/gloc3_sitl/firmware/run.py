@@ -1,0 +1,161 @@
+"""Runs a firmware on our physics until it is told to stop: what `gloc3 sitl --firmware` does."""
+
+import asyncio
+import signal
+import tempfile
+from collections.abc import Sequence
+from contextlib import AsyncExitStack, suppress
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.clock import Clock
+from gloc3.errors import Refused
+from gloc3.narrate import narrate
+from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
+from gloc3_sitl.firmware.body import Body, BodySettings
+from gloc3_sitl.firmware.hil_server import HilServer
+from gloc3_sitl.firmware.json_server import JsonServer
+from gloc3_sitl.firmware.kinds import Kind, Wishes, kind_named, start_program
+from gloc3_sitl.firmware.program import Program, find_binary
+from gloc3_sitl.firmware.px4 import Px4Bridge
+from gloc3_sitl.sensor_server import SensorServer
+from gloc3_sitl.truth_log import TruthLog
+from gloc3_sitl.world import World
+
+EXIT_FAILED: Final = 1
+CATCHING_UP: Final = 4.0
+"""We keep the pace, and the firmware may be so much faster after a delay."""
+SILENT_S: Final = 2.0
+"""So long without a step in wall time, and somebody is told."""
+_LOOK_EVERY_S: Final = 0.1
+
+
+class FirmwareOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What `gloc3 sitl --firmware` was asked for."""
+
+    firmware: str
+    world: World
+    body: BodySettings
+    parameters: dict[str, float]
+    links: Sequence[str]
+    binary: Path | None = None
+    is_running: bool = False
+    """It is started by somebody else."""
+    port: int | None = None
+    speed: float = 1.0
+    seconds: float | None = None
+    sensor_port: int | None = None
+    out: Path | None = None
+
+
+async def run_firmware(options: FirmwareOptions) -> int:
+    """Opens everything, starts the firmware, and lets it run until a signal or its end.
+
+    Raises:
+        Refused: something cannot be had; the text says what.
+    """
+    kind = kind_named(options.firmware)
+    vehicle = options.body.vehicle
+    if vehicle not in kind.programs:
+        raise Refused(f"{kind.title} has no parameters for the vehicle {vehicle!r} yet")
+    if options.is_running and (options.links or options.parameters or options.binary is not None):
+        raise Refused(
+            f"a {kind.title} that runs already has its own links and parameters: no --link, --param or binary"
+        )
+    if options.body.is_plain_gps and not kind.takes_fixes:
+        raise Refused(f"--plain-gps: {kind.title} simulates its own satellite receiver; see docs/firmware.md")
+    binary = None if options.is_running else find_binary(kind.programs[vehicle], options.binary)
+    loop = asyncio.get_running_loop()
+    stopped = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stopped.set)
+    body = Body(options.world, options.body, kind.rate_hz)
+    server = _server(options, body, loop)
+    async with AsyncExitStack() as stack:
+        stack.push_async_callback(server.close)
+        await server.open(kind.port if options.port is None else options.port)
+        if options.sensor_port is not None:
+            sensors = SensorServer(body, loop, options.body.seed)
+            stack.push_async_callback(sensors.close)
+            await sensors.open(options.sensor_port)
+            _tell(f"sensors tcp://127.0.0.1:{sensors.port}: {', '.join(sensors.feeds)}")
+        if options.out is not None:
+            truth = TruthLog(body, loop, options.out, vehicle)
+            stack.callback(truth.close)
+        program = None
+        if binary is not None:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gloc3-firmware-")))
+            if options.out is not None:
+                folder = options.out.absolute() / "firmware"
+                folder.mkdir(parents=True, exist_ok=True)
+            program = _program(options, kind, binary, server.port, folder)
+            stack.push_async_callback(program.stop)
+            _tell(f"{kind.title} {binary.name} started, on our physics: {vehicle}, world {options.world.name}")
+        else:
+            _tell(f"waiting for {kind.title} on port {server.port}: {kind.by_hand.format(port=server.port)}")
+        code = await _Watch(body, server, program, kind.title).until(stopped, options.seconds)
+    _tell(f"ended after {body.now_s:.1f} s of simulated time")
+    return code
+
+
+def _server(options: FirmwareOptions, body: Body, loop: asyncio.AbstractEventLoop) -> JsonServer | HilServer:
+    if options.firmware == "ardupilot":
+        return JsonServer(ArduPilotBridge(body), loop, options.speed)
+    return HilServer(Px4Bridge(body, Clock(loop).utc_offset_s + loop.time()), loop, options.speed)
+
+
+def _program(options: FirmwareOptions, kind: Kind, binary: Path, port: int, folder: Path) -> Program:
+    return start_program(
+        kind,
+        binary,
+        Wishes(
+            world=options.world,
+            vehicle=options.body.vehicle,
+            port=port,
+            links=options.links or kind.links,
+            speedup=CATCHING_UP * options.speed,
+            is_without_gps=options.body.is_without_gps,
+            parameters=options.parameters,
+            folder=folder,
+        ),
+    )
+
+
+class _Watch:
+    """Tells what becomes of the firmware."""
+
+    def __init__(self, body: Body, server: JsonServer | HilServer, program: Program | None, title: str) -> None:
+        self._body, self._server, self._program, self._title = body, server, program, title
+
+    async def until(self, stopped: asyncio.Event, seconds: float | None) -> int:
+        """Waits for a signal, for the end of the firmware, or until so much simulated time is over; an exit code."""
+        body, server, program = self._body, self._server, self._program
+        loop = asyncio.get_running_loop()
+        last_s, heard_s, is_stepping = body.now_s, loop.time(), False
+        while not stopped.is_set():
+            with suppress(TimeoutError):
+                await asyncio.wait_for(stopped.wait(), _LOOK_EVERY_S)
+            if server.failure is not None:
+                _tell(str(server.failure))
+                return EXIT_FAILED
+            if program is not None and program.exit_code is not None:
+                _tell(f"{self._title} has ended by itself ({program.exit_code}): {program.last_words()}")
+                return EXIT_FAILED
+            if body.now_s < last_s:
+                _tell(f"{self._title} has started anew: the vehicle is at home again, and its time begins at 0")
+            if body.now_s != last_s:
+                if not is_stepping:
+                    _tell(f"{self._title} is there; it keeps the time")
+                last_s, heard_s, is_stepping = body.now_s, loop.time(), True
+            elif is_stepping and loop.time() - heard_s > SILENT_S:
+                is_stepping = False
+                _tell(f"{self._title} says nothing any more: the time of the flight stands at {body.now_s:.1f} s")
+            if seconds is not None and body.now_s >= seconds:
+                break
+        return 0
+
+
+def _tell(text: str) -> None:
+    narrate(f"sitl: {text}")

@@ -1,0 +1,100 @@
+"""Lanes: what takes the short way through the router goes, and is counted, as what takes the long one."""
+
+from collections.abc import Sequence
+from functools import partial
+from random import Random
+
+import msgspec
+import pytest
+
+from gloc3.link.codec import Encoder, Frame, Parser, message
+from gloc3.link.lanes import Lanes
+from gloc3.link.message import Address
+from gloc3.link.router import LOOK_AGAIN_S, MOVED_AFTER_S, Router, RouterLink
+
+NAMES = ("vehicle", "radio", "wifi")
+
+
+def _put(out: list[bytes], frames: Sequence[Frame]) -> None:
+    out.extend(frame.raw for frame in frames)
+
+
+class Net:
+    """Three links, with lanes or without."""
+
+    def __init__(self, *, has_lanes: bool) -> None:
+        self.router = Router(Address(1, 191))
+        self.out: dict[str, list[bytes]] = {name: [] for name in NAMES}
+        self.links: dict[str, RouterLink] = {}
+        self.short = 0
+        for name in NAMES:
+            out = self.out[name]
+            link = self.links[name] = self.router.attach(name, partial(_put, out))
+            link.plain = out.append
+        self.lanes = {name: Lanes(self.router, link) for name, link in self.links.items()} if has_lanes else {}
+
+    def hear(self, name: str, raw: bytes, now_s: float) -> None:
+        lanes = self.lanes.get(name)
+        if lanes is not None and lanes.pass_on(raw):
+            self.short += 1
+            assert [lanes.frame(raw)] == Parser(is_datagram=True).receive(raw)
+            return
+        frames = Parser(is_datagram=True).receive(raw)
+        self.router.route(self.links[name], frames, now_s)
+        if lanes is not None and len(frames) == 1:
+            lanes.learn(frames[0])
+
+    def settle(self, now_s: float) -> None:
+        self.router.turn(now_s)
+        for lanes in self.lanes.values():
+            lanes.settle(now_s)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_short_way_leads_where_the_long_one_does(seed: int) -> None:
+    chance, now_s = Random(seed), 0.0
+    short, long = Net(has_lanes=True), Net(has_lanes=False)
+    who = {"vehicle": [Encoder(1, 1), Encoder(1, 100)], "radio": [Encoder(255, 190)], "wifi": [Encoder(254, 190)]}
+    said: list[tuple[str, bytes]] = []
+    for step in range(3000):
+        now_s += chance.choice([0.001, 0.01, 0.3, 3.0 if chance.random() < 0.05 else 0.001])
+        name = chance.choice(NAMES)
+        kind = chance.random()
+        if kind < 0.7 or not said:
+            what = chance.choice(["ATTITUDE", "HEARTBEAT", "COMMAND_LONG", "SYSTEM_TIME"])
+            fields = {"target_system": chance.choice([0, 1, 255, 254, 9])} if what == "COMMAND_LONG" else {}
+            fields |= {"time_boot_ms": round(now_s * 1000)} if what in ("ATTITUDE", "SYSTEM_TIME") else {}
+            raw = chance.choice(who[name]).encode(message(what, **fields))
+        elif kind < 0.8:
+            _, raw = chance.choice(said[-20:])  # comes back, by any link
+        elif kind < 0.9:
+            raw = bytes([*said[-1][1][:-1], said[-1][1][-1] ^ 1])  # damaged
+        else:
+            raw = Encoder(chance.randrange(2, 6), 1).encode(message("ATTITUDE", roll=step))  # somebody new, or moved
+        said.append((name, raw))
+        for net in (short, long):
+            net.settle(now_s)
+            net.hear(name, raw, now_s)
+            net.settle(now_s)
+    assert short.out == long.out
+    for name in NAMES:
+        counted = [msgspec.structs.asdict(net.links[name].counts) for net in (short, long)]
+        assert counted[0] == counted[1]
+    assert short.short > 150
+
+
+def test_a_lane_ends_when_a_route_changes_and_after_a_while() -> None:
+    net, vehicle = Net(has_lanes=True), Encoder(1, 1)
+    net.hear("radio", Encoder(255, 190).encode(message("HEARTBEAT")), 0.0)
+    for number in range(3):
+        net.hear("vehicle", vehicle.encode(message("ATTITUDE", roll=number)), 0.0)
+    assert net.short == 2
+    net.hear("wifi", vehicle.encode(message("ATTITUDE", roll=7)), 0.1)
+    assert len(net.out["wifi"]) == 4
+    net.hear("vehicle", vehicle.encode(message("ATTITUDE", roll=8)), 0.2)
+    assert len(net.out["wifi"]) == 4, "nobody hears itself"
+    for number in range(12):
+        net.settle(1.0 + number)
+        net.hear("vehicle", vehicle.encode(message("ATTITUDE", roll=10 + number)), 1.0 + number)
+    assert MOVED_AFTER_S + LOOK_AGAIN_S < 1.0 + 11.0
+    assert len(net.out["wifi"]) > 4, "it is heard there no more"

@@ -1,0 +1,235 @@
+"""A signed link behind the router, and somebody without the key who tries everything: nothing of it gets through or stays."""
+
+import asyncio
+import gc
+import tracemalloc
+from random import Random
+
+import msgspec
+
+from gloc3.ci import CiRequest, Hello
+from gloc3.clock import Clock, run_virtual
+from gloc3.exchange import LocalExchange, Publisher
+from gloc3.link.codec import Encoder, Frame, MavlinkMessage, Parser, message
+from gloc3.link.memory import MemoryLink
+from gloc3.link.message import Address
+from gloc3.link.parser import SIGNED
+from gloc3.link.router import MOST_ADDRESSES, Router
+from gloc3.link.signing import Signing, timestamp
+from gloc3.messages import Envelope, Event
+from gloc3.topics import TopicTable
+from gloc3_groundstation.link import Link
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.routing import RoutedLink
+from gloc3_onboard.station_link import StationLink
+
+KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
+STATION_AGAIN = Encoder(255, 190)
+ARM = message("COMMAND_LONG", target_system=1, target_component=1, command=400, param1=1.0)
+TAKE_OVER = message("CHANGE_OPERATOR_CONTROL", target_system=1, control_request=0, passkey="please")
+UNKNOWN_ID = 54_321
+
+
+class Figures(msgspec.Struct, kw_only=True):
+    """What one run showed."""
+
+    attacks: int = 0
+    """Frames that were sent without the key, on the signed link."""
+    refused: dict[str, int] = {}
+    """By reason, what the link counted."""
+    reached_autopilot: int = 0
+    """Frames of the attacker that the autopilot was given; of the commands of a second station, too."""
+    reached_companion: int = 0
+    """Requests of theirs that reached the command interface."""
+    told: int = 0
+    """Events about it: each reason at most once a minute."""
+    still_served: bool = False
+    """Whether the true station is heard as before, afterwards, by autopilot and companion."""
+    invented: int = 0
+    """Frames of foreign systems on a link without a key."""
+    senders: int = 0
+    """Those that the router remembers of them."""
+    no_room: int = 0
+    flood_still_served: bool = False
+    """Whether a true station on that link reaches the autopilot through it all."""
+    growth_bytes: int = 0
+    """Memory that is held after the last two rounds of everything, and was not before."""
+
+
+class _Scene:
+    def __init__(self) -> None:
+        loop = asyncio.get_running_loop()
+        self.loop, topics = loop, TopicTable.installed()
+        self.clock = Clock(loop)
+        self.here, self.there = LocalExchange(), LocalExchange()
+        self.requests: list[Envelope[CiRequest]] = []
+        self.events: list[str] = []
+        self.here.subscribe("heron/ci/request", self.requests.append)
+        self.here.subscribe("heron/components/station_link/event", self._event)
+        router = Router(Address(1, 191))
+        self.memory, self.cable = MemoryLink(loop, Random(1)), MemoryLink(loop, Random(2))
+        self.platform = StationLink("heron", 1, loop, self.here, topics, 7, signing=self.signing(KEY, 1))
+        self.autopilot = AutopilotLink(loop, self.clock)
+        vehicle = RoutedLink("udpin://:14540", router, loop, self.autopilot.take)
+        self.radio = RoutedLink(
+            "serial:///dev/ttyUSB0:57600", router, loop, self.platform.take, signed_only=self.platform.signed_only
+        )
+        self.open = RoutedLink("udpin://:14560", router, loop, lambda _: None)
+        self.sink = MemoryLink(loop, Random(3))
+        for routed, end in ((vehicle, self.cable.a), (self.radio, self.memory.b), (self.open, self.sink.a)):
+            end.on_data = routed.receive
+            routed.open(end)  # type: ignore[arg-type] # a memory link counts no bytes
+        self.platform.open(self.radio)
+        self.autopilot.open(vehicle)
+        self.at_autopilot: list[bytes] = []
+        self.cable.b.on_data = self.at_autopilot.append
+        self.told: list[str] = []
+        self.station = Link(
+            self._station_sends,
+            loop=loop,
+            exchange=self.there,
+            topics=topics,
+            system=255,
+            boot=8,
+            told=self.told.append,
+            signing=self.signing(KEY, 2),
+        )
+        self.memory.a.on_data = self.station.receive
+        self.recorded: list[bytes] = []
+        self._pilot = Encoder(1, 1)
+
+    def signing(self, key: bytes, link_id: int, late_s: float = 0.0) -> Signing:
+        return Signing(key, link_id=link_id, now=timestamp(self.clock.utc_s() + late_s))
+
+    def _event(self, envelope: Envelope[Event]) -> None:
+        self.events.append(envelope.payload.text)
+
+    def _station_sends(self, data: bytes) -> None:
+        if len(self.recorded) < 200:
+            self.recorded.append(data)
+        self.memory.a.send(data)
+
+    async def is_served(self, sequence: int) -> bool:
+        """Whether the true station reaches the autopilot and the companion."""
+        before, heard = len(self.requests), len(self.at_autopilot)
+        self.cable.b.send(self._pilot.encode(message("HEARTBEAT", type=2, autopilot=12, mavlink_version=3)))
+        await asyncio.sleep(1.0)
+        self.station.send(ARM)
+        request = CiRequest(sender="255", boot=8, sequence=sequence, body=Hello())
+        Publisher(self.there, "station", "client", 8).publish("heron/ci/request", request, self.loop.time())
+        await asyncio.sleep(4.0)
+        commands = [
+            frame for frame in _frames(self.at_autopilot[heard:]) if frame.system == 255 and frame.message_id == ARM.id
+        ]
+        return len(self.requests) == before + 1 and len(commands) == 1 and commands[0].is_signed
+
+    def attacks(self, count: int, seed: int) -> list[bytes]:
+        """Frames of somebody who has heard all and has no key, `count` of each kind."""
+        chance, forger = Random(seed), Encoder(255, 190, self.signing(OTHER, 2))
+        future = Encoder(255, 190, Signing(OTHER, link_id=2, now=(1 << 48) - 2 - 2 * count))
+        late = Encoder(255, 190, self.signing(KEY, 77, late_s=-3600.0))
+        wanted: list[MavlinkMessage] = [ARM, TAKE_OVER, message("HEARTBEAT", type=6)]
+        frames = []
+        for number in range(count):
+            what = wanted[number % len(wanted)]
+            frames += [
+                STATION_AGAIN.encode(what),  # a second station in its name
+                Encoder(chance.randrange(1, 255), chance.randrange(1, 255)).encode(what),
+                Encoder(1, 1).encode(
+                    message("HEARTBEAT", type=2, autopilot=12)
+                ),  # it would like the autopilot's routes
+                forger.encode(what),
+                future.encode(what),
+                late.encode(what),  # recorded an hour ago, on a link that is new
+                chance.choice(self.recorded),
+                _unknown(chance),
+            ]
+        return frames
+
+    def close(self) -> None:
+        self.station.close()
+        self.platform.close()
+        self.autopilot.close()
+
+
+def _unknown(chance: Random) -> bytes:
+    """A message that nobody knows, with a signature that is none: pymavlink lets it through before it looks."""
+    body = bytes([4, SIGNED, 0, chance.randrange(256), 255, 190]) + UNKNOWN_ID.to_bytes(3, "little")
+    return b"\xfd" + body + chance.randbytes(4) + chance.randbytes(2) + b"\x02" + b"\xff" * 6 + chance.randbytes(6)
+
+
+def _frames(pieces: list[bytes]) -> list[Frame]:
+    parser = Parser(is_datagram=True)
+    return [frame for piece in pieces for frame in parser.receive(piece)]
+
+
+def scenario(count: int, rounds: int = 4) -> Figures:
+    """Everything, `count` times, and some rounds more, in virtual time."""
+    return run_virtual(_run(count, rounds))
+
+
+async def _run(count: int, rounds: int) -> Figures:
+    scene, figures = _Scene(), Figures()
+    assert await scene.is_served(0)
+    heard, requests = len(scene.at_autopilot), len(scene.requests)
+    figures.attacks = await _attack(scene, count, 1)
+    figures.refused = scene.platform.signed_only.refused() if scene.platform.signed_only else {}
+    strange = [frame for frame in _frames(scene.at_autopilot[heard:]) if frame.system != 1]
+    figures.reached_autopilot = sum(not _is_genuine(frame) for frame in strange)
+    figures.reached_companion = len(scene.requests) - requests
+    figures.told = len(scene.events)
+    figures.still_served = await scene.is_served(1)
+    await _flood(scene, count, figures)
+    tracemalloc.start()
+    held = [await _held(scene, count, 2 + round_) for round_ in range(rounds)]
+    tracemalloc.stop()
+    figures.growth_bytes = held[-1] - held[-3]
+    figures.still_served = figures.still_served and await scene.is_served(2)
+    scene.close()
+    return figures
+
+
+async def _held(scene: _Scene, count: int, seed: int) -> int:
+    """What is held after everything once more."""
+    await _attack(scene, count, seed)
+    await _flood(scene, count, Figures())
+    await asyncio.sleep(10.0)
+    scene.at_autopilot.clear()
+    gc.collect()
+    return tracemalloc.get_traced_memory()[0]
+
+
+async def _attack(scene: _Scene, count: int, seed: int) -> int:
+    """A hundred at a time, so that the true ones come in between."""
+    frames = scene.attacks(count, seed)
+    for start in range(0, len(frames), 100):
+        for frame in frames[start : start + 100]:
+            scene.radio.receive(frame)
+        await asyncio.sleep(0.01)
+    return len(frames)
+
+
+async def _flood(scene: _Scene, count: int, figures: Figures) -> None:
+    """Foreign systems by the thousand on a link without a key, behind a station that was there before."""
+    station, chance = Encoder(254, 190), Random(count)
+    scene.open.receive(station.encode(message("HEARTBEAT", type=6)))
+    before = scene.open.routed.counts.refused
+    for number in range(count):
+        who = Encoder(2 + number // 250 % 250, 1 + number % 250)
+        scene.open.receive(who.encode(message("HEARTBEAT", type=chance.randrange(30), autopilot=8)))
+        if number % 100 == 0:
+            scene.open.receive(chance.randbytes(300))
+            await asyncio.sleep(0.001)
+    heard = len(scene.at_autopilot)
+    scene.open.receive(station.encode(ARM))
+    await asyncio.sleep(0.1)
+    figures.invented, figures.senders = count, len(scene.open.routed.senders)
+    figures.no_room = scene.open.routed.counts.refused - before
+    figures.flood_still_served = any(
+        frame.system == 254 and frame.message_id == ARM.id for frame in _frames(scene.at_autopilot[heard:])
+    )
+    assert figures.senders <= MOST_ADDRESSES
+
+
+def _is_genuine(frame: Frame) -> bool:
+    return Signing(KEY, link_id=0, now=0).verify(frame).is_good

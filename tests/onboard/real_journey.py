@@ -1,0 +1,155 @@
+"""The journey of a real vehicle through `gloc3 onboard`: begun by one station, which dies, and ended by another."""
+
+import asyncio
+import math
+import socket
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+from tests.commands.programs import Program, program
+from tests.onboard.real_vehicle import Vehicle, pictures, simulated, station, until
+
+from gloc3.ci import Verb
+from gloc3.log.reader import LogReader
+from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.station import Station
+from gloc3_sitl.demo import free_ports
+
+# A simulation that is starved of its computer stands still now and then: it goes on when it is there again.
+MISSION = """\
+mission: a box with pictures
+frame: site
+on_failure: land
+on_link_loss: continue
+on_low_battery: land
+on_pose_lost: continue
+tasks:
+  depart: {{actions: {{off: {{{start}}}}}}}
+  box:
+    after: [depart]
+    actions:
+      way: {{follow_waypoints: {{waypoints_m: [[{far}, 0, {h}], [{far}, {far}, {h}], [0, {far}, {h}]], speed_m_s: {speed}, acceptance_m: {near}}}}}
+      photos: {{record_images: {{camera: ground, every_s: 2}}, until: way}}
+  recover: {{after: [box], actions: {{end: {{land: {{}}}}}}}}
+"""
+SIZES = {"arducopter": (15, 2, 1.0), "ardurover": (15, 2, 2.0), "ardusub": (6, 0.5, 0.6)}
+"""Of the box in metres, the speed, and how near a waypoint is passed."""
+
+
+def mission_for(vehicle: Vehicle) -> str:
+    far, speed, near = SIZES[vehicle.binary]
+    return MISSION.format(start=vehicle.start, far=far, h=vehicle.height_m, speed=speed, near=near)
+
+
+def known(operator: Station, vehicle: Vehicle) -> PlatformSnapshot:
+    found = operator.fleet.get(vehicle.platform)
+    assert found is not None
+    return found
+
+
+def state(operator: Station, vehicle: Vehicle) -> str:
+    mission = known(operator, vehicle).mission
+    return str(mission.value.state) if mission is not None else ""
+
+
+def is_armed(operator: Station, vehicle: Vehicle) -> bool:
+    told = known(operator, vehicle).vehicle
+    return told is None or told.value.is_armed
+
+
+def speed_m_s(operator: Station, vehicle: Vehicle) -> float:
+    told = known(operator, vehicle).vehicle
+    return float(told.value.speed_m_s) if told is not None else math.inf
+
+
+class Led(msgspec.Struct, frozen=True):
+    """How it went."""
+
+    took_s: float
+    """From the first metre of the way to its end, pause included."""
+    rms_m: float
+    """Distance from the straight ways between the waypoints."""
+    most_m: float
+    misses_m: list[float]
+    """Nearest distance to each waypoint."""
+    highest_m: float
+    lowest_m: float
+    pictures: int
+    had_pilot: bool
+
+
+async def lead(vehicle: Vehicle, folder: Path) -> Led:
+    """Makes the journey; fails where something is not as it should be."""
+    first, second = free_ports(2, socket.SOCK_DGRAM)
+    (folder / "mission.yaml").write_text(mission_for(vehicle))
+    camera = f"ground_camera={pictures(folder / 'pictures')}"
+    with simulated(vehicle, folder / "sitl") as link:
+        if vehicle.preset:
+            with program("preset", "apply", vehicle.preset, "--autopilot", link, "--yes", folder=folder) as preset:
+                assert await asyncio.to_thread(preset.end) == 0, preset.text
+        links = ["--station", f"udpout://127.0.0.1:{first}", "--station", f"udpout://127.0.0.1:{second}"]
+        heard = ["--link", f"udpin://127.0.0.1:{first}"]
+        with (
+            program(
+                "onboard", vehicle.platform, "--autopilot", link, *links, "--device", camera, "--out", "out",
+                folder=folder,
+            ) as onboard,
+            program("station", "--headless", "--mission", "mission.yaml", *heard, folder=folder) as begun,
+        ):  # fmt: skip
+            begun.await_line(lambda line: "task box: running" in line, within_s=150.0)
+            begun.interrupt(9)
+            await finish(vehicle, f"udpin://127.0.0.1:{second}", onboard)
+            onboard.interrupt()
+            assert onboard.end() == 0, onboard.text
+    return measured(folder / "out", vehicle)
+
+
+async def finish(vehicle: Vehicle, url: str, onboard: Program) -> None:
+    """Another station takes over, pauses, resumes, and sees the mission to its end."""
+    async with station(url, 254) as operator:
+        await until(lambda: operator.fleet.get(vehicle.platform) is not None, 20.0, "the platform is heard")
+        await until(lambda: state(operator, vehicle) == "running", 20.0, "the mission runs")
+        await operator.client.take_control(vehicle.platform, is_take_over=True)
+        await operator.client.steer(vehicle.platform, Verb.PAUSE)
+        await until(lambda: state(operator, vehicle) == "paused", 10.0, "it is paused")
+        await until(lambda: speed_m_s(operator, vehicle) < 0.3, 20.0, f"it stands; {onboard.text}")
+        await operator.client.steer(vehicle.platform, Verb.RESUME)
+        await until(lambda: state(operator, vehicle) == "running", 10.0, "it goes on")
+        await until(lambda: state(operator, vehicle) in ("done", "failed"), 150.0, f"it ends; {onboard.text}")
+        summary = known(operator, vehicle).mission
+        assert summary is not None
+        assert summary.value.state == "done", summary.value.reason
+        await until(lambda: not is_armed(operator, vehicle), 5.0, "it is disarmed")
+
+
+def measured(out: Path, vehicle: Vehicle) -> Led:
+    """What the log tells of the way."""
+    far, _, _ = SIZES[vehicle.binary]
+    with LogReader(out / "log.mcap") as reader:
+        moving = [entry.envelope.t_s for entry in reader.entries("action_status/waypoints")]
+        poses = [(entry.envelope.t_s, entry.envelope.payload.position_ned_m) for entry in reader.entries("pose")]
+        had_pilot = any(entry.envelope.payload.has_pilot_control for entry in reader.entries("driver"))
+    way = [place for t_s, place in poses if moving[0] <= t_s <= moving[-1]]
+    corners = [(0.0, 0.0), (far, 0.0), (far, -far), (0.0, -far)]
+    errors = [min(_away_m(place, *leg) for leg in pairwise(corners)) for place in way]
+    heights = [-place[2] for _, place in poses]
+    return Led(
+        took_s=round(moving[-1] - moving[0], 1),
+        rms_m=round(math.sqrt(sum(error * error for error in errors) / len(errors)), 2),
+        most_m=round(max(errors), 2),
+        misses_m=[round(min(math.hypot(n - c[0], e - c[1]) for n, e, _ in way), 2) for c in corners[1:]],
+        highest_m=round(max(heights), 2),
+        lowest_m=round(min(heights), 2),
+        pictures=len(list((out / "images").glob("*.png"))),
+        had_pilot=had_pilot,
+    )
+
+
+def _away_m(place: tuple[float, float, float], begin: tuple[float, float], end: tuple[float, float]) -> float:
+    """How far a place is from a straight way, over ground."""
+    (an, ae), (bn, be) = begin, end
+    length = math.dist(begin, end)
+    share = ((place[0] - an) * (bn - an) + (place[1] - ae) * (be - ae)) / length**2
+    share = min(1.0, max(0.0, share))
+    return math.hypot(place[0] - an - share * (bn - an), place[1] - ae - share * (be - ae))

@@ -1,0 +1,33 @@
+"""`gloc3 preset` against a running autopilot: the difference is shown, set only when told to, and read again."""
+
+import socket
+from pathlib import Path
+
+import pytest
+from tests.commands.programs import program
+
+from gloc3_sitl.demo import free_ports
+
+pytestmark = pytest.mark.sockets
+
+
+def test_a_preset_is_shown_and_set_only_when_told_to(tmp_path: Path) -> None:
+    port = free_ports(1, socket.SOCK_DGRAM)[0]
+    link = ["--autopilot", f"udpin://127.0.0.1:{port}"]
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "preset: mine\nstyle: px4\nvehicle: copter\nparameters:\n"
+        "  NAV_DLL_ACT: {value: 2, why: it returns}\n  COM_OF_LOSS_T: {value: 0.7}\n"
+    )
+    with program("sitl", "--link", f"companion=udpout://127.0.0.1:{port}", folder=tmp_path) as sitl:
+        sitl.await_line(lambda line: "companion link" in line)
+        codes, texts = [], []
+        for what in (["apply"], ["apply", "--yes"]):
+            with program("preset", what[0], str(file), *what[1:], *link, folder=tmp_path) as preset:
+                codes.append(preset.end())
+                texts.append(preset.text)
+        assert codes == [2, 0], texts
+    for text in texts:
+        assert "- NAV_DLL_ACT 0\n+ NAV_DLL_ACT 2   # it returns" in text
+    assert "nobody can be asked here; --yes applies it" in texts[0]
+    assert "2 set and read again" in texts[1]

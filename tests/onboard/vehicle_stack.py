@@ -1,0 +1,109 @@
+"""The whole onboard process of a platform in virtual time, with any peer at the autopilot's end of the cable."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from random import Random
+from typing import Any, TypeVar
+
+from gloc3.ci import CiEvent, CiReply, Outcome, Steer, Verb
+from gloc3.clock import Clock, VirtualLoop
+from gloc3.exchange import LocalExchange
+from gloc3.link.memory import Conditions, MemoryLink
+from gloc3.messages import Envelope
+from gloc3.platform import load_platform
+from gloc3.topics import TopicTable
+from gloc3_groundstation.command_client import CommandClient
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.news import LinkNews
+from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.computer import SimulatedComputer
+from gloc3_onboard.rig import PlatformRig
+from gloc3_onboard.runner import Onboard
+from gloc3_onboard.storage import MemoryRecords, NoPictures
+from gloc3_onboard.taps import ExchangeTaps
+from gloc3_onboard.viewer.catalogue import Catalogue
+from gloc3_sitl.sim_devices import NoCamera
+
+from .vehicle_peer import VehiclePeer
+
+T = TypeVar("T")
+STATION = "255"
+
+
+class VehicleStack:
+    """A platform by name, and a vehicle of the given kind."""
+
+    def __init__(self, platform: str, kind: type[VehiclePeer], parameters: dict[str, int]) -> None:
+        self.runner = asyncio.Runner(loop_factory=VirtualLoop)
+        loop = self.runner.get_loop()
+        assert isinstance(loop, VirtualLoop)
+        self.loop, self.exchange = loop, LocalExchange()
+        self.platform = load_platform(platform)
+        self.heard: dict[str, Envelope[Any]] = {}
+        self.events: list[str] = []
+        name = self.platform.platform
+        self.exchange.subscribe(f"{name}/**", self._hear)
+        wire = MemoryLink(loop, Random(1), Conditions(latency_s=0.01))
+        origin = next(iter(self.platform.frames.values())).origin.geo
+        self.peer = kind(loop, wire.b, origin, parameters)
+        clock, topics = Clock(loop), TopicTable.installed()
+        self.link = AutopilotLink(loop, clock, say=LinkNews(self.exchange, name, 3, loop.time).say)
+        wire.a.on_data = self.link.receive
+        devices = {
+            "autopilot": self.link,
+            "computer": SimulatedComputer(clock, list),
+            "rig": PlatformRig(self.platform, Path()),
+            "ground_camera": NoCamera(),
+            "pictures": NoPictures(),
+            "site": Site(self.platform, MemoryRecords(), MemoryRecords()),
+            "taps": ExchangeTaps(self.exchange, loop, name),
+            "catalogue": Catalogue(self.platform, topics),
+        }
+        self.onboard = Onboard.of(self.platform, loop, self.exchange, topics, Random(2), devices)
+        self.link.open(wire.a)
+        self.onboard.begin()
+        self.client = CommandClient(self.exchange, loop, STATION, boot=1)
+
+    def _hear(self, envelope: Envelope[Any]) -> None:
+        self.heard[envelope.topic.partition("/")[2]] = envelope
+        if isinstance(envelope.payload, CiEvent):
+            self.events.append(f"{envelope.t_s:7.2f} {envelope.payload.source}: {envelope.payload.text}")
+
+    def run(self, steps: Coroutine[Any, Any, T]) -> T:
+        return self.runner.run(steps)
+
+    def last(self, topic: str) -> Any:
+        return self.heard[topic].payload
+
+    def wait(self, seconds: float) -> None:
+        self.run(asyncio.sleep(seconds))
+
+    def until(self, condition: Callable[[], bool], within_s: float, what: str) -> None:
+        end_s = self.loop.time() + within_s
+        while not condition():
+            assert self.loop.time() < end_s, "\n".join([f"not within {within_s:g} s: {what}", *self.events[-20:]])
+            self.wait(0.05)
+
+    def ask(self, body: Any) -> CiReply:
+        return self.run(self.client.ask(self.platform.platform, body))
+
+    def steer(self, verb: Verb) -> None:
+        reply = self.ask(Steer(verb=verb))
+        assert reply.outcome is Outcome.ACCEPTED, reply.reason
+
+    def upload(self, text: str) -> None:
+        self.run(self.client.take_control(self.platform.platform))
+        self.run(self.client.upload(self.platform.platform, "mission.yaml", text))
+
+    @property
+    def mission(self) -> str:
+        return str(self.last("ci/mission").state)
+
+    def close(self) -> None:
+        self.onboard.close()
+        self.link.close()
+        self.client.close()
+        failures = self.loop.failures
+        self.runner.close()
+        assert failures == []

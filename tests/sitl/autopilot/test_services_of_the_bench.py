@@ -1,0 +1,129 @@
+"""Calibration as PX4 tells it, injected failures, outputs, and the shell that is not there."""
+
+from math import radians
+
+import pytest
+
+from gloc3_sitl.autopilot.calibration import PATIENCE_S
+from gloc3_sitl.autopilot.modes import Result
+
+from .bench import ARM, Bench
+
+CALIBRATE, INJECT, SET_SERVO, SET_RELAY, LOOK_AT, LOOK_AT_NOTHING = 241, 420, 183, 181, 195, 197
+STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
+MAGNETOMETER, GPS, RANGE_FINDER, BATTERY, MOTOR = 2, 4, 7, 100, 101
+OK, OFF, STUCK, SLOW = 0, 1, 2, 5
+
+
+def told(bench: Bench) -> list[str]:
+    return [text.removeprefix("[cal] ") for text in bench.texts if text.startswith("[cal] ")]
+
+
+@pytest.mark.parametrize(("params", "word"), [((1,), "gyro"), ((0, 0, 0, 0, 2), "level")])
+def test_what_needs_no_turning_is_calibrated(params: tuple[float, ...], word: str) -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.command(CALIBRATE, *params) is Result.ACCEPTED
+    assert bench.command(CALIBRATE, *params) is Result.TEMPORARILY_REJECTED
+    bench.run(3.0)
+    steps = [f"progress <{share}>" for share in (20, 40, 60, 80, 100)]
+    assert told(bench) == [f"calibration started: 2 {word}", *steps, f"calibration done: {word}"]
+
+
+@pytest.mark.parametrize(("params", "word"), [((0, 1), "mag"), ((0, 0, 0, 0, 1), "accel")])
+def test_what_somebody_must_turn_fails_when_nobody_does_and_can_be_cancelled(
+    params: tuple[float, ...], word: str
+) -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.command(CALIBRATE, *params) is Result.ACCEPTED
+    bench.run(2.0)
+    assert told(bench)[:2] == [f"calibration started: 2 {word}", "pending: back front left right up down"]
+    assert bench.command(CALIBRATE) is Result.ACCEPTED
+    assert told(bench)[-1] == "calibration cancelled"
+    assert bench.command(CALIBRATE, *params) is Result.ACCEPTED
+    bench.run(PATIENCE_S + 0.5)
+    assert told(bench)[-1] == "calibration failed: timeout: no motion"
+
+
+@STYLES
+def test_nothing_is_calibrated_while_armed(style: str) -> None:
+    bench = Bench(style)
+    bench.get_ready()
+    bench.command(ARM, 1)
+    assert bench.command(CALIBRATE, 1) is (Result.TEMPORARILY_REJECTED if bench.is_px4 else Result.FAILED)
+
+
+def test_ardupilot_fails_what_nobody_can_turn_here() -> None:
+    bench = Bench("ardupilot")
+    bench.get_ready()
+    assert bench.command(CALIBRATE, 0, 0, 0, 0, 1) is Result.FAILED
+
+
+def test_a_failure_is_injected_and_ended_where_the_parameter_allows_it() -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.command(INJECT, GPS, OFF) is Result.DENIED
+    bench.set_parameter("SYS_FAILURE_EN", 1)
+    assert bench.command(INJECT, GPS, OFF) is Result.ACCEPTED
+    bench.run(8.0)
+    assert not bench.autopilot.estimator.is_position_good(bench.sim.now_s)
+    assert bench.command(INJECT, GPS, OK) is Result.ACCEPTED
+    bench.run(5.0)
+    assert bench.autopilot.estimator.is_position_good(bench.sim.now_s)
+    assert bench.command(INJECT, BATTERY, OFF) is Result.ACCEPTED
+    bench.run(0.5)
+    assert bench.autopilot.commander.battery_share < 0.01
+    assert bench.command(INJECT, RANGE_FINDER, STUCK) is Result.ACCEPTED
+    for unit, failure in ((MOTOR, OFF), (GPS, SLOW), (BATTERY, STUCK)):
+        assert bench.command(INJECT, unit, failure) is Result.UNSUPPORTED
+
+
+def test_ardupilot_has_no_such_command() -> None:
+    assert Bench("ardupilot").command(INJECT, GPS, OFF) is Result.UNSUPPORTED
+
+
+def test_ardupilot_moves_free_outputs_and_fails_the_motors_and_relays() -> None:
+    bench = Bench("ardupilot")
+    bench.run(1.0)
+    assert bench.command(SET_SERVO, 1, 1500) is Result.FAILED
+    assert bench.command(SET_SERVO, 17, 1500) is Result.FAILED
+    assert bench.command(SET_SERVO, 9, 1700) is Result.ACCEPTED
+    bench.command(512, 36)
+    assert bench.last("SERVO_OUTPUT_RAW").servo9_raw == 1700
+    assert bench.last("SERVO_OUTPUT_RAW").servo1_raw == 1000
+    assert bench.command(SET_RELAY, 0, 1) is Result.FAILED
+
+
+def test_px4_has_no_command_for_servos_and_relays() -> None:
+    bench = Bench()
+    assert bench.command(SET_SERVO, 9, 1700) is Result.UNSUPPORTED
+    assert bench.command(SET_RELAY, 0, 1) is Result.UNSUPPORTED
+
+
+@pytest.mark.flight
+def test_ardupilot_looks_at_a_place_until_it_is_told_to_stop() -> None:
+    bench = Bench("ardupilot")
+    bench.take_off()
+    place = bench.item(16, 0.0, 20.0)
+    where = {"frame": 0, "x": place.x, "y": place.y, "z": bench.sim.world.home.altitude_m}
+    assert bench.command(LOOK_AT, as_int=where) is Result.ACCEPTED
+    bench.run(3.0)
+    assert bench.autopilot.estimator.yaw_rad == pytest.approx(radians(90.0), abs=0.1)
+    assert bench.command(LOOK_AT_NOTHING) is Result.ACCEPTED
+    assert bench.autopilot.craft.looks_at is None
+
+
+@STYLES
+@pytest.mark.parametrize("command", [202, 203, 205, 206, 2000, 2001])
+def test_there_is_no_camera_and_no_mount(style: str, command: int) -> None:
+    assert Bench(style).command(command, 1) is Result.UNSUPPORTED
+
+
+def test_who_types_at_the_shell_is_told_that_there_is_none() -> None:
+    bench = Bench()
+    line = b"ver all\n"
+    data = (*line, *bytes(70 - len(line)))
+    bench.send("SERIAL_CONTROL", device=10, flags=2, timeout=0, baudrate=0, count=len(line), data=data)
+    answer = bench.last("SERIAL_CONTROL")
+    assert b"there is no shell" in bytes(answer.data[: answer.count])

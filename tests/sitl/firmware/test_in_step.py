@@ -1,0 +1,82 @@
+"""A firmware in step with virtual time, with a stand-in for its program."""
+
+import os
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from tests.sitl.firmware.test_firmware_command import program
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3_sitl.fault_effects import EFFECTS
+from gloc3_sitl.faults import read_fault
+from gloc3_sitl.firmware.body import BodySettings
+from gloc3_sitl.firmware.in_step import FirmwareInStep
+from gloc3_sitl.world import World
+
+
+def made(folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str = "ardupilot") -> FirmwareInStep:
+    program(folder, kind).rename(folder / "arducopter")
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+    return FirmwareInStep(World.load("open"), BodySettings(), {}, folder)
+
+
+@pytest.mark.sockets
+def test_time_goes_on_only_when_it_is_asked_to_and_the_link_goes_both_ways(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = made(tmp_path, monkeypatch)
+    try:
+        heard: list[bytes] = []
+        tell = flown.attach(heard.append)
+        flown.advance(1.0)
+        assert flown.truth().t_s == 1.0
+        flown.advance(1.0)
+        assert flown.truth().t_s == 1.0
+        assert 1 <= len(heard) <= 2  # the second may be on its way
+        tell(b"and back")
+        flown.advance(2.5)
+        assert flown.truth().t_s == 2.5
+        assert heard.count(b"and back") == 1
+        assert len(heard) == 4
+    finally:
+        flown.stop()
+    assert (tmp_path / "firmware" / "ardupilot_pelican.parm").exists()
+
+
+@pytest.mark.sockets
+def test_a_firmware_that_ends_is_told_with_its_last_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flown = made(tmp_path, monkeypatch, "neither")
+    try:
+        with pytest.raises(Gloc3Error, match="ended by itself: stand-in: Failed to find location"):
+            flown.advance(0.1)
+    finally:
+        flown.stop()
+
+
+def test_a_flight_with_a_firmware_needs_its_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent / "nowhere"))
+    with pytest.raises(Refused, match="no arducopter on PATH"):
+        FirmwareInStep(World.load("open"), BodySettings(), {})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("sensor:fix=lost", "simulates its own fix; of ours it has imu and height"),
+        ("sensor:magnetometer=stuck", "its own magnetometer"),
+        ("battery=0.1", "its own battery"),
+        ("pilot:LOITER", "no pilot of ours"),
+    ],
+)
+def test_faults_of_what_a_firmware_simulates_by_itself_are_refused(text: str, reason: str) -> None:
+    fault = read_fault(text)
+    simulator = object.__new__(FirmwareInStep)
+    flight: Any = SimpleNamespace(plan=SimpleNamespace(is_firmware=True), simulator=simulator)
+    with pytest.raises(Refused, match=reason):
+        EFFECTS[fault.kind].check(flight, fault.given)
+    for allowed in ("sensor:imu=biased/0.2", "sensor:height=lost", "wind=5"):
+        good = read_fault(allowed)
+        EFFECTS[good.kind].check(flight, good.given)

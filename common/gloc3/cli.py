@@ -16,6 +16,7 @@ SUMMARIES: Final = {
     "sitl": "Run the simulated vehicle: physics, world and autopilot, on real sockets.",
     "onboard": "Run the onboard companion process of a platform.",
     "doctor": "Check a vehicle's computer and autopilot before a flight, without flying.",
+    "preset": "Compare an autopilot's parameters with a preset's, and set them when told to.",
     "signing": "Make the key of signed MAVLink links, and give it to an autopilot.",
     "station": "Run the ground station: the terminal, --web for a browser, --headless for scripts.",
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",

@@ -86,8 +86,9 @@ def test_offboard_in_every_form() -> None:
         offboard.set_velocity_body(VelocityBodyYawspeed(1.0, 0.0, 0.0, 0.0))
         await_velocity(client, 0.0, 1.0)
         offboard.set_position_velocity_ned(PositionNedYaw(0.0, 0.0, -5.0, 0.0), VelocityNedYaw(0.0, 0.0, 0.0, 0.0))
-        client.await_near(0.0, 0.0)
-        offboard.set_acceleration_ned(AccelerationNed(0.8, 0.0, 0.0))
+        client.await_near(0.0, 0.0, within_m=0.3)
+        await_velocity(client, 0.0, 0.0, within=0.1)
+        offboard.set_acceleration_ned(AccelerationNed(1.5, 0.0, 0.0))
         client.await_telemetry("velocity_ned", lambda velocity: velocity.north_m_s > 0.8)
         offboard.set_position_velocity_acceleration_ned(
             PositionNedYaw(0.0, 0.0, -5.0, 0.0), VelocityNedYaw(0.0, 0.0, 0.0, 0.0), AccelerationNed(0.0, 0.0, 0.0)

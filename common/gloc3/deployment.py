@@ -83,7 +83,10 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     status_period_s: Annotated[float, msgspec.Meta(ge=0.05, le=60.0)] = 1.0
     latency_s: Seconds = 0.0
     """Modelled time from a cycle's begin to its results, in virtual time, of a component with heavy work."""
-    host: str = "main"
+    host: str = ""
+    """The computer that it runs on, one of the platform's `hosts`; empty for the first of them."""
+    process: Annotated[str, msgspec.Meta(pattern=r"^([a-z][a-z0-9_]{0,31})?$")] = ""
+    """A process of its own on that host, shared with the rows that have the same word; empty for the host's main one."""
 
     @property
     def triggers(self) -> list[str]:

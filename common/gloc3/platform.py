@@ -9,7 +9,7 @@ import msgspec
 
 from gloc3 import schema
 from gloc3.camera_model import CameraModel
-from gloc3.deployment import ComponentRow
+from gloc3.deployment import ComponentRow, FaultPolicy
 from gloc3.document import Document, load_bytes, parse
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame
@@ -143,6 +143,13 @@ class Capability(_Row, frozen=True, kw_only=True):
     """Values that are possible for an argument here, such as the names of the cameras."""
 
 
+class HostRow(_Row, frozen=True, kw_only=True):
+    """A computer of the platform."""
+
+    on_loss: FaultPolicy = FaultPolicy.IGNORE
+    """What is done in flight when nothing is heard of the whole host, beside what its components' rows say."""
+
+
 class Platform(_Row, frozen=True, kw_only=True):
     """A vehicle with all that is known of it before it starts."""
 
@@ -160,6 +167,8 @@ class Platform(_Row, frozen=True, kw_only=True):
     """Where the data of sensors comes from, by device: URLs such as `v4l2:///dev/video0`."""
     cameras: dict[Name, CameraModel | str] = {}
     """How each camera is calibrated: a model, or a file such as `front.yaml#cam0`, relative to this one."""
+    hosts: dict[Name, HostRow] = {}
+    """The computers that the components run on; none for a single one."""
     components: tuple[ComponentRow, ...] = ()
 
     def local_frames(self) -> dict[str, LocalFrame]:

@@ -9,6 +9,7 @@ from gloc3.deployment_check import problems_of
 from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
 from gloc3.mission.arguments import argument_kinds
+from gloc3.place_check import place_problems
 from gloc3.platform import Platform
 from gloc3.topics import TopicTable
 
@@ -26,6 +27,7 @@ def findings_of(
         *_components(platform, document, is_loading_classes, devices),
         *_capabilities(platform, document),
         *_devices(platform, document),
+        *_places(platform, document),
     ]
     if is_loading_classes:
         found += _needs(platform, document)
@@ -56,6 +58,13 @@ def _devices(platform: Platform, document: Document) -> Iterator[Finding]:
         if name not in used and not is_of_pair:
             message = f"no component uses a device {name!r}, so nothing is taken from {source}"
             yield document.finding(("devices", name), message, nearest(name, used), at_key=True, is_warning=True)
+
+
+def _places(platform: Platform, document: Document) -> Iterator[Finding]:
+    """Hosts and processes that are not there, or do not have what a component needs."""
+    for problem in place_problems(platform):
+        where = ("components", problem.row, *problem.path)
+        yield document.finding(where, problem.message, problem.hint, is_warning=problem.is_warning)
 
 
 def _settings(row: ComponentRow, document: Document, where: Where) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from gloc3 import __version__
 from gloc3.errors import Gloc3Error, InputError, nearest
-from gloc3.narrate import narrate
+from gloc3.narrate import ERROR, narrate
 
 SUMMARIES: Final = {
     "sitl": "Run the simulated vehicle: physics, world and autopilot, on real sockets.",
@@ -57,9 +57,9 @@ def run(arguments: Sequence[str]) -> int:
         code = _run(list(arguments))
         sys.stdout.flush()
     except InputError as error:
-        narrate(str(error))
+        narrate(str(error), ERROR)
     except Gloc3Error as error:
-        narrate(f"{name}: {error}")
+        narrate(f"{name}: {error}", ERROR)
     except KeyboardInterrupt:
         narrate(f"{name}: interrupted")
         return EXIT_INTERRUPTED
@@ -70,9 +70,11 @@ def run(arguments: Sequence[str]) -> int:
         extra = EXTRAS.get(str(error.name).partition(".")[0])
         if extra is None:
             raise
-        narrate(f'{name} needs {error.name}, which is not installed; install it with: pip install "gloc3[{extra}]"')
+        hint = f'install it with: pip install "gloc3[{extra}]"'
+        narrate(f"{name} needs {error.name}, which is not installed; {hint}", ERROR)
     except OSError as error:
-        narrate(f"{name}: " + ": ".join(str(part) for part in (error.filename, error.strerror or error) if part))
+        parts = (name, error.filename, error.strerror or error)
+        narrate(": ".join(str(part) for part in parts if part), ERROR)
     else:
         return code
     return EXIT_WRONG_USE

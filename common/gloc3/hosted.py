@@ -23,6 +23,9 @@ from gloc3.outlets import KEY, Outlets, Routed
 from gloc3.ports import Mailbox
 from gloc3.status_notifier import StatusNotifier, health_report
 
+HUNG: Final = "hung"
+"""How the cause begins of a component whose cycle has not ended."""
+
 Answer = Callable[[str], None]
 """Gets an empty text, or why a command was refused or failed."""
 
@@ -62,7 +65,7 @@ class HostedComponent:
             worker,
             may_begin=self._may_begin,
             ended=self._cycle_ended,
-            hung=lambda limit_s: self._give_up(f"hung: a cycle had not ended after {limit_s:g} s"),
+            hung=lambda limit_s: self._give_up(f"{HUNG}: a cycle had not ended after {limit_s:g} s"),
             unfit=self._unfit,
         )
         component.request_cycle = self._cycler.request

@@ -1,5 +1,9 @@
-"""Narration: lines for people on stderr, which never disturb the work that they tell of."""
+"""Narration: lines for people on stderr, which never disturb the work that they tell of.
 
+Where stderr is the journal of systemd, each line begins with its level, `<4>` for a warning (sd-daemon(3)).
+"""
+
+import os
 import queue
 import sys
 import threading
@@ -12,25 +16,48 @@ LAST_WORDS_S: Final = 1.0
 """How long the last lines may take to get out."""
 
 
-def narrate(text: str) -> None:
-    """Writes a line on stderr; that nobody reads there any more is no reason to stop."""
+ERROR: Final = 3
+INFO: Final = 6
+
+
+def narrate(text: str, level: int = INFO) -> None:
+    """Writes lines on stderr; that nobody reads there any more is no reason to stop.
+
+    Args:
+        text: one line or several.
+        level: how severe it is, as syslog and MAVLink count: 0 the worst, 7 the least.
+    """
     with suppress(OSError, ValueError):
+        if is_journal():
+            text = "\n".join(f"<{level}>{line}" for line in text.splitlines())
         sys.stderr.write(text + "\n")
         sys.stderr.flush()
+
+
+def is_journal() -> bool:
+    """Whether stderr goes to the journal: systemd names its device and inode to whom it starts."""
+    named = os.environ.get("JOURNAL_STREAM", "")
+    if not named:
+        return False
+    try:
+        status = os.fstat(sys.stderr.fileno())
+    except (OSError, ValueError):  # it is no file
+        return False
+    return named == f"{status.st_dev}:{status.st_ino}"
 
 
 class Narrator:
     """Narrates from a thread of its own: a terminal that is held up must not hold up a vehicle."""
 
     def __init__(self) -> None:
-        self._lines: queue.Queue[str | None] = queue.Queue(MOST_WAITING)
+        self._lines: queue.Queue[tuple[str, int] | None] = queue.Queue(MOST_WAITING)
         self._thread = threading.Thread(target=self._write, name="narrator", daemon=True)
         self._thread.start()
 
-    def say(self, text: str) -> None:
+    def say(self, text: str, level: int = INFO) -> None:
         """Has a line written soon."""
         with suppress(queue.Full):
-            self._lines.put_nowait(text)
+            self._lines.put_nowait((text, level))
 
     def close(self) -> None:
         """Waits for what has been said, but not long."""
@@ -39,5 +66,5 @@ class Narrator:
             self._thread.join(LAST_WORDS_S)
 
     def _write(self) -> None:
-        while (text := self._lines.get()) is not None:
-            narrate(text)
+        while (line := self._lines.get()) is not None:
+            narrate(*line)

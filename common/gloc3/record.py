@@ -148,14 +148,18 @@ class Recorder:
             except OSError as error:
                 self._fail(error)
 
-    def close(self) -> None:
-        """Finishes the file, with its index. What comes later is not recorded."""
+    def detach(self) -> None:
+        """Records nothing any more of the exchangers; `close` may be called from a thread then."""
         for unsubscribe in self._subscriptions:
             unsubscribe()
         self._subscriptions.clear()
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+    def close(self) -> None:
+        """Finishes the file, with its index. What comes later is not recorded."""
+        self.detach()
         if self._is_open:
             self._is_open = False
             try:

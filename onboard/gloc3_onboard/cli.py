@@ -3,6 +3,7 @@
 import asyncio
 import sys
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -44,6 +45,8 @@ def onboard(
     system_id: int = 1,
     signing_key: Path | None = None,
     take_plans: Annotated[bool, Parameter(negative=())] = False,
+    log_size: float = 500.0,
+    log_total: float = 10_000.0,
     quiet: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
     """Run the onboard companion process.
@@ -63,12 +66,19 @@ def onboard(
             dropped and told.
         take_plans: Plans that ground stations of others (QGroundControl, say) send to the autopilot become missions of
             this process, and do not reach the autopilot. Without it they become missions only when sent to component 191.
+        log_size: A log of more megabytes is followed by the next file of the run; 0 for no limit.
+        log_total: Beyond so many megabytes of logs in the folder the oldest are deleted, never the one that is being
+            written, and no pictures; 0 to keep all.
         quiet: No narration on stderr.
     """
     if not 1 <= system_id <= MOST_SYSTEM_ID:
         raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
+    for name, value in (("--log-size", log_size), ("--log-total", log_total)):
+        if not 0.0 <= value < inf:
+            raise Refused(f"{name} must be 0 or more megabytes")
     from gloc3.link.signing_key import read_signing_key
     from gloc3_onboard.process import ProcessOptions, run
+    from gloc3_onboard.run_log import LogLimits
 
     options = ProcessOptions(
         platform=platform,
@@ -79,6 +89,7 @@ def onboard(
         system_id=system_id,
         is_quiet=quiet,
         takes_plans=take_plans,
+        log_limits=LogLimits(file_mb=log_size, total_mb=log_total),
         signing_key=None if signing_key is None else read_signing_key(signing_key.expanduser()),
     )
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:

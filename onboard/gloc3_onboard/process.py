@@ -1,6 +1,8 @@
 """The onboard process in wall time: opens links and files, hosts the components, and stops cleanly."""
 
 import asyncio
+import faulthandler
+import os
 import signal
 from pathlib import Path
 from random import SystemRandom
@@ -24,7 +26,6 @@ from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.readiness import LinkCondition
-from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.requested_path import RequestedPath
 from gloc3.topics import TopicTable
 from gloc3_onboard.arm_authority import ArmAuthority
@@ -36,24 +37,26 @@ from gloc3_onboard.companion.files import shared_files
 from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.herald import Herald
+from gloc3_onboard.log_files import LogFiles
 from gloc3_onboard.rate_watch import RateWatch
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
+from gloc3_onboard.run_log import LogLimits, RunLog
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
+from gloc3_onboard.service.manager import ServiceManager
+from gloc3_onboard.service.report import ServiceReport
 from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.factory import SourceHost, make_sources
 from gloc3_onboard.sources.url import Sensor
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.storage import PictureFolder, RecordFile
 from gloc3_onboard.taps import ExchangeTaps
-from gloc3_onboard.traffic import Traffic
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_onboard.vitals import VitalSigns
 
 DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
 """What this host has; installed packages bring more."""
-MOST_LOGS: Final = 10_000
 LOOK_AFTER_S: Final = 3.0
 LOOK_EVERY_S: Final = 1.0
 
@@ -73,6 +76,7 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Of the links to ground stations; None for links that are not signed."""
     takes_plans: bool = False
     """Plans that stations of others send to the autopilot become missions, and do not reach it."""
+    log_limits: LogLimits = LogLimits()
 
 
 async def run(options: ProcessOptions) -> int:
@@ -82,19 +86,26 @@ async def run(options: ProcessOptions) -> int:
         InputError: the platform file is wrong.
         Refused: a link or a camera cannot be had.
     """
-    warn = None if options.is_quiet else lambda found: narrate(str(found))
+    warn = None if options.is_quiet else lambda found: narrate(str(found), Severity.WARNING)
     platform = load_platform(options.platform, is_loading_classes=True, devices=DEVICES, warn=warn)
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
+    manager = ServiceManager.of_this_process(os.environ, lambda text: narrate(text, Severity.WARNING))
+    if manager.is_there:
+        faulthandler.enable()  # its watchdog ends us by SIGABRT: then the journal says where we hung
     process = OnboardProcess(options, platform, loop)
     try:
         await process.open()
+        report = ServiceReport(manager, process.exchange, platform.platform, process.is_beginning)
         await stopped.wait()
+        manager.stopping()
+        report.end("stopping")
         process.say(Severity.NOTICE, "stopping")
     finally:
         await process.close()
+        manager.close()
     return 0
 
 
@@ -124,8 +135,7 @@ class OnboardProcess:
             lambda: self._authority.why_not(loop.time()),
         )
         self._router = Router(self._autopilot.own, self._system_restarted)
-        self._recorder: Recorder | None = None
-        self._traffic: Traffic | None = None
+        self._log: RunLog | None = None
         self._herald = Herald(self.exchange, platform.platform, self._autopilot.own, self._loop, self._tell_stations)
         self._may_write = True
         self._companion = Companion(
@@ -190,6 +200,10 @@ class OnboardProcess:
         self.say(Severity.INFO, f"{platform.platform}: {len(platform.components)} components; log in {log}")
         self._timer = self._loop.call_later(LOOK_AFTER_S, self._look_at_links)
 
+    def is_beginning(self) -> bool:
+        """Whether some component has not reached the state yet that its row asks for."""
+        return self._onboard is None or self._onboard.is_beginning
+
     async def close(self) -> None:
         """Stops the components, then closes what they used."""
         if self._timer is not None:
@@ -209,17 +223,14 @@ class OnboardProcess:
             self.say(Severity.INFO, f"{routed.url}: {routed.condition().traffic.describe()}")
         for endpoint in self._endpoints:
             await endpoint.close()
-        if self._traffic is not None:
-            self._traffic.close()
-        if self._recorder is not None:
-            self._recorder.write_requested_path(self._path.points_ned_m)
-            self._recorder.close()
+        if self._log is not None:
+            await self._log.close()
         self._narrator.close()
 
     def say(self, severity: Severity, text: str) -> None:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
-            self._narrator.say(f"onboard: {text}")
+            self._narrator.say(f"onboard: {text}", severity)
 
     def _autopilot_says(self, severity: Severity, text: str) -> None:
         """Tells what happens on the autopilot's link; what is narrated as an event is not narrated twice."""
@@ -229,15 +240,12 @@ class OnboardProcess:
 
     def _keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
         """Keeps a MAVLink frame, once there is a log."""
-        if self._traffic is not None:
-            self._traffic.keep(link, direction, frame)
+        if self._log is not None:
+            self._log.keep(link, direction, frame)
 
     def _tell_stations(self, message: MavlinkMessage) -> None:
         for station in self._stations:
             station.send(message)
-
-    def _lament(self, text: str) -> None:
-        self.say(Severity.WARNING, text)
 
     def _system_restarted(self, system: int) -> None:
         self.say(Severity.NOTICE, f"MAVLink system {system} has restarted: its routes are learned anew")
@@ -267,21 +275,25 @@ class OnboardProcess:
         """Begins the next log of the folder; its file."""
         try:
             self._out.mkdir(parents=True, exist_ok=True)
-            names = ["log.mcap", *(f"log-{number}.mcap" for number in range(2, MOST_LOGS))]
-            path = next((self._out / name for name in names if not (self._out / name).exists()), None)
-            if path is None:
-                raise Refused(f"the folder {self._out} holds {MOST_LOGS - 1} logs already; move some of them elsewhere")
-            self._recorder = Recorder(path, self._clock, self._topics, {"platform": self._platform.platform})
+            file = find_platform(self._options.platform).read_bytes()
+            log = self._log = RunLog(
+                LogFiles(self._out),
+                self._options.log_limits,
+                self._clock,
+                self._topics,
+                self.exchange,
+                self._loop,
+                {"platform": self._platform.platform},
+                file,
+                lambda: self._path.points_ned_m,
+                self.say,
+            )
         except OSError as error:
             raise Refused(f"the folder {self._out} cannot be written: {error.strerror}") from error
-        file = find_platform(self._options.platform).read_bytes()
-        self._recorder.attach_file(PLATFORM_FILE, "application/yaml", file)
-        self._recorder.attach(self.exchange, self._loop)
-        self._traffic = Traffic(path.with_suffix(".tlog"), self._recorder, self._clock, self._loop, self._lament)
-        return path
+        return log.path
 
     def _log_problem(self) -> str:
-        return self._recorder.problem if self._recorder is not None else ""
+        return self._log.problem if self._log is not None else ""
 
     def _link_conditions(self) -> list[LinkCondition]:
         return [routed.condition() for routed in self._routed]

@@ -1,0 +1,60 @@
+"""The files of a folder of logs: which is the next, and which are the oldest."""
+
+import re
+from pathlib import Path
+from typing import Final
+
+from gloc3.errors import Refused
+
+LOG: Final = "log"
+MOST_LOGS: Final = 1_000_000
+
+
+class LogFiles:
+    """Logs `log.mcap`, `log-2.mcap`, `log-3.mcap`…, each with a `.tlog` of the same name.
+
+    Args:
+        folder: where they are.
+        stem: what their names begin with.
+    """
+
+    def __init__(self, folder: Path, stem: str = LOG) -> None:
+        self._folder, self._stem = folder, stem
+        self._form = re.compile(rf"{re.escape(stem)}(?:-(\d{{1,6}}))?\.(?:mcap|tlog)")
+
+    def numbered(self) -> dict[int, list[Path]]:
+        """The files that there are, by their number, the oldest first."""
+        found: dict[int, list[Path]] = {}
+        for path in sorted(self._folder.iterdir()) if self._folder.is_dir() else ():
+            if match := self._form.fullmatch(path.name):
+                found.setdefault(int(match[1] or 1), []).append(path)
+        return dict(sorted(found.items()))
+
+    def next(self) -> Path:
+        """The log after the last one: numbers are not used again while a later one is there.
+
+        Raises:
+            Refused: there are too many.
+        """
+        number = max(self.numbered(), default=0) + 1
+        if number >= MOST_LOGS:
+            raise Refused(f"the logs in {self._folder} have been numbered up to {number - 1}; move them elsewhere")
+        return self._folder / (f"{self._stem}.mcap" if number == 1 else f"{self._stem}-{number}.mcap")
+
+    def prune(self, most_bytes: int) -> list[Path]:
+        """Deletes the oldest logs until the rest is no larger than that; never the last one. Tells which.
+
+        Raises:
+            OSError: one cannot be deleted.
+        """
+        sized = [(paths, sum(path.stat().st_size for path in paths)) for paths in self.numbered().values()]
+        total = sum(size for _, size in sized)
+        removed: list[Path] = []
+        for paths, size in sized[:-1]:
+            if total <= most_bytes:
+                break
+            for path in paths:
+                path.unlink()
+            removed += paths
+            total -= size
+        return removed

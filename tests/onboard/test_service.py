@@ -1,0 +1,96 @@
+"""`gloc3 onboard` as a service: what its manager is told, and what happens when it hangs, dies, is reloaded or ends."""
+
+import os
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+from tests.onboard.fake_manager import FakeManager, service
+
+from gloc3_sitl.demo import free_ports
+
+pytestmark = pytest.mark.sockets
+
+STUCK = '''
+"""A sampler that hangs for as long as a file is there."""
+
+import time
+from pathlib import Path
+
+from gloc3.component import SensorSampler
+from gloc3.settings import Settings
+
+
+class StuckSampler(SensorSampler[Settings]):
+    """Hangs when it is told to."""
+
+    def work(self, now_s, inbox):
+        while Path("stuck").exists():
+            time.sleep(0.05)
+        return []
+'''
+SERVER = (
+    '  - {name: command_server, class: "gloc3_onboard.command_server.server:CommandServer", rate_hz: 10, '
+    "trigger: [request, event], devices: {site: site}, required: true, ports: {height: [], request: ci/request, "
+    'heard: ci/heard, status: "components/*/status", reply: "components/*/reply", function_reply: '
+    '"components/*/function_reply", event: "components/*/event", action_status: "action_status/*", ci_reply: ci/reply, '
+    "summary: ci/summary, table: ci/table, trouble: ci/trouble, vehicle: ci/vehicle, motion: ci/motion, whereabouts: "
+    "ci/site, mission: ci/mission, control: ci/control, ci_event: ci/event, command: "
+    '"components/{key}/command", function: "components/{key}/function", grant: motion/grant, limits: motion/limits, '
+    "home: motion/home, take_over: motion/take_over, emergency: motion/emergency, geofence: motion/geofence, "
+    "fence_state: [], autopilot: [], pose: [], setpoint: [], driver: [], autopilot_setup: [], computer: []}}\n"
+)
+PLATFORM = (
+    "platform: bench\nvehicle: {type: quadrotor, mass_kg: 1.0}\ncomponents:\n"
+    "  - {name: stuck, class: 'stuck_sampler:StuckSampler', rate_hz: 10, required: true}\n" + SERVER
+)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    """A folder with a platform that needs no autopilot, and a component that can be made to hang."""
+    (tmp_path / "stuck_sampler.py").write_text(STUCK)
+    (tmp_path / "bench.yaml").write_text(PLATFORM)
+    return tmp_path
+
+
+def arguments() -> list[str]:
+    companion, ground = free_ports(2, socket.SOCK_DGRAM)
+    links = ["--autopilot", f"udpin://127.0.0.1:{companion}", "--station", f"udpout://127.0.0.1:{ground}"]
+    return ["onboard", "bench.yaml", *links, "--out", "out"]
+
+
+def fed_after(manager: FakeManager, life: int, line: str) -> bool:
+    told = [each for number, _, each in manager.told if number == life]
+    return line in told and "WATCHDOG=1" in told[told.index(line) :]
+
+
+def test_a_manager_hears_ready_then_the_watchdog_and_at_the_end_stopping(bench: Path) -> None:
+    with service(*arguments(), folder=bench, is_abstract=True) as manager:
+        manager.await_line(0, "READY=1")
+        manager.until(lambda: fed_after(manager, 0, "READY=1"), "the watchdog is fed")
+        manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is heard")
+        os.kill(manager.process.pid, signal.SIGTERM)
+        manager.until(lambda: manager.ends == [0], "it ends by itself")
+    order = [line.partition(" ")[0] for line in manager.lines(0)]
+    assert order[0] == "READY=1"
+    assert order[-2:] == ["STOPPING=1", "STATUS=stopping"]
+    assert "<5>onboard: stopping" in manager.journal.splitlines()
+    assert "<6>onboard: bench: 2 components; log in out/log.mcap" in manager.journal.splitlines()
+
+
+def test_a_required_component_that_hangs_or_a_kill_has_the_manager_start_it_anew(bench: Path) -> None:
+    with service(*arguments(), folder=bench, watchdog_s=2.0) as manager:
+        manager.until(lambda: fed_after(manager, 0, "READY=1"), "the watchdog is fed")
+        (bench / "stuck").touch()
+        manager.await_line(0, "STATUS=bench is faulty: 1 of 2 components work; stuck hung")
+        manager.until(lambda: len(manager.ends) == 1, "the watchdog ends it")
+        (bench / "stuck").unlink()
+        manager.await_line(1, "READY=1")
+        os.kill(manager.process.pid, signal.SIGKILL)
+        manager.await_line(2, "STATUS=bench is working: 2 of 2 components work")
+    assert manager.ends == [-signal.SIGABRT, -signal.SIGKILL]
+    assert "<3>onboard: stuck: working -> faulty: hung: a cycle had not ended after 0.5 s" in manager.journal
+    assert 'stuck_sampler.py", line 16 in work' in manager.journal, "where it hung"
+    assert sorted(path.name for path in (bench / "out").glob("*.mcap")) == ["log-2.mcap", "log-3.mcap", "log.mcap"]

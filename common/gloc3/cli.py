@@ -87,6 +87,8 @@ def _run(arguments: list[str]) -> int:
         narrate(_overview(commands))
         return EXIT_WRONG_USE
     name, *rest = arguments
+    if name == "help" and rest:
+        name, *rest = *rest, "--help"
     if name in ("-h", "--help", "help"):
         print(_overview(commands))  # noqa: T201
         return 0
@@ -94,17 +96,19 @@ def _run(arguments: list[str]) -> int:
         print(f"gloc3 {__version__}")  # noqa: T201
         return 0
     if name not in commands:
-        narrate(f"gloc3: no command {name!r}; {nearest(name, list(commands))} (see gloc3 --help)")
+        hint = f"no option {name}" if name.startswith("-") else f"no command {name!r}; {nearest(name, list(commands))}"
+        narrate(f"gloc3: {hint} (see gloc3 --help)")
         return EXIT_WRONG_USE
     return _call(commands[name].load(), rest)
 
 
 def _call(app: Any, arguments: list[str]) -> int:
     """Calls a subcommand's application, with our way to show help and mistakes."""
-    from cyclopts import CycloptsError, Parameter, UnusedCliTokensError
+    from cyclopts import CycloptsError, Parameter
     from rich.console import Console
 
     from gloc3.help_page import HelpPage
+    from gloc3.wrong_use import explained
 
     app.help_formatter = HelpPage()
     app.default_parameter = Parameter(negative=())
@@ -116,10 +120,7 @@ def _call(app: Any, arguments: list[str]) -> int:
         result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         path = " ".join([app.name[0], *(error.command_chain or ())])
-        text = str(error).strip()
-        if isinstance(error, UnusedCliTokensError):
-            text = f"nothing was expected after the arguments, but there is {' '.join(error.unused_tokens or ())!r}"
-        narrate(f"{path}: {text} (see {path} --help)")
+        narrate(f"{path}: {explained(error)} (see {path} --help)")
         return EXIT_WRONG_USE
     return result if isinstance(result, int) else 0
 

@@ -15,7 +15,18 @@ from gloc3.errors import Gloc3Error, nearest
 from gloc3.platform import Platform, load_platform
 from gloc3.topics import TopicTable
 
-app = App(name="gloc3 component", help="List components and describe them.", version_flags=[])
+app = App(
+    name="gloc3 component",
+    help="""List components and describe them.
+
+    For example:
+
+    - `gloc3 component list --platform pelican`: what runs on a platform, how often, and for whom it stands by
+    - `gloc3 component describe stereo_odometry`: its ports, settings with their units and bounds, functions
+    - `gloc3 component describe my_package.wind:WindSampler`: your own""",
+    help_format="markdown",
+    version_flags=[],
+)
 
 OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name of an installed platform.")]
 AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON instead of tables.")]
@@ -28,8 +39,8 @@ def list_components(*, platform: OnPlatform = None, json_output: AsJson = False)
     """List the installed component classes, or the components of a platform.
 
     Args:
-        platform: whose components.
-        json_output: for programs.
+        platform: Whose components.
+        json_output: For programs.
     """
     rows = _installed_rows() if platform is None else _platform_rows(load_platform(platform))
     if json_output:
@@ -47,9 +58,9 @@ def describe_component(name: str, /, *, platform: OnPlatform = None, json_output
     """Describe a component: ports, settings with units, functions, loggable items.
 
     Args:
-        name: of an installed component, of a component of the platform, or `package.module:Class`.
-        platform: the deployment that binds the ports and sets the settings.
-        json_output: for programs.
+        name: Of an installed component, of a component of the platform, or `package.module:Class`.
+        platform: The deployment that binds the ports and sets the settings.
+        json_output: For programs.
     """
     topics = TopicTable.installed()
     if platform is None:

@@ -1,5 +1,6 @@
 """How `--help` looks: two columns, no boxes, so that it reads the same in a terminal, in a pipe and in a bug report."""
 
+import re
 from typing import Any, Final
 
 from cyclopts.help import HelpEntry, HelpPanel
@@ -13,13 +14,17 @@ PLACEHOLDERS: Final = {"FLOAT": "NUMBER", "INT": "NUMBER", "PATH": "PATH"}
 TITLES: Final = {"Parameters": "Options"}
 """Parts that we call by another name."""
 
+_OF_TYPE: Final = re.compile(r"(--[a-z-]+) ([A-Z]+)")
+"""An option that must be given, with what the library calls its type."""
+
 
 class HelpPage:
     """Draws the parts of a help page; the library calls it with each."""
 
     def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
         """Draws the first line."""
-        console.print(f"Usage: {_plain(usage, console)}", markup=False, highlight=False, soft_wrap=True)
+        text = _OF_TYPE.sub(lambda found: f"{found[1]} {_placeholder(found[1], found[2])}", _plain(usage, console))
+        console.print(f"Usage: {text}", markup=False, highlight=False, soft_wrap=True)
         console.print()
 
     def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
@@ -39,12 +44,16 @@ class HelpPage:
 
 def _label(entry: HelpEntry) -> str:
     """The name of an entry with a placeholder for its value, such as `--seed NUMBER`."""
-    labels = ", ".join(entry.positive_names + entry.positive_shorts)
+    labels = ", ".join(entry.all_options)
     if entry.positional_label or entry.metavar is None:
         return entry.positional_label or labels
-    own = entry.positive_names[0].removeprefix("--").replace("-", "_").upper()
-    value = "|".join(entry.choices) if entry.choices else PLACEHOLDERS.get(entry.metavar.removesuffix("..."), own)
-    return f"{labels} {value}"
+    kind = entry.metavar.removesuffix("...")
+    return f"{labels} {'|'.join(entry.choices) if entry.choices else _placeholder(entry.positive_names[0], kind)}"
+
+
+def _placeholder(option: str, kind: str) -> str:
+    """What stands for the value of an option."""
+    return PLACEHOLDERS.get(kind, option.removeprefix("--").replace("-", "_").upper())
 
 
 def _plain(description: Any, console: Console) -> str:
@@ -55,6 +64,6 @@ def _plain(description: Any, console: Console) -> str:
 
 
 def _default(entry: HelpEntry) -> str:
-    if entry.default is None or entry.default == "False":
+    if entry.default in (None, "False", '""'):
         return ""
     return f" [default: {entry.default}]"

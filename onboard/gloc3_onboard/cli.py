@@ -76,10 +76,13 @@ def onboard(
     for name, value in (("--log-size", log_size), ("--log-total", log_total)):
         if not 0.0 <= value < inf:
             raise Refused(f"{name} must be 0 or more megabytes")
+    from gloc3.link.endpoints import parse_url
     from gloc3.link.signing_key import read_signing_key
     from gloc3_onboard.process import ProcessOptions, run
     from gloc3_onboard.run_log import LogLimits
 
+    for url in (autopilot, *(station or ())):
+        parse_url(url)
     options = ProcessOptions(
         platform=platform,
         autopilot=autopilot,

@@ -34,8 +34,8 @@ def compare(estimate: Path, /, *, options: ReportOptions | None = None) -> int:
     """Compare a trajectory that is there already with the truth.
 
     Args:
-        estimate: the trajectory, in TUM form, EuRoC's or KITTI's.
-        options: what to compare with, and how.
+        estimate: The trajectory, in TUM form, EuRoC's or KITTI's.
+        options: What to compare with, and how.
     """
     options = options or ReportOptions()
     options.check()

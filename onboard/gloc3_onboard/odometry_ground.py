@@ -37,12 +37,12 @@ def ground(
     (nanoseconds, metres from the body's origin down). The trajectory is north, east and down of the first picture.
 
     Args:
-        dataset: the folder, or one that holds it as mav0.
-        options: what to compare with, and how.
-        camera: the folder of the camera.
-        slant: heights are measured along the body's down axis, not vertically.
-        height_noise: standard deviation of one height, in metres.
-        height_scale: standard deviation of the share by which all heights may be wrong.
+        dataset: The folder, or one that holds it as mav0.
+        options: What to compare with, and how.
+        camera: The folder of the camera.
+        slant: Heights are measured along the body's down axis, not vertically.
+        height_noise: Standard deviation of one height, in metres.
+        height_scale: Standard deviation of the share by which all heights may be wrong.
     """
     if not (0.0 < height_noise < 10.0 and 0.0 <= height_scale < 1.0):
         raise Refused("--height-noise must be above 0 and below 10 m, --height-scale 0 to 1")

@@ -36,11 +36,11 @@ def laser(
     may also be a corrected CARMEN log of the same scans.
 
     Args:
-        dataset: the log, or a folder with one.
-        options: what to compare with, and how.
-        wheels: expect each scan where the log's wheels tell; the estimate itself is the scans' alone, but for a direction
+        dataset: The log, or a folder with one.
+        options: What to compare with, and how.
+        wheels: Expect each scan where the log's wheels tell; the estimate itself is the scans' alone, but for a direction
             that they do not tell, and for a scan that fits nowhere.
-        range_max: a range at or past it, in metres, is nothing seen; usual for the kind of log if not given.
+        range_max: A range at or past it, in metres, is nothing seen; usual for the kind of log if not given.
     """
     options = options or ReportOptions()
     options.check()

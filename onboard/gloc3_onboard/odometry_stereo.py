@@ -33,9 +33,9 @@ def stereo(
     KITTI's left camera. Where the odometer has no valid output the body is held to go on as before.
 
     Args:
-        dataset: the folder.
-        options: what to compare with, and how.
-        mono: track the left camera alone: turns are told, and a way whose steps all count 1 m.
+        dataset: The folder.
+        options: What to compare with, and how.
+        mono: Track the left camera alone: turns are told, and a way whose steps all count 1 m.
     """
     options = options or ReportOptions()
     options.check()

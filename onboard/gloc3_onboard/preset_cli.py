@@ -3,7 +3,7 @@
 import asyncio
 import sys
 from collections.abc import Callable
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from cyclopts import App, Parameter
 
@@ -11,8 +11,14 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.narrate import narrate
 from gloc3_onboard.cli import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 
+if TYPE_CHECKING:
+    from gloc3_onboard.preset_session import PresetSession, Stage
+
 TICK_S: Final = 0.05
+HEAR_S: Final = 10.0
+"""So long an autopilot is waited for, which sends a heartbeat each second."""
 PATIENCE_S: Final = 60.0
+"""So long all parameters of a preset may take over a slow radio."""
 
 app = App(
     name="gloc3 preset",
@@ -111,13 +117,14 @@ def _run(
     return asyncio.run(_converse(session, autopilot, is_agreed, is_applying=is_applying))
 
 
-async def _converse(session: object, autopilot: str, is_agreed: Callable[[], bool], *, is_applying: bool) -> int:
+async def _converse(
+    session: "PresetSession", autopilot: str, is_agreed: Callable[[], bool], *, is_applying: bool
+) -> int:
     from gloc3.link import codec
     from gloc3.link.endpoints import open_endpoint
     from gloc3.link.node import Node
-    from gloc3_onboard.preset_session import PresetSession, Stage
+    from gloc3_onboard.preset_session import Stage
 
-    assert isinstance(session, PresetSession)
     loop = asyncio.get_running_loop()
     parser, encoder, node = codec.Parser(), codec.Encoder(*session.own), Node(session.own, [session])
 
@@ -127,11 +134,13 @@ async def _converse(session: object, autopilot: str, is_agreed: Callable[[], boo
 
     endpoint = await open_endpoint(autopilot, loop, hear)
 
-    async def until(*stages: Stage) -> None:
-        end_s = loop.time() + PATIENCE_S
-        while session.stage not in (*stages, Stage.FAILED):
-            if loop.time() > end_s:
-                raise Gloc3Error(f"nothing more is heard of the autopilot, while {session.stage}")
+    async def until(stage: "Stage") -> None:
+        begin_s = loop.time()
+        while session.stage not in (stage, Stage.FAILED):
+            if session.stage is Stage.LISTENING and loop.time() > begin_s + HEAR_S:
+                raise Gloc3Error(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat comes'}")
+            if loop.time() > begin_s + PATIENCE_S:
+                raise Gloc3Error(f"{autopilot}: nothing more is heard of the autopilot, while {session.stage}")
             node.tick(loop.time())
             for message in node.outgoing():
                 endpoint.send(encoder.encode(message))

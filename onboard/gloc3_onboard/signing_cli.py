@@ -54,7 +54,7 @@ def new(file: Path, /) -> int:
     """Make a key: 32 random bytes, in a file that nobody else may read.
 
     Args:
-        file: where it goes; a file that is there is left alone.
+        file: Where it goes; a file that is there is left alone.
     """
     try:
         number = os.open(file.expanduser(), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -40,7 +40,15 @@ app = App(
     Without --link it sends to 127.0.0.1:14550, where ground stations listen (QGroundControl; MAVSDK as
     udpin://0.0.0.0:14550), and to 127.0.0.1:14540, where companions listen (MAVSDK as udpin://0.0.0.0:14540,
     gloc3 onboard); in ArduPilot's style it also listens on TCP 127.0.0.1:5760, where MAVProxy and pymavlink look.
-    What it does and what the autopilot says goes to stderr.""",
+    What it does and what the autopilot says goes to stderr.
+
+    For example:
+
+    - `gloc3 sitl`: the Pelican in a cargo hold, as `gloc3 onboard pelican_rtk` and `gloc3 station` look for it
+    - `gloc3 sitl --autopilot ardupilot --world open --home 47.3977,8.5456,488,90 --wind 6`: for ground stations of others
+    - `gloc3 sitl --no-gps --sensors 7010`: with cameras and laser scanner, for `gloc3 onboard pelican --device`
+    - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world, see docs/firmware.md""",
+    help_format="markdown",
     version_flags=[],
 )
 
@@ -208,7 +216,7 @@ def sitl(
             )
         )
     if firmware_binary is not None or firmware_running or firmware_port is not None:
-        raise Refused("--firmware-… needs --firmware ardupilot or --firmware px4")
+        raise Refused("--firmware-binary, -running and -port need --firmware ardupilot or --firmware px4")
     simulator = Simulator(
         World.load(world, place, heading),
         vehicle=vehicle,
@@ -248,7 +256,7 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
             _tell(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, extras.speed)
-        await _watch(simulator, stopped, extras.seconds)
+        await _watch(simulator, endpoints, stopped, extras.seconds)
     finally:
         simulator.stop()
         if server is not None:
@@ -274,10 +282,13 @@ async def _open(simulator: Simulator, row: LinkRow, loop: asyncio.AbstractEventL
     return opened
 
 
-async def _watch(simulator: Simulator, stopped: asyncio.Event, seconds: float | None) -> None:
-    """Tells what the autopilot says, until it is over."""
+async def _watch(
+    simulator: Simulator, endpoints: Sequence[Endpoint], stopped: asyncio.Event, seconds: float | None
+) -> None:
+    """Tells what the autopilot says and what keeps a link from working, until it is over."""
     told = 0
     late = 0
+    problems: dict[str, str] = {}
     while not stopped.is_set():
         with suppress(TimeoutError):
             await asyncio.wait_for(stopped.wait(), 0.1)
@@ -285,6 +296,10 @@ async def _watch(simulator: Simulator, stopped: asyncio.Event, seconds: float | 
         told = simulator.texts_said
         for t_s, severity, text in list(simulator.texts)[len(simulator.texts) - new :]:
             _tell(f"{t_s:8.2f} s  {severity.name.lower()}: {text}")
+        for endpoint in endpoints:
+            if endpoint.problem != problems.get(endpoint.url, ""):
+                _tell(f"{endpoint.url}: {endpoint.problem or 'connected'}")
+            problems[endpoint.url] = endpoint.problem
         if simulator.late > late and late == 0:
             late = simulator.late
             _tell("this computer is too slow for the speed asked for; simulated time goes slower")

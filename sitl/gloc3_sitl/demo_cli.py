@@ -24,6 +24,7 @@ app = App(
     The folder of --out holds log.mcap (opens in Foxglove), truth.mcap, report.json, path.svg, images, and what the
     processes said. Exit codes: 0 done; 1 the mission failed or did not pass the check; 2 wrong use; 130 interrupted.""",
     help_format="markdown",
+    usage="gloc3 demo [OPTIONS] [MISSION]",
     version_flags=[],
 )
 

@@ -48,6 +48,12 @@ def record(
 ) -> int:
     """Fly smoothly through a world, without physics, and write what is seen there as a data set with its truth.
 
+    For example:
+
+    - `gloc3 sitl record euroc hold`: a lap of the cargo hold for `gloc3 odometry stereo hold`
+    - `gloc3 sitl record carmen tank.log --world tank --seconds 60`: a minute of laser scans for `gloc3 odometry laser`
+    - `gloc3 sitl record ground down --way 3,3,2 --way 12,3,2 --way 12,8,2`: along a way of your own
+
     Args:
         form: kitti (rectified stereo), euroc (stereo with distortion, inertial unit), ground (pictures straight down, attitude,
             height along the body's down axis) or carmen (laser).

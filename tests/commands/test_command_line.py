@@ -7,41 +7,45 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.cli import run
+from gloc3.cli import SUMMARIES, run
 from gloc3.platform import find_platform
 from gloc3_sitl.fault_effects import EFFECTS
 from gloc3_sitl.faults import SHORT
 
 pytestmark = pytest.mark.thorough
 
-COMMANDS = ("sitl", "onboard", "station", "fly", "demo", "mission", "log", "component")
+COMMANDS = tuple(SUMMARIES)
 
 WRONG_USE: list[tuple[Sequence[str], str]] = [
     ([], "Usage: gloc3 COMMAND"),
     (["flyy"], "did you mean 'fly'?"),
     (["mission"], "Usage: gloc3 mission COMMAND"),
-    (["mission", "chek", "hop"], "Available commands"),
-    (["mission", "check"], "MISSION requires an argument"),
+    (["mission", "chek", "hop"], "no command 'chek'; did you mean 'check'?"),
+    (["mission", "check"], "MISSION is missing"),
     (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, patrol)"),
     (["mission", "check", "hop", "more"], "nothing was expected after the arguments, but there is 'more'"),
     (["mission", "convert", "hop", "x.doc"], "unknown kind of file '.doc'"),
-    (["fly"], "MISSION requires an argument"),
+    (["fly"], "MISSION is missing"),
     (["fly", "nosuch"], "no such mission"),
     (["fly", "no/such.yaml"], "there is no file no/such.yaml"),
     (
         ["fly", "hop", "--platform", "nosuch"],
         "no such platform (known: copter, hummingbird, pelican, pelican_rtk, rover, submarine)",
     ),
-    (["fly", "hop", "--autopilot", "px5"], 'Choose from: "px4", "ardupilot"'),
-    (["fly", "hop", "--seed", "one"], "unable to convert"),
+    (["fly", "hop", "--autopilot", "px5"], "--autopilot must be px4 or ardupilot, not 'px5'"),
+    (["fly", "hop", "--seed", "one"], "--seed must be a whole number, not 'one'"),
+    (["fly", "hop", "--seed"], "--seed needs a value"),
+    (["fly", "hop", "--seed", "1", "--seed", "2"], "--seed is given more than once"),
+    (["--flyy"], "gloc3: no option --flyy (see gloc3 --help)"),
     (["fly", "hop", "--seed", "-1"], "--seed must be 0 or more"),
     (["fly", "hop", "--wind", "-1"], "--wind must be from 0 to 30"),
     (["fly", "hop", "--fault", "nosuch"], "there is no fault 'nosuch'"),
     (["fly", "hop", "--world", "hald"], "no world named 'hald' (did you mean 'hold'?)"),
     (["fly", "hop", "--world", "tank"], "the mission is in frame 'hold', and the world tank has 'tank'"),
     (["fly", "hop", "--fault", "device:nose=lost"], "the world has no device 'nose'"),
-    (["fly", "hop", "--bogus"], "Unknown option: --bogus"),
+    (["fly", "hop", "--bogus"], "no option --bogus; known: autopilot, fault,"),
     (["fly", "hop", "--out", "/proc/nowhere"], "the folder /proc/nowhere cannot be written"),
+    (["fly", "hop", "--wnid", "3"], "no option --wnid; did you mean 'wind'?"),
     (["demo", "nosuch"], "no such mission"),
     (["demo", "hop", "--out", "/proc/nowhere"], "the folder /proc/nowhere cannot be written"),
     (["sitl", "--world", "nosuch"], "no world named 'nosuch'"),
@@ -51,8 +55,9 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["sitl", "--speed", "0"], "--speed must be above 0"),
     (["sitl", "--sensors", "70000"], "--sensors must be a port"),
     (["sitl", "--link", "udp"], "has no scheme"),
-    (["onboard"], "PLATFORM requires an argument"),
+    (["onboard"], "PLATFORM is missing"),
     (["onboard", "nosuch"], "no such platform"),
+    (["onboard", "pelican_rtk", "--station", "udpout"], "gloc3 onboard: endpoint 'udpout' has no scheme"),
     (["onboard", "pelican_rtk", "--system-id", "255"], "--system-id must be from 1 to 250"),
     (["onboard", "pelican_rtk", "--device", "front_camera=tcp://127.0.0.1:1"], "did you mean 'ground_camera'?"),
     (["onboard", "pelican_rtk", "--device", "ground_camera=udp://127.0.0.1:1"], "is no source"),
@@ -60,7 +65,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["station", "--json"], "--json goes with --headless"),
     (["station", "--headless", "--link", "smoke://signals"], "no scheme 'smoke'"),
     (["log", "info", "/nowhere/log.mcap"], "cannot be read"),
-    (["log", "plot"], "FILE requires an argument"),
+    (["log", "plot"], "FILE is missing"),
     (["component", "describe", "nosuch"], "no installed component is called 'nosuch'"),
     (["component", "list", "--platform", "nosuch"], "no such platform"),
 ]
@@ -92,14 +97,36 @@ def test_every_command_teaches(command: str, capsys: pytest.CaptureFixture[str])
     assert "╭" not in captured.out
     assert "--no-" not in captured.out.replace("--no-record ", "").replace("--no-gps ", "")
     assert captured.err == ""
+    assert "For example" in captured.out
+    assert run(["help", command]) == 0
+    assert capsys.readouterr().out == captured.out
     assert run(["--help"]) == 0
     assert f"\n  {command} " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_of_a_command_tells_what_each_of_its_arguments_is(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run([command, "--help"])
+    listed = capsys.readouterr().out.partition("Commands:\n")[2].partition("\n\n")[0]
+    for name in re.findall(r"^  (\w+)", listed, re.MULTILINE):
+        assert run([command, name, "--help"]) == 0
+        page = capsys.readouterr().out
+        assert page.startswith(f"Usage: gloc3 {command} {name}")
+        rows = re.findall(r"^  (\S+(?: [A-Z_]+| \S+\|\S+)?)  +(.*)$", page, re.MULTILINE)
+        assert [row for row, text in rows if not text.strip()] == []
 
 
 def test_the_help_of_fly_names_every_fault(capsys: pytest.CaptureFixture[str]) -> None:
     run(["fly", "--help"])
     text = capsys.readouterr().out
     assert not [word for word in (*EFFECTS, *SHORT) if word not in text]
+
+
+def test_a_simulated_vehicle_tells_which_of_its_links_does_not_work(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["sitl", "--link", "serial:///dev/nowhere:57600", "--seconds", "0.5"]) == 0
+    assert "sitl: serial:///dev/nowhere:57600: no such file or directory" in capsys.readouterr().err
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:

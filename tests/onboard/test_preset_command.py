@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from tests.commands.programs import program
 
+from gloc3.cli import run
+from gloc3_onboard import preset_cli
 from gloc3_sitl.demo import free_ports
 
 pytestmark = pytest.mark.sockets
@@ -31,3 +33,12 @@ def test_a_preset_is_shown_and_set_only_when_told_to(tmp_path: Path) -> None:
         assert "- NAV_DLL_ACT 0\n+ NAV_DLL_ACT 2   # it returns" in text
     assert "nobody can be asked here; --yes applies it" in texts[0]
     assert "2 set and read again" in texts[1]
+
+
+def test_nobody_waits_long_for_an_autopilot_that_is_not_there(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(preset_cli, "HEAR_S", 0.3)
+    url = f"tcpout://127.0.0.1:{free_ports(1, socket.SOCK_STREAM)[0]}"
+    assert run(["preset", "diff", "px4_vision", "--autopilot", url]) == 2
+    assert f"{url}: no autopilot is heard: connection refused" in capsys.readouterr().err

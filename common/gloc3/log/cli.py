@@ -21,7 +21,22 @@ from gloc3.log.timeline import plot_timelines, read_timelines
 from gloc3.record import PLATFORM_FILE
 from gloc3.topics import TopicTable
 
-app = App(name="gloc3 log", help="Inspect, plot, report, recover and replay logs.", version_flags=[])
+app = App(
+    name="gloc3 log",
+    help="""Inspect, plot, report, recover and replay logs.
+
+    For example, after `gloc3 fly inspection --out runs/inspection`:
+
+    - `gloc3 log info runs/inspection`: duration, topics, events, and what is missing
+    - `gloc3 log plot runs/inspection`: the path flown and the path requested
+    - `gloc3 log plot runs/inspection pose velocity_ned_m_s[2]`: numbers over time
+    - `gloc3 log report runs/inspection --wall "0,12,0 20,12,0 20,0,0 0,0,0"`: how much of the floor was seen
+    - `gloc3 log replay runs/inspection limiter`: a component again, on what it was given then
+
+    A log is an MCAP file, which Foxglove opens as it is.""",
+    help_format="markdown",
+    version_flags=[],
+)
 
 DONE: Final = 0
 IMPERFECT: Final = 1
@@ -41,9 +56,9 @@ def info(
     The exit code is 1 where the log is not finished or something in it is lost.
 
     Args:
-        file: the log, or the folder of a run: its last one.
-        json: print JSON for programs.
-        events: show all events, not only warnings and worse.
+        file: The log, or the folder of a run: its last one.
+        json: Print JSON for programs.
+        events: Show all events, not only warnings and worse.
     """
     topics = TopicTable.installed()
     with LogReader(find_log(file), topics.types) as reader, _progress("reading") as progress:
@@ -52,15 +67,15 @@ def info(
     return DONE if found.is_finished and not found.losses else IMPERFECT
 
 
-@app.command
+@app.command(usage="gloc3 log plot [OPTIONS] FILE [WHAT] [FIELDS...]")
 def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = None) -> int:
     """Draw a picture of a log.
 
     Args:
-        file: the log, or the folder of a run: its last one.
+        file: The log, or the folder of a run: its last one.
         what: `path` (flown against requested), `components` (their states over time), or a topic.
-        fields: with a topic, its fields to draw, such as position_ned_m or velocity_ned_m_s[2]; none for all numbers.
-        out: the picture (.svg, .png, .pdf); by default beside the log.
+        fields: With a topic, its fields to draw, such as position_ned_m or velocity_ned_m_s[2]; none for all numbers.
+        out: The picture (.svg, .png, .pdf); by default beside the log.
     """
     file = find_log(file)
     with LogReader(file) as reader:
@@ -80,13 +95,13 @@ def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = Non
     return DONE
 
 
-@app.command(name="recover")
+@app.command(name="recover", usage="gloc3 log recover FILE [OUT]")
 def recover_(file: Path, out: Path | None = None, /) -> int:
     """Make a finished log, with its index, from an unfinished or damaged one.
 
     Args:
-        file: the damaged log, or the folder of a run: its last one; it is left as it is.
-        out: the new log; by default `NAME-recovered.mcap` beside it.
+        file: The damaged log, or the folder of a run: its last one; it is left as it is.
+        out: The new log; by default `NAME-recovered.mcap` beside it.
     """
     file = find_log(file)
     target = out or file.with_name(f"{file.stem}-recovered{file.suffix}")
@@ -105,9 +120,9 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
     The exit code is 1 where they differ by more than rounding.
 
     Args:
-        file: the log, or the folder of a run: its last one.
-        component: its name on the platform.
-        platform: the platform, by name or file; by default the platform file in the log.
+        file: The log, or the folder of a run: its last one.
+        component: Its name on the platform.
+        platform: The platform, by name or file; by default the platform file in the log.
     """
     from gloc3.platform import load_platform, read_platform
 
@@ -144,17 +159,17 @@ def report_(
     """Report an inspection: what was seen from where, coverage of a wall, contact sheet.
 
     Args:
-        run: the folder of a run (its last log), a log, or a folder of pictures with their poses.
-        wall: what was to be inspected: its corners "x,y,height x,y,height ...", from the upper left one clockwise for who
+        run: The folder of a run (its last log), a log, or a folder of pictures with their poses.
+        wall: What was to be inspected: its corners "x,y,height x,y,height ...", from the upper left one clockwise for who
             stands before it; or WORLD.yaml#SURFACE.
-        frame: the local frame of the corners; needed where the platform has several.
-        cameras: models of the cameras, where the run holds none (its images/cameras.json).
-        cell: side of a cell of the wall, in metres.
-        farthest: a wall that is farther away does not count as seen, in metres.
-        oblique: nor does one that is seen at a larger angle off its normal, in degrees.
-        lift: how far the body's origin, that cameras are placed from, is above the poses, in metres: the height at which it
+        frame: The local frame of the corners; needed where the platform has several.
+        cameras: Models of the cameras, where the run holds none (its images/cameras.json).
+        cell: Side of a cell of the wall, in metres.
+        farthest: A wall that is farther away does not count as seen, in metres.
+        oblique: Nor does one that is seen at a larger angle off its normal, in degrees.
+        lift: How far the body's origin, that cameras are placed from, is above the poses, in metres: the height at which it
             stands, where poses count from there.
-        out: folder for the report; by default `report` beside the pictures.
+        out: Folder for the report; by default `report` beside the pictures.
     """
     from gloc3.log.inspection_report import PAGE, summary, write_report
     from gloc3.log.recording import read_cameras, read_recording

@@ -28,7 +28,20 @@ from gloc3.mission.reader import Surroundings, load_mission
 from gloc3.mission.show import drawing, mermaid
 from gloc3.platform import Platform, load_platform
 
-app = App(name="gloc3 mission", help="Check, show and convert mission files.", version_flags=[])
+app = App(
+    name="gloc3 mission",
+    help="""Check, show and convert mission files.
+
+    For example:
+
+    - `gloc3 mission check my.yaml --platform pelican_rtk`: all that is wrong with it, with file, line and column
+    - `gloc3 mission show inspection`: tasks and actions in their order, with estimated times
+    - `gloc3 mission convert field.plan field.yaml`: from QGroundControl's plan; the other way and waypoints, too
+
+    Exit codes: 0 done; 1 it is not fit to fly, or cannot be converted; 2 wrong use.""",
+    help_format="markdown",
+    version_flags=[],
+)
 
 OK: Final = 0
 FAILED: Final = 1
@@ -45,9 +58,9 @@ def check(
     """Prove a mission: its order, arguments, claims, space, time, energy and policies.
 
     Args:
-        mission: what to check.
-        platform: what it is to fly on; without it only the file itself is checked.
-        json_output: print the report as JSON.
+        mission: What to check.
+        platform: What it is to fly on; without it only the file itself is checked.
+        json_output: Print the report as JSON.
     """
     try:
         path, on = find_mission(mission), _platform(platform)
@@ -77,9 +90,9 @@ def show(
     """Draw the partial order of a mission, with estimated times.
 
     Args:
-        mission: what to draw.
-        platform: what it is to fly on, for better estimates.
-        mermaid_output: draw a Mermaid flowchart instead.
+        mission: What to draw.
+        platform: What it is to fly on, for better estimates.
+        mermaid_output: Draw a Mermaid flowchart instead.
     """
     try:
         path, on = find_mission(mission), _platform(platform)
@@ -99,9 +112,9 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
     """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
 
     Args:
-        source: what to convert.
-        target: where to write it.
-        platform: whose speed limit a converted plan keeps to.
+        source: What to convert.
+        target: Where to write it.
+        platform: Whose speed limit a converted plan keeps to.
     """
     known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
     if target.suffix not in known:

@@ -36,8 +36,8 @@ def find_binary(names: Sequence[str], given: Path | None) -> Path:
         if found is not None:
             return Path(found).absolute()
     raise Refused(
-        f"there is no {' or '.join(names)} on PATH: docs/firmware.md says where it comes from. Put it there, give it with "
-        "--firmware-binary FILE, or start it yourself and say --firmware-running"
+        f"there is no {' or '.join(names)} on PATH: docs/firmware.md says where it comes from. gloc3 sitl also takes it "
+        "as --firmware-binary FILE, or waits for one that you start yourself with --firmware-running"
     )
 
 

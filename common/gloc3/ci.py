@@ -133,6 +133,22 @@ class Emergency(Body, frozen=True):
     """With disarm: the platform's name, typed."""
 
 
+class Elsewhere(Body, frozen=True):
+    """Tells a platform how far another one is in the mission that both have loaded; the holder of control passes it on.
+
+    It needs no answer: the next one, a second later at the latest, says more.
+    """
+
+    platform: str
+    """The other one."""
+    digest: str
+    """Of the mission's text."""
+    state: str
+    """Of its mission: an `ActionState`."""
+    tasks: dict[str, str] = {}
+    """Its tasks' states."""
+
+
 class Query(Body, frozen=True):
     """Asks what became of an earlier request of the same sender."""
 
@@ -174,6 +190,7 @@ AnyBody = (
     | CallFunction
     | Control
     | Emergency
+    | Elsewhere
     | Query
     | Hello
     | Watch

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gloc3.errors import Misuse
 from gloc3.messages import Severity
@@ -15,6 +15,9 @@ from gloc3.mission.snapshot import Snapshot
 from gloc3.mission.states import ActionState, Trigger
 from gloc3.platform import Capability, Platform
 
+if TYPE_CHECKING:
+    from gloc3.mission.elsewhere import OtherPlatform
+
 
 class Condition(StrEnum):
     """What can befall the vehicle, whatever it is doing."""
@@ -23,6 +26,8 @@ class Condition(StrEnum):
     LOW_BATTERY = "low battery"
     POSE_LOST = "pose lost"
     FENCE_BREACHED = "fence breached"
+    PLATFORM_LOST = "platform lost"
+    """Another platform of the mission, whose tasks are waited for."""
 
 
 class Manoeuvre:
@@ -69,6 +74,8 @@ class Board:
         """Those that hold, with the reason."""
         self.unanswered: Final[dict[Condition, str]] = {}
         """Those that arose while a pilot had control."""
+        self.others: dict[str, OtherPlatform] = {}
+        """The other platforms of the mission that is under way."""
         self.missing: Mapping[str, tuple[str, ...]] = {}
         """Capabilities that are not available, with what they lack."""
         self.missing_since_s: Final[dict[str, float]] = {}
@@ -142,14 +149,14 @@ class Board:
             self.move(item, trigger, now_s, reason)
 
     def end_all(self, program: Program, trigger: Trigger, now_s: float, reason: str = "") -> None:
-        """Skips or aborts all of a program that has not ended, but not the program itself."""
-        for task in program.tasks.values():
+        """Skips or aborts all of ours in a program that has not ended, but not the program itself."""
+        for task in program.own_tasks:
             self.end(task, trigger, now_s, reason)
 
     def halt(self, item: Item, by: str, now_s: float, reason: str = "") -> None:
         """Pauses a running item and all that runs in it; `by` is the level whose pause it is."""
         if isinstance(item, Program):
-            for task in item.tasks.values():
+            for task in item.own_tasks:
                 self.halt(task, by, now_s)
         elif isinstance(item, TaskRun):
             for run in item.actions.values():

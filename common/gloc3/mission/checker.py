@@ -127,6 +127,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     budget = Budget.of(platform.limits if platform else Limits(), circumstances.home_ned_m or (0.0, 0.0, 0.0))
     start_ned_m = circumstances.start_ned_m or budget.home_ned_m
     figures = estimate(mission, order, start_ned_m, budget, platform.power if platform else None)
+    findings += _nothing_for(platform, mission, reading)
     findings += _capabilities(reading, mission, circumstances)
     findings += _resources(mission, order, circumstances.capabilities())
     findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
@@ -159,6 +160,14 @@ def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
     if clearance_m < HOME_CLEARANCE_M:
         return f"home is {clearance_m:.2f} m inside the fence; at least {HOME_CLEARANCE_M} m are needed"
     return ""
+
+
+def _nothing_for(platform: Platform | None, mission: Mission, reading: Reading) -> Iterator[Finding]:
+    """A mission for several platforms has something to do for this one."""
+    if platform is not None and mission.platforms and platform.platform not in mission.platforms:
+        message = f"no task is for {platform.platform}"
+        hint = f"it is for {', '.join(mission.platforms)}"
+        yield reading.document.finding(("tasks",), message, hint, at_key=True)
 
 
 def _capabilities(reading: Reading, mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ from typing import Final, Literal
 from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Severity
-from gloc3.mission import flow, manoeuvres, steering
+from gloc3.mission import elsewhere, flow, manoeuvres, steering
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.items import MISSION, ActionRun, Program
@@ -259,6 +259,18 @@ class MissionExecutor:
         """For how long nothing was heard from the holder of control."""
         after_s = self.board.policies.link_loss_after_s
         self.condition(Condition.LINK_LOST, silent_s >= after_s, f"nothing heard for {after_s:g} s", now_s)
+
+    def elsewhere(self, platform: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
+        """What is told of another platform's part of the mission.
+
+        Args:
+            platform: the other one.
+            state: of its mission.
+            tasks: its tasks' states.
+            now_s: the time.
+        """
+        elsewhere.told(self.board, platform, state, tasks, now_s)
+        self.settle(now_s)
 
     def tick(self, now_s: float) -> None:
         """Lets the time pass."""

@@ -3,7 +3,7 @@
 from math import inf
 from typing import Final
 
-from gloc3.mission import manoeuvres
+from gloc3.mission import elsewhere, manoeuvres
 from gloc3.mission.arguments import LandOrder, SetOff, Wait
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
@@ -29,6 +29,7 @@ def advance(board: Board, now_s: float) -> None:
     for program in list(board.programs.values()):
         if program.is_open:
             _watch(board, program, now_s)
+    elsewhere.watch(board, now_s)
     is_moving = True
     while is_moving:
         is_moving = False
@@ -69,7 +70,7 @@ def _watch(board: Board, program: Program, now_s: float) -> None:
     if now_s >= program.due_s():
         fail_program(board, program, f"deadline of {program.deadline_s:g} s passed", now_s)
         return
-    for task in program.tasks.values():
+    for task in program.own_tasks:
         if now_s >= task.due_s():
             fail_task(board, task, f"deadline of {task.deadline_s:g} s passed", now_s, is_late=True)
         for run in task.actions.values():
@@ -114,7 +115,7 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
     if not program.is_open:
         return False
     has_moved = False
-    for task in program.tasks.values():
+    for task in program.own_tasks:
         for run in task.actions.values():
             has_moved |= _end_companion(board, run, now_s)
         is_next = program.state is ActionState.RUNNING and task.state is ActionState.WAITING
@@ -130,8 +131,8 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
             has_moved = True
         if not program.is_open:
             return True
-    if all(task.has_ended for task in program.tasks.values()):
-        failed = [task for task in program.tasks.values() if task.state is ActionState.FAILED]
+    if all(task.has_ended for task in program.own_tasks):
+        failed = [task for task in program.own_tasks if task.state is ActionState.FAILED]
         if failed and not program.is_mission:
             board.move(program, Trigger.FAIL, now_s, failed[0].reason)
         else:
@@ -223,7 +224,7 @@ def due_s(board: Board) -> float:
                     times.append(_wait_due_s(run, run.action.order.duration_s))
             elif run.unavailable_since_s is not None:
                 times.append(run.unavailable_since_s + PATIENCE_S)
-    times.append(manoeuvres.lost_at_s(board))
+    times += [manoeuvres.lost_at_s(board), elsewhere.due_s(board)]
     manoeuvre = board.manoeuvre
     if manoeuvre is not None:
         times += [at_s for at_s in (manoeuvre.land_at_s, manoeuvre.again_s) if at_s is not None]

@@ -147,11 +147,24 @@ class TaskRun(Item):
     def __init__(self, program: "Program", task: Task) -> None:
         super().__init__(task.name, task.options, task.options.deadline_s)
         self.program: Final = program
+        self.elsewhere: Final = (task.options.platform or "") if task.is_elsewhere else ""
+        """The other platform that performs it; empty for one of ours."""
         self.actions: Final[dict[str, ActionRun]] = {
             action.name: ActionRun(self, action, program.rows[action.capability]) for action in task.actions.values()
         }
         self.blemish = ""
         """Why it is going to end as failed, although it goes on."""
+
+    def adopt(self, state: ActionState, reason: str, *, is_settled: bool) -> bool:
+        """Takes what is told of a task of another platform; one that was skipped here stays so.
+
+        Returns:
+            Whether anything has changed.
+        """
+        if self.state is ActionState.SKIPPED or (self.state, self.is_settled) == (state, is_settled):
+            return False
+        self.state, self.reason, self.is_settled = state, reason, is_settled
+        return True
 
 
 class Program(Item):
@@ -170,6 +183,35 @@ class Program(Item):
     def is_mission(self) -> bool:
         """Whether it is the loaded mission, whose policies govern."""
         return self.name == MISSION
+
+    @property
+    def own_tasks(self) -> list[TaskRun]:
+        """The tasks that this platform performs."""
+        return [task for task in self.tasks.values() if not task.elsewhere]
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """The other platforms that have a part in it."""
+        return tuple(dict.fromkeys(task.elsewhere for task in self.tasks.values() if task.elsewhere))
+
+    def awaited(self) -> dict[str, list[TaskRun]]:
+        """By other platform: its tasks that one of ours waits for, while nothing of ours is left before these."""
+        found: dict[str, list[TaskRun]] = {}
+        judged: dict[str, bool] = {}
+        for task in self.own_tasks:
+            if task.state is ActionState.WAITING and not self._waits_for_us(task, judged):
+                for one in self._left(task):
+                    found.setdefault(one.elsewhere, []).append(one)
+        return found
+
+    def _left(self, task: TaskRun) -> list[TaskRun]:
+        """What a task comes after, and has not ended."""
+        return [one for name in task.options.after if not (one := self.tasks[name]).has_ended]
+
+    def _waits_for_us(self, task: TaskRun, judged: dict[str, bool]) -> bool:
+        if task.target not in judged:
+            judged[task.target] = any(not one.elsewhere or self._waits_for_us(one, judged) for one in self._left(task))
+        return judged[task.target]
 
     def actions(self) -> Iterator[ActionRun]:
         """All actions, in the order of the file."""

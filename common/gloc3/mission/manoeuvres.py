@@ -43,6 +43,8 @@ def _policy_for(board: Board, condition: Condition) -> Policy:
             wanted = Policy(policies.on_low_battery)
         case Condition.POSE_LOST:
             wanted = Policy(policies.on_pose_lost)
+        case Condition.PLATFORM_LOST:
+            wanted = Policy(policies.on_platform_loss)
         case Condition.FENCE_BREACHED:
             wanted = Policy.ABORT
     return resolved(wanted, policies.on_failure)

@@ -20,6 +20,8 @@ GEO: Final = "geo"
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
 Retries = Annotated[int, msgspec.Meta(ge=0, le=100)]
 ConditionPolicy = Literal["continue", "hold", "return", "land", "abort"]
+PlatformLossPolicy = Literal["continue", "skip", "hold", "return", "land", "abort"]
+PlatformName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 RestartPolicy = Literal["continue", "hold", "land"]
 Corners = Annotated[tuple[tuple[Metres, Metres], ...], msgspec.Meta(min_length=3, max_length=200)]
 GeoCorners = Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(min_length=3, max_length=200)]
@@ -75,6 +77,10 @@ class Policies(_Part, frozen=True, kw_only=True):
     link_loss_after_s: Annotated[float, msgspec.Meta(ge=0.5, le=86_400.0)] = 5.0
     on_low_battery: ConditionPolicy = "return"
     on_pose_lost: ConditionPolicy = "land"
+    on_platform_loss: PlatformLossPolicy = "hold"
+    """When another platform, whose tasks are waited for, is silent or has given the mission up. `continue`: wait on;
+    `skip`: its tasks count as skipped, and what comes after them runs."""
+    platform_loss_after_s: Annotated[float, msgspec.Meta(ge=1.0, le=86_400.0)] = 10.0
     on_restart: RestartPolicy = "hold"
     """When the onboard process came back in flight."""
     hold_s: Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)] = 60.0
@@ -101,7 +107,14 @@ class ActionFile(ItemFile, frozen=True, kw_only=True):
     """A sibling; when it has ended, this action is ended as done."""
 
 
-class TaskFile(ItemFile, frozen=True, kw_only=True):
+class TaskOptions(ItemFile, frozen=True, kw_only=True):
+    """What a task takes beside its actions."""
+
+    platform: PlatformName | None = None
+    """The platform that performs it; in a mission for several each task names its own."""
+
+
+class TaskFile(TaskOptions, frozen=True, kw_only=True):
     """A task as written; each action holds one capability with its arguments, and `ActionFile`'s keys."""
 
     actions: Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
@@ -148,7 +161,10 @@ class Task:
 
     name: str
     actions: Mapping[str, Action]
-    options: ItemFile = field(default_factory=ItemFile)
+    """Empty for a task of another platform."""
+    options: TaskOptions = field(default_factory=TaskOptions)
+    is_elsewhere: bool = False
+    """Another platform performs it: what comes after it here waits for what is told of it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -176,6 +192,12 @@ class Mission:
         return {
             f"{task.name}.{action.name}": action for task in self.tasks.values() for action in task.actions.values()
         }
+
+    @property
+    def platforms(self) -> tuple[str, ...]:
+        """The platforms that its tasks name, in the order of the file; empty for a mission of one."""
+        named = (task.options.platform for task in self.tasks.values())
+        return tuple(dict.fromkeys(name for name in named if name is not None))
 
 
 def attempts(options: ItemFile) -> int:

@@ -20,6 +20,7 @@ from gloc3.mission.model import (
     MissionFile,
     Policies,
     Task,
+    TaskOptions,
 )
 from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
 from gloc3.platform import Platform
@@ -36,6 +37,8 @@ _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 class Surroundings:
     """What a mission file refers to without saying it."""
 
+    platform: str | None = None
+    """Whose tasks are read; those of others are known by name only. None for everybody's."""
     frames: Mapping[str, LocalFrame] | None = None
     """Local frames by name; None where they are not known, and any name is taken."""
     origin: GeoPoint | None = None
@@ -59,7 +62,13 @@ class Surroundings:
         if platform is not None:
             frames = {**(frames or {}), **platform.local_frames()}
             capabilities = {"wait": "wait"} | {name: row.arguments for name, row in platform.capabilities.items()}
-        return cls(frames=frames, origin=origin, home_altitude_m=home_altitude_m, capabilities=capabilities)
+        return cls(
+            platform=platform.platform if platform is not None else None,
+            frames=frames,
+            origin=origin,
+            home_altitude_m=home_altitude_m,
+            capabilities=capabilities,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,7 +79,7 @@ class Reading:
     findings: list[Finding]
     mission: Mission | None
     """None where the frame of the file is not usable at all; lacks the actions that are not."""
-    skeleton: Mapping[str, ItemFile]
+    skeleton: Mapping[str, TaskOptions]
     """The tasks as written."""
     actions: Mapping[str, ActionFile]
     """What each `TASK.ACTION` takes beside its capability, also of actions that are not usable."""
@@ -116,22 +125,26 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
     written = schema.check(document.root, MissionFile, file, findings)
     placement = _placement(document, surroundings, findings)
     tasks: dict[str, Task] = {}
-    skeleton: dict[str, ItemFile] = {}
+    skeleton: dict[str, TaskOptions] = {}
     options: dict[str, ActionFile] = {}
     for name, node in _entries(document.root, "tasks"):
-        task = _options(node, ItemFile, file, [], name)
+        task = _options(node, TaskOptions, file, [], name)
+        is_elsewhere = None not in (task.platform, surroundings.platform) and task.platform != surroundings.platform
         actions: dict[str, Action] = {}
         for action_name, action_node in _entries(node, "actions"):
             where: Where = ("tasks", name, "actions", action_name)
             if not isinstance(action_node.value, dict):
                 options[f"{name}.{action_name}"] = ActionFile()
                 continue
+            if is_elsewhere:
+                options[f"{name}.{action_name}"] = _options(action_node, ActionFile, file, findings, action_name)
+                continue
             found = _action(action_name, action_node, where, document, surroundings, placement, findings)
             options[f"{name}.{action_name}"] = found if isinstance(found, ActionFile) else found.options
             if isinstance(found, Action):
                 actions[action_name] = found
         skeleton[name] = task
-        tasks[name] = Task(name=name, actions=actions, options=task)
+        tasks[name] = Task(name=name, actions=actions, options=task, is_elsewhere=is_elsewhere)
     geofence = fence = None
     fence_node = document.root.children.get("geofence")
     if fence_node is not None and fence_node.value is not None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from gloc3.errors import InputError
 from gloc3.messages import Severity
-from gloc3.mission import flow, manoeuvres
+from gloc3.mission import elsewhere, flow, manoeuvres
 from gloc3.mission.arguments import LandOrder, SetOff
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.items import ActionRun, Program
@@ -48,6 +48,7 @@ def restore(
                 board.move(run, Trigger.FINISH, now_s, _RESTART)
         if program.is_mission:
             board.policies = program.mission.policies
+            elsewhere.expect(board, program, now_s)
         elif program.is_open:
             board.end_all(program, Trigger.ABORT, now_s, _RESTART)
             board.move(program, Trigger.ABORT, now_s, _RESTART)

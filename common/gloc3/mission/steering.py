@@ -2,7 +2,7 @@
 
 from gloc3.errors import Refused, nearest
 from gloc3.frames import Vector3
-from gloc3.mission import manoeuvres
+from gloc3.mission import elsewhere, manoeuvres
 from gloc3.mission.arguments import SetOff, TakeOff
 from gloc3.mission.assignments import MOTION
 from gloc3.mission.board import Board, Condition
@@ -45,6 +45,8 @@ def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m:
         _take_back(board, now_s)
         return
     item = find(board, target)
+    if isinstance(item, TaskRun) and item.elsewhere and trigger is not Trigger.SKIP:
+        raise Refused(f"{item.target} is {item.elsewhere}'s; it is steered there, and can only be skipped here")
     if trigger not in (accepted := triggers(item)):
         raise Refused(f"{trigger} is not accepted in {item.state}; accepted: {', '.join(accepted) or 'nothing'}")
     match trigger:
@@ -85,6 +87,7 @@ def _start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -
         raise Refused(problem)
     manoeuvres.dismiss(board)
     board.policies = item.mission.policies
+    elsewhere.expect(board, item, now_s)
     board.move(item, Trigger.START, now_s, _BY_OPERATOR)
 
 
@@ -189,7 +192,7 @@ def _go_on(board: Board, item: Item, now_s: float) -> None:
     runs = _paused_in(item)
     if isinstance(item, Program):
         board.move(item, Trigger.RESUME, now_s)
-        for task in item.tasks.values():
+        for task in item.own_tasks:
             if task.state is ActionState.PAUSED and task.paused_by == by:
                 board.move(task, Trigger.RESUME, now_s)
             elif task.state is ActionState.FAILED and not task.is_settled:

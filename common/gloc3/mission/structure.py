@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from gloc3.document import Where
+from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
-from gloc3.mission.model import ActionFile, ItemFile, Mission, where_of
+from gloc3.mission.model import ActionFile, ItemFile, Mission, TaskOptions, where_of
 
 if TYPE_CHECKING:
     from gloc3.mission.reader import Reading
@@ -21,7 +21,7 @@ def structure_findings(reading: "Reading") -> list[Finding]:
         return [
             document.finding(("tasks",), f"more than {MAX_ACTIONS} actions", "make it several missions", at_key=True)
         ]
-    found: list[Finding] = []
+    found = list(_without_platform(reading.skeleton, document))
     for where, name, siblings in _references(reading.skeleton, reading.actions):
         if name not in siblings:
             found.append(document.finding(where, f"no {_kind(where)} {name!r} here", nearest(name, siblings)))
@@ -30,6 +30,16 @@ def structure_findings(reading: "Reading") -> list[Finding]:
         hint = "one of them must come first"
         found.append(document.finding(where_of(cycle[0]), f"these wait for each other: {shown}", hint, at_key=True))
     return found
+
+
+def _without_platform(tasks: Mapping[str, TaskOptions], document: Document) -> Iterator[Finding]:
+    """In a mission for several platforms each task names its own."""
+    named = sorted({task.platform for task in tasks.values() if task.platform is not None})
+    for name, task in tasks.items():
+        if named and task.platform is None:
+            hint = f"platform: {named[0]}, say"
+            message = f"task {name!r} names no platform, and others do"
+            yield document.finding(where_of(name), message, hint, at_key=True)
 
 
 def _kind(where: Where) -> str:

@@ -1,0 +1,246 @@
+"""One mission file for two platforms: each performs its own tasks, and waits for what is told of the other's."""
+
+import msgspec
+import pytest
+
+from gloc3.errors import InputError, Refused
+from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.states import ActionState
+from gloc3.platform import Platform
+
+from .executor_rig import FRAMES, Rig
+
+TEXT = """\
+mission: two in the hold
+frame: hold
+on_failure: hold
+hold_s: 30
+tasks:
+  rise:
+    platform: pelican
+    actions: {climb: {take_off: {height_m: 2}}}
+  look:
+    platform: pelican
+    after: [rise]
+    actions: {wall: {follow_waypoints: {waypoints_m: [[2, 1, 2]]}}}
+  follow:
+    platform: hummingbird
+    after: [look]
+    actions: {climb: {take_off: {height_m: 2}}, home: {return_home: {}, after: [climb]}, down: {land: {}, after: [home]}}
+  back:
+    platform: pelican
+    after: [follow]
+    actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}
+"""
+
+
+@pytest.fixture
+def hummingbird(pelican: Platform) -> Platform:
+    return msgspec.structs.replace(pelican, platform="hummingbird")
+
+
+class Pair:
+    """Both platforms, with somebody between them who passes on what each is at."""
+
+    def __init__(self, pelican: Platform, hummingbird: Platform, text: str = TEXT) -> None:
+        self.pelican, self.hummingbird = Rig(pelican, text), Rig(hummingbird, text)
+        for rig in (self.pelican, self.hummingbird):
+            rig.fly(is_airborne=False)
+            rig.start()
+
+    def tell(self) -> None:
+        for told, of in ((self.pelican, self.hummingbird), (self.hummingbird, self.pelican)):
+            program = of.executor.mission
+            assert program is not None
+            states = {task.target: task.state for task in program.own_tasks}
+            told.executor.elsewhere(of.platform.platform, program.state, states, told.now_s)
+            told.settle()
+
+    def pass_s(self, seconds: int) -> None:
+        for _ in range(seconds):
+            self.pelican.pass_s(1.0)
+            self.hummingbird.pass_s(1.0)
+            self.tell()
+
+
+@pytest.fixture
+def pair(pelican: Platform, hummingbird: Platform) -> Pair:
+    return Pair(pelican, hummingbird)
+
+
+def looked(pair: Pair) -> None:
+    """The first has looked, and hovers until the second has followed."""
+    pair.pelican.done("rise.climb")
+    pair.pelican.fly()
+    pair.pelican.done("look.wall")
+
+
+def test_each_performs_its_own_tasks_and_waits_for_the_other(pair: Pair) -> None:
+    assert pair.pelican.running() == ["rise.climb"]
+    assert pair.hummingbird.running() == []
+    looked(pair)
+    assert pair.hummingbird.running() == []
+    pair.tell()
+    assert pair.hummingbird.running() == ["follow.climb"]
+    assert pair.pelican.running() == []
+    pair.hummingbird.done("follow.climb")
+    pair.hummingbird.fly()
+    pair.hummingbird.done("follow.home")
+    pair.hummingbird.done("follow.down")
+    assert pair.hummingbird.state() == "done"
+    pair.tell()
+    assert pair.pelican.running() == ["back.home"]
+    assert pair.pelican.state("follow") == "done"
+
+
+def test_a_task_of_another_platform_is_neither_checked_nor_claimed_here(pelican: Platform) -> None:
+    frames = Circumstances(platform=pelican, frames=FRAMES)
+    text = TEXT.replace("return_home: {}, after: [climb]", "turn_somersaults: {}, after: [climb]")
+    report = check_text(text, "mission.yaml", frames)
+    assert report.is_ok, report.findings
+    assert report.estimate is not None
+    assert {target.partition(".")[0] for target in report.estimate.actions} == {"rise", "look", "back"}
+
+
+def test_its_order_counts_all_the_same(pelican: Platform) -> None:
+    text = TEXT.replace("after: [look]\n", "after: [back]\n")
+    report = check_text(text, "mission.yaml", Circumstances(platform=pelican, frames=FRAMES))
+    assert any("wait for each other" in finding.message for finding in report.findings)
+
+
+def test_each_task_names_its_platform_or_none_does(pelican: Platform) -> None:
+    with pytest.raises(InputError, match="task 'rise' names no platform, and others do"):
+        Rig(pelican, TEXT.replace("    platform: pelican\n", "", 1))
+
+
+def test_a_mission_without_a_task_for_it_is_refused(pelican: Platform) -> None:
+    text = TEXT.replace("pelican", "albatross")
+    report = check_text(text, "mission.yaml", Circumstances(platform=pelican, frames=FRAMES))
+    assert [finding.message for finding in report.findings if not finding.is_warning] == ["no task is for pelican"]
+
+
+def test_a_silent_platform_is_lost_after_its_time_and_the_policy_holds(pair: Pair) -> None:
+    looked(pair)
+    pair.pass_s(20)
+    assert pair.pelican.executor.policy == ""
+    pair.pelican.pass_s(9.9)
+    assert pair.pelican.executor.policy == ""
+    pair.pelican.pass_s(0.2)
+    assert pair.pelican.executor.policy == "hold"
+    assert "platform lost: hummingbird: nothing heard of it for 10 s; policy: hold" in pair.pelican.log
+    pair.pass_s(1)
+    assert "platform lost: over" in pair.pelican.log
+    pair.pelican.steer("resume")
+    assert pair.pelican.state() == "running"
+
+
+def test_nobody_minds_a_silent_platform_that_is_not_waited_for(pair: Pair) -> None:
+    pair.pelican.pass_s(100)
+    assert pair.pelican.executor.policy == ""
+    assert pair.pelican.running() == ["rise.climb"]
+
+
+@pytest.mark.parametrize(("policy", "expected"), [("return", "return"), ("land", "land"), ("abort", "hold")])
+def test_the_policy_is_the_mission_s(pelican: Platform, hummingbird: Platform, policy: str, expected: str) -> None:
+    pair = Pair(pelican, hummingbird, f"{TEXT}on_platform_loss: {policy}\nplatform_loss_after_s: 3\n")
+    looked(pair)
+    pair.pelican.pass_s(3.1)
+    assert pair.pelican.executor.policy == expected
+
+
+def test_skip_goes_on_without_the_lost_platform(pelican: Platform, hummingbird: Platform) -> None:
+    pair = Pair(pelican, hummingbird, f"{TEXT}on_platform_loss: skip\n")
+    looked(pair)
+    pair.pelican.pass_s(10.1)
+    assert pair.pelican.state("follow") == "skipped"
+    assert pair.pelican.running() == ["back.home"]
+    pair.tell()
+    assert pair.pelican.state("follow") == "skipped"
+
+
+def test_continue_waits_on(pelican: Platform, hummingbird: Platform) -> None:
+    pair = Pair(pelican, hummingbird, f"{TEXT}on_platform_loss: continue\n")
+    looked(pair)
+    pair.pelican.pass_s(300)
+    assert pair.pelican.executor.policy == ""
+    assert pair.pelican.state() == "running"
+    pair.tell()
+    assert pair.hummingbird.running() == ["follow.climb"]
+
+
+def test_a_platform_that_gives_the_mission_up_is_lost_at_once(pair: Pair) -> None:
+    looked(pair)
+    pair.tell()
+    pair.hummingbird.steer("abort")
+    pair.tell()
+    assert pair.pelican.executor.policy == "hold"
+    assert pair.pelican.running() == []
+    assert pair.pelican.state("follow") == "failed"
+
+
+def test_a_failure_there_that_its_policy_goes_on_from_counts_as_an_end(
+    pelican: Platform, hummingbird: Platform
+) -> None:
+    text = TEXT.replace("after: [look]\n", "after: [look]\n    on_failure: continue\n")
+    pair = Pair(pelican, hummingbird, text)
+    looked(pair)
+    pair.tell()
+    pair.hummingbird.fly()
+    pair.hummingbird.failed("follow.climb")
+    pair.hummingbird.done("follow.home")
+    pair.hummingbird.done("follow.down")
+    pair.tell()
+    assert pair.pelican.state("follow") == "failed"
+    assert pair.pelican.running() == ["back.home"]
+
+
+def test_a_failure_there_that_waits_for_an_operator_is_waited_for(pair: Pair) -> None:
+    looked(pair)
+    pair.tell()
+    pair.hummingbird.fly()
+    pair.hummingbird.failed("follow.climb")
+    pair.pass_s(5)
+    assert pair.hummingbird.state() == "paused"
+    assert pair.pelican.state("follow") == "failed"
+    assert pair.pelican.running() == []
+
+
+def test_a_task_of_another_platform_can_only_be_skipped_here(pair: Pair) -> None:
+    looked(pair)
+    for verb in ("abort", "pause", "start"):
+        with pytest.raises(Refused, match="follow is hummingbird's; it is steered there"):
+            pair.pelican.steer(verb, "follow")
+    pair.pelican.steer("skip", "follow")
+    assert pair.pelican.running() == ["back.home"]
+
+
+def test_pause_and_abort_leave_the_other_platform_s_tasks_as_they_are(pair: Pair) -> None:
+    looked(pair)
+    pair.tell()
+    pair.tell()
+    assert pair.pelican.state("follow") == "running"
+    pair.pelican.steer("pause")
+    assert pair.pelican.state("follow") == "running"
+    pair.pelican.steer("abort")
+    assert pair.pelican.state("follow") == "running"
+    assert pair.pelican.state("back") == "aborted"
+
+
+def test_what_was_told_survives_a_restart_and_the_others_must_be_heard_anew(pair: Pair) -> None:
+    looked(pair)
+    pair.tell()
+    pair.tell()
+    again = pair.pelican.restart(is_airborne=True)
+    assert again.state("follow") == "running"
+    again.steer("resume")
+    again.pass_s(10.1)
+    assert "platform lost: hummingbird: nothing heard of it for 10 s; policy: hold" in again.log
+    again.executor.elsewhere("hummingbird", ActionState.DONE, {"follow": ActionState.DONE}, again.now_s)
+    again.steer("resume")
+    assert again.running() == ["back.home"]
+
+
+def test_what_is_told_of_a_stranger_changes_nothing(pair: Pair) -> None:
+    looked(pair)
+    pair.pelican.executor.elsewhere("albatross", ActionState.DONE, {"follow": ActionState.DONE}, 0.0)
+    assert pair.pelican.state("follow") == "waiting"

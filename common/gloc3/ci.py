@@ -352,6 +352,8 @@ class MissionSummary(Message, frozen=True):
     """The policy that is being carried out, such as `return`; empty in normal flight."""
     reasons: dict[str, str] = {}
     """Task, and `TASK.ACTION`, to why it failed, or what it waits for beside its turn."""
+    elsewhere: dict[str, str] = {}
+    """The tasks that other platforms perform, each with its platform."""
 
 
 class ControlState(Message, frozen=True):

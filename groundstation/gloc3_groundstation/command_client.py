@@ -97,6 +97,11 @@ class CommandClient:
             self._waiting.pop(key, None)
             self._requests.forget(key)
 
+    def tell(self, platform: str, body: AnyBody) -> None:
+        """Sends what needs no answer."""
+        request = self._requests.unanswered(platform, body)
+        self._publisher.publish(f"{platform}/ci/request", request, self._loop.time())
+
     async def carry_out(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiReply:
         """Sends a request that is to be accepted.
 

@@ -130,50 +130,62 @@ class Desk:
         plan = self.plan
         if plan is None:
             return False
-        if not await self._do(name, "stream", flights.stream(self.station, name, plan)):
-            return False
-        platform = self.station.fleet.get(name)
-        if platform is not None:
-            self._streamed[name] = platform.boot, plan.text
+        for one in self._crew(name):
+            if not await self._do(one, "stream", flights.stream(self.station, one, plan)):
+                return False
+            platform = self.station.fleet.get(one)
+            if platform is not None:
+                self._streamed[one] = platform.boot, plan.text
         return True
 
-    async def start(self, name: str, override: str = "") -> Follower | None:
+    def _crew(self, name: str) -> tuple[str, ...]:
+        """The platforms that the mission at hand is for: those that it names, or the one that the operator looks at."""
+        return (self.plan.platforms if self.plan is not None else ()) or (name,)
+
+    async def start(self, name: str, override: str = "") -> dict[str, Follower]:
         """Starts the mission; the one at hand is streamed first if that has not been done, or it has been flown.
 
         Args:
             name: the platform.
             override: why it shall start although checks are red; empty to have it refused then.
         """
-        platform = self.station.fleet.get(name)
-        state = platform.mission.value.state if platform is not None and platform.mission is not None else ""
-        is_over = state in ENDED
-        if self.plan is not None and platform is not None and (is_over or not self.has_streamed(platform)):
+        crew = self._crew(name)
+        if self.plan is not None and any(self._needs_streaming(one) for one in crew):
             if not await self.stream(name):
-                return None
-        elif not await self.take_control(name):
-            return None
-        followers: list[Follower] = []
+                return {}
+        else:
+            for one in crew:
+                if not await self.take_control(one):
+                    return {}
+        followers: dict[str, Follower] = {}
 
         async def begin() -> None:
-            followers.append(await flights.start(self.station, name, override, self._author if override else ""))
+            followers.update(await flights.start_all(self.station, crew, override, self._author if override else ""))
 
         await self._do(name, "start", begin())
-        self.preflight.forget(name)
-        return followers[0] if followers else None
+        for one in crew:
+            self.preflight.forget(one)
+        return followers
+
+    def _needs_streaming(self, name: str) -> bool:
+        platform = self.station.fleet.get(name)
+        state = platform.mission.value.state if platform is not None and platform.mission is not None else ""
+        return platform is not None and (state in ENDED or not self.has_streamed(platform))
 
     async def bring(self, name: str) -> bool:
         """Streams the mission at hand as soon as the platform is ready for one."""
-        lacks = await flights.await_ready(self.station, name)
-        if lacks:
-            self.station.note(name, Severity.WARNING, f"it still lacks {', '.join(lacks)}")
+        for one in self._crew(name):
+            lacks = await flights.await_ready(self.station, one)
+            if lacks:
+                self.station.note(one, Severity.WARNING, f"it still lacks {', '.join(lacks)}")
         return await self.stream(name)
 
     async def fly(self, name: str) -> End | None:
         """Brings the mission at hand, starts it and follows it to its end; None where it did not come to that."""
         if not await self.bring(name):
             return None
-        follower = await self.start(name)
-        return None if follower is None else await flights.follow(self.station, name, follower)
+        followers = await self.start(name)
+        return await flights.follow_all(self.station, followers) if followers else None
 
     async def take_control(self, name: str) -> bool:
         """Asks for control."""

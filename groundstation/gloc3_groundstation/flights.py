@@ -1,13 +1,13 @@
 """A mission from the station's side: wait for the platform, take control, stream, start, follow to the end."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import msgspec
 
 from gloc3.ci import Health, MissionSummary, Verb
-from gloc3.errors import Refused
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState
 from gloc3_groundstation.plans import Plan, recheck
@@ -131,6 +131,28 @@ async def stream(station: Station, platform: str, plan: Plan) -> None:
     station.note(platform, Severity.INFO, f"{plan.title!r} is loaded and read back ({size} bytes in {took_s:.1f} s)")
 
 
+async def stream_to_all(station: Station, platforms: Sequence[str], plan: Plan) -> None:
+    """Brings a mission to all platforms that have a part in it; raises as `stream`."""
+    for platform in platforms:
+        await stream(station, platform, plan)
+
+
+async def start_all(
+    station: Station, platforms: Sequence[str], override: str = "", author: str = ""
+) -> "dict[str, Follower]":
+    """Starts the loaded mission on all platforms that have a part in it, or on none; raises as `start`."""
+    followers: dict[str, Follower] = {}
+    try:
+        for platform in platforms:
+            followers[platform] = await start(station, platform, override, author)
+    except Gloc3Error:
+        for platform in followers:
+            station.note(platform, Severity.WARNING, "the mission does not start everywhere: it is aborted here")
+            await station.client.steer(platform, Verb.ABORT)
+        raise
+    return followers
+
+
 async def start(station: Station, platform: str, override: str = "", author: str = "") -> "Follower":
     """Starts the loaded mission; raises as `CommandClient.carry_out`. For an override see `CommandClient.steer`."""
     await station.client.steer(platform, Verb.START, override=override, author=author)
@@ -185,6 +207,16 @@ async def follow(station: Station, platform: str, follower: Follower) -> End:
         return bool(ends)
 
     await _until(station, has_ended)
+    return ends[0]
+
+
+async def follow_all(station: Station, followers: "Mapping[str, Follower]") -> End:
+    """Waits until the mission has ended on all platforms; the end of the first that did not do its part, if there is one."""
+    ends = await asyncio.gather(*(follow(station, platform, one) for platform, one in followers.items()))
+    for platform, end in zip(followers, ends, strict=True):
+        if not end.is_done:
+            whose = f"{platform}: " if len(followers) > 1 else ""
+            return End(state=end.state, reason=f"{whose}{end.reason}" if end.reason else whose.removesuffix(": "))
     return ends[0]
 
 

@@ -58,18 +58,20 @@ class Headless:
         station = self._station
         self._begin()
         try:
-            name = await self._found(wait_s)
-            lacks = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
-            if lacks:
-                self.say(f"{name} still lacks {', '.join(lacks)}; it will say itself whether it starts")
-            await flights.stream(station, name, plan)
+            names = [await self._found(wait_s, wanted) for wanted in plan.platforms or (self._platform,)]
+            for name in names:
+                lacks = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
+                if lacks:
+                    self.say(f"{name} still lacks {', '.join(lacks)}; it will say itself whether it starts")
+            await flights.stream_to_all(station, names, plan)
             began_s = station.now_s()
-            end = await flights.follow(station, name, await flights.start(station, name, override, author))
+            end = await flights.follow_all(station, await flights.start_all(station, names, override, author))
             took = duration(station.now_s() - began_s)
             reason = f" ({end.reason})" if end.reason else ""
             data = {"mission": plan.title, "state": end.state, "reason": end.reason}
             text = f"{plan.title!r}: {end.state}{reason} after {took}"
-            self._tell(self._narrator.line(name, "result", text, station.now_s(), data))
+            whose = names[0] if len(names) == 1 else ""
+            self._tell(self._narrator.line(whose, "result", text, station.now_s(), data))
             return end
         finally:
             self.close()
@@ -98,12 +100,12 @@ class Headless:
         self._unlisten = self._station.listen(self._changed)
         self._tell_progress()
 
-    async def _found(self, wait_s: float) -> str:
+    async def _found(self, wait_s: float, wanted: str | None) -> str:
         try:
             async with asyncio.timeout(wait_s):
-                return await flights.await_platform(self._station, self._platform)
+                return await flights.await_platform(self._station, wanted)
         except TimeoutError:
-            who = self._platform or "a platform"
+            who = wanted or "a platform"
             others = ", ".join(platform.name for platform in self._station.fleet)
             hint = f"heard: {others}" if others else "is it running, and does its link lead here?"
             raise Gloc3Error(f"{who} was not heard within {duration(wait_s)}; {hint}") from None

@@ -24,6 +24,8 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """Where it is saved; empty for an example, and for what was made of another program's file."""
     converted_from: str = ""
     """The other program's file that it was made of; empty for a mission file."""
+    platforms: tuple[str, ...] = ()
+    """Those that its tasks name, where it is for several; it is streamed to all of them."""
     warnings: tuple[str, ...] = ()
     """Found against the platform's file; nothing where that is not installed here."""
 
@@ -44,7 +46,7 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
         raise Refused(f"there is no mission file {name!r}")
     known = known_platform(platform)
     file, text, left_out = mission_text(str(path), known.limits.speed_m_s if known is not None else None)
-    plan = _plan(check_text(text, file, Circumstances(platform=known)), left_out)
+    plan = _plan(check_text(text, file, Circumstances(platform=known, known=known_platform)), left_out)
     if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         plan = msgspec.structs.replace(plan, converted_from=str(path))
     elif path not in example_missions().values():
@@ -86,5 +88,6 @@ def _plan(report: Report, left_out: Iterable[Finding] = ()) -> Plan:
         name=Path(report.file).name,
         title=mission.name,
         text=mission.text,
+        platforms=mission.platforms,
         warnings=tuple(str(warning) for warning in warnings),
     )

@@ -55,6 +55,10 @@ class Requests:
         self._outgoing.append((platform, request))
         return key
 
+    def unanswered(self, platform: str, body: AnyBody) -> CiRequest:
+        """A request that nobody waits for."""
+        return self._new(platform, body)
+
     def forget(self, key: tuple[str, int]) -> None:
         """Nobody waits for this reply any more."""
         self._end(key, None)

@@ -10,6 +10,7 @@ from gloc3.messages import Envelope, Severity
 from gloc3.vehicle import ObstacleScan
 from gloc3_groundstation import fleet as reducers
 from gloc3_groundstation.command_client import CommandClient
+from gloc3_groundstation.relay import Relay
 from gloc3_groundstation.snapshots import Fleet
 from gloc3_groundstation.watcher import Watcher
 
@@ -40,6 +41,7 @@ class Station:
             exchange.subscribe(f"*/{topic}", self._take) for topic in reducers.HEARD_TOPICS
         ]
         self._unsubscribes.append(self.watcher.listen(self._see))
+        self._listeners.append(Relay(self.client).changed)
 
     @property
     def id(self) -> str:

@@ -86,6 +86,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     mission: str
     """A file, or the name of an example."""
     platform: str = "pelican_rtk"
+    name: str = ""
+    """What the platform is called, where several are of one kind; empty for the name in its file."""
     autopilot: str = "px4"
     is_firmware: bool = False
     """That autopilot's real firmware flies, in place of one of ours; `autopilot` is `ardupilot` then."""
@@ -100,6 +102,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     world: str = ""
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
     is_plain_gps: bool = False
+    has_station: bool = True
+    """Whether it has a station of its own; in a fleet all are the fleet's."""
     station_link: Conditions = STATION_RADIO
     """Both ways between station and platform."""
     cycle_cost_s: CycleCost | None = None
@@ -162,7 +166,7 @@ class Flight:
 
     def __init__(self, plan: FlightPlan) -> None:
         self.plan: Final = plan
-        self.platform: Final[Platform] = load_platform(plan.platform)
+        self.platform: Final[Platform] = _called(load_platform(plan.platform), plan.name)
         self.mission_file: Final = find_mission(plan.mission)
         self.mission: Final[Mission] = load_mission(plan.mission, Surroundings.of(self.platform))
         self.loop: Final = asyncio.get_running_loop()
@@ -188,6 +192,8 @@ class Flight:
         self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
         self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
         self.ground: Final = GroundSide(self.loop, self.topics, self.random.getrandbits(32))
+        self._further_radios: list[MemoryLink] = []
+        self._further_links: list[StationLink] = []
         self._publisher = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
         self.frame: TangentPlane | None = None
         """Of the pose, once one has told its origin."""
@@ -248,7 +254,8 @@ class Flight:
         """Starts everything."""
         self.simulator.start(self.loop)
         self.start_onboard()
-        self.ground.open(self.radio.a)
+        if self.plan.has_station:
+            self.ground.open(self.radio.a)
         self._tell_truth()
         return self
 
@@ -279,7 +286,13 @@ class Flight:
         self.companion = Companion(own, platform, self.exchange, self.clock, self.loop, boot ^ 1)
         self.radio.b.on_data = self._serve(self.companion.attach(self.station_link.send))
         self._heartbeat = HeartbeatSource(
-            self.exchange, platform.platform, lambda: [self.station_link.send, self.autopilot_link.send_message]
+            self.exchange,
+            platform.platform,
+            lambda: [
+                self.station_link.send,
+                self.autopilot_link.send_message,
+                *(link.send for link in self._further_links),
+            ],
         )
         context = HostContext(
             platform.platform, self.exchange, self.clock, self.loop, self.topics, self.random, self.sabotage.cost_s
@@ -297,8 +310,25 @@ class Flight:
         }
         self.onboard = Onboard(platform, context, devices, self.sabotage.create)
         self.station_link.open(self.radio.b)
+        for radio in self._further_radios:
+            self._link_to(radio)
         self.autopilot_link.open(self.cable.b)
         self.onboard.begin()
+
+    def add_radio(self) -> MemoryLink:
+        """One more link to a station; the station's end is `a`."""
+        number = len(self._further_radios) + 3
+        radio = MemoryLink(self.loop, Random(self.plan.seed + number), self.plan.station_link)
+        self._further_radios.append(radio)
+        if self.onboard is not None:
+            self._link_to(radio)
+        return radio
+
+    def _link_to(self, radio: MemoryLink) -> None:
+        link = StationLink(self.name, 1, self.loop, self.exchange, self.topics, self.random.getrandbits(32))
+        radio.b.on_data = link.receive
+        link.open(radio.b)
+        self._further_links.append(link)
 
     def _serve(self, hear: Callable[[list[Frame]], None]) -> Callable[[bytes], None]:
         """What is heard on the radio goes to our own command interface, and to the services for others."""
@@ -334,6 +364,11 @@ class Flight:
             self._authority.close()
             self.autopilot_link.close()
             self.station_link.close()
+            for link in self._further_links:
+                link.close()
+            self._further_links.clear()
+            for radio in self._further_radios:
+                radio.b.on_data = None
             self.cable.b.on_data = self.radio.b.on_data = None
             self.onboard = None
 
@@ -421,6 +456,10 @@ class Flight:
             raise TimeoutError(f"nothing fitting came on {topic} within {within_s:g} s") from None
         finally:
             unsubscribe()
+
+
+def _called(platform: Platform, name: str) -> Platform:
+    return msgspec.structs.replace(platform, platform=name) if name else platform
 
 
 def _fitting(world: World, mission: Mission) -> World:

@@ -1,7 +1,7 @@
 """Proves a mission against a platform before it goes anywhere, and again onboard: all findings at once."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import msgspec
@@ -12,7 +12,7 @@ from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.agreement import agreement_findings
 from gloc3.mission.arguments import SetOff, argument_kinds
 from gloc3.mission.budget_check import budget_findings
-from gloc3.mission.estimate import Estimate, estimate
+from gloc3.mission.estimate import Estimate, estimate, together
 from gloc3.mission.examples import find_mission
 from gloc3.mission.legs import Budget
 from gloc3.mission.model import Mission, where_of
@@ -31,6 +31,11 @@ class Circumstances:
 
     platform: Platform | None = None
     """None: every capability is taken to be there, and nothing is known of limits, energy and failsafes."""
+    part: str | None = None
+    """In a mission for several platforms: whose part is checked, where that platform itself is not known."""
+    known: Callable[[str], Platform | None] | None = None
+    """Finds a platform that such a mission names (None where it is not known here), and has all parts of it checked.
+    None checks that of `platform` alone."""
     frames: Mapping[str, LocalFrame] | None = None
     """Frames of the world, beside those of the platform."""
     origin: GeoPoint | None = None
@@ -44,9 +49,10 @@ class Circumstances:
 
     def surroundings(self) -> Surroundings:
         """What the reader needs of it."""
-        return Surroundings.of(
+        found = Surroundings.of(
             self.platform, frames=self.frames, origin=self.origin, home_altitude_m=self.home_altitude_m
         )
+        return replace(found, platform=found.platform or self.part)
 
     def capabilities(self) -> Mapping[str, Capability]:
         """The rows by name; without a platform one for each kind of arguments."""
@@ -122,6 +128,9 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     mission = reading.mission
     if mission is None or structural:
         return Report(file=file, findings=tuple(sorted(findings)), mission=None)
+    is_whole = circumstances.known is not None or circumstances.platform is None
+    if mission.platforms and circumstances.part is None and is_whole:
+        return _check_parts(data, file, circumstances, mission)
     order = PartialOrder.of(mission)
     platform = circumstances.platform
     budget = Budget.of(platform.limits if platform else Limits(), circumstances.home_ned_m or (0.0, 0.0, 0.0))
@@ -148,6 +157,24 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
                 reading.document.finding(("geofence",), problem, "move the vehicle or the fence", at_key=True)
             )
     return Report(file=file, findings=tuple(sorted(set(findings))), mission=mission, estimate=figures, order=order)
+
+
+def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mission: Mission) -> Report:
+    """Checks a mission for several platforms, each part for its own; what is said of a part names its platform."""
+    findings: set[Finding] = set()
+    figures: list[Estimate] = []
+    for name in mission.platforms:
+        known = circumstances.known(name) if circumstances.known is not None else None
+        part = check_text(data, file, replace(circumstances, platform=known, part=name))
+        findings.update(part.findings)
+        figures += [part.estimate] if part.estimate is not None else []
+    return Report(
+        file=file,
+        findings=tuple(sorted(findings)),
+        mission=mission,
+        estimate=together(figures),
+        order=PartialOrder.of(mission),
+    )
 
 
 def home_problem(mission: Mission, home_ned_m: Vector3) -> str:

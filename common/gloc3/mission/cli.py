@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -49,25 +50,32 @@ WRONG_USE: Final = 2
 
 Mission = Annotated[str, Parameter(help="A mission file, a plan, or the name of an example.")]
 OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name of an installed platform.")]
+OnPlatforms = Annotated[list[str] | None, Parameter(name="--platform", negative=())]
 
 
 @app.command
 def check(
-    mission: Mission, /, *, platform: OnPlatform = None, json_output: Annotated[bool, Parameter(name="--json")] = False
+    mission: Mission,
+    /,
+    *,
+    platforms: OnPlatforms = None,
+    json_output: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
     """Prove a mission: its order, arguments, claims, space, time, energy and policies.
 
     Args:
         mission: What to check.
-        platform: What it is to fly on; without it only the file itself is checked.
+        platforms: What it is to fly on, a platform file or the name of an installed one; without it only the file
+            itself is checked. May be given again for a mission whose tasks are for several platforms; then the parts of
+            those that are not given are checked by themselves.
         json_output: Print the report as JSON.
     """
     try:
-        path, on = find_mission(mission), _platform(platform)
+        path, on = find_mission(mission), [load_platform(name) for name in platforms or ()]
     except InputError as error:
         return _fail(error, WRONG_USE)
     try:
-        report = _report(path, on)
+        report = _report(path, on[0] if len(on) == 1 else None, on)
     except InputError as error:
         report = Report(file=mission, findings=error.findings)
     if json_output:
@@ -153,7 +161,7 @@ def _platform(name: str | None) -> Platform | None:
     return load_platform(name) if name is not None else None
 
 
-def _report(path: Path, platform: Platform | None) -> Report:
+def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = ()) -> Report:
     if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         file, text, warnings = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
         report = check_text(text, f"{file} (converted)", Circumstances(platform=platform))
@@ -161,7 +169,8 @@ def _report(path: Path, platform: Platform | None) -> Report:
         return Report(
             file=file, findings=findings, mission=report.mission, estimate=report.estimate, order=report.order
         )
-    return check_text(load_bytes(path), str(path), Circumstances(platform=platform))
+    found = {one.platform: one for one in known}
+    return check_text(load_bytes(path), str(path), Circumstances(platform=platform, known=found.get if found else None))
 
 
 def _verdict(report: Report) -> str:

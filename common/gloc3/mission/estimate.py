@@ -1,6 +1,6 @@
 """Estimates when each action of a mission runs, which way the vehicle makes, and what energy that takes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import dist
 
@@ -96,6 +96,23 @@ def estimate(
         length_m=sum(part.length_m for part in found.values()),
         end_ned_m=here,
         return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in places),
+    )
+
+
+def together(parts: Sequence[Estimate]) -> Estimate | None:
+    """The figures of a mission for several platforms, from those of each one's part; None where there is none.
+
+    What one platform waits for another is not in them.
+    """
+    if not parts:
+        return None
+    return Estimate(
+        actions={target: figures for part in parts for target, figures in part.actions.items()},
+        duration_s=max(part.duration_s for part in parts),
+        energy_wh=sum(part.energy_wh for part in parts),
+        length_m=sum(part.length_m for part in parts),
+        end_ned_m=parts[0].end_ned_m,
+        return_wh=max(part.return_wh for part in parts),
     )
 
 

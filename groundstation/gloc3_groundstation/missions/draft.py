@@ -12,7 +12,7 @@ from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES,
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.platform import Platform
 from gloc3_groundstation.missions.outline import Outline, outline_of
-from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.plans import Plan, known_platform
 
 SHOWN_MAX: Final = 200_000
 """Characters of a file that is no mission at all that are shown."""
@@ -87,6 +87,7 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
             title=self.outline.title,
             text=self.text,
             converted_from=untouched,
+            platforms=self.outline.platforms,
             warnings=tuple(str(warning) for warning in warnings),
         )
 
@@ -134,7 +135,7 @@ def checked(draft: Draft, platform: Platform | None) -> Draft:
     """The same, checked again; costs milliseconds, for a mission of thousands of waypoints seconds."""
     if draft.is_fixed:
         return draft
-    circumstances = Circumstances(platform=platform)
+    circumstances = Circumstances(platform=platform, known=known_platform)
     report = check_text(draft.text, draft.name, circumstances)
     findings = report.findings
     if platform is None:

@@ -53,6 +53,8 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     stages: tuple[Stage, ...]
     digest: str = ""
     """Of its text."""
+    platforms: tuple[str, ...] = ()
+    """Those that its tasks name, where it is for several."""
     terms: tuple[str, ...] = ()
     """Its policies."""
     duration_s: float | None = None
@@ -83,6 +85,7 @@ def outline_of(report: Report, capabilities: Mapping[str, Capability]) -> Outlin
         title=mission.name,
         stages=tuple(_stage(task, mission, figures, capabilities) for task in mission.tasks.values()),
         digest=digest_of(mission.text),
+        platforms=mission.platforms,
         terms=(
             f"on failure {policies.on_failure}",
             f"link loss {policies.on_link_loss}",

@@ -15,6 +15,7 @@ from gloc3.ci import (
     CiRequest,
     CommandComponent,
     Control,
+    Elsewhere,
     Emergency,
     EmergencyVerb,
     Hello,
@@ -44,6 +45,7 @@ from gloc3.vehicle import EmergencyDisarm, FenceProgress
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.hearsay import Hearsay
 from gloc3_onboard.command_server.journal import Journal
 from gloc3_onboard.command_server.senders import Senders
 from gloc3_onboard.command_server.site import Site
@@ -105,6 +107,7 @@ class RequestHandler:
         self._fence_wait: _FenceWait | None = None
         self._emergencies: dict[tuple[str, int], int] = {}
         self._count = 0
+        self._hearsay = Hearsay(authority, say)
         self._watches: dict[tuple[str, int], int] = {}
         """The last life of each sender that looks, and the sequence of the last that it wanted to see."""
         self.for_components: list[ForComponent] = []
@@ -124,6 +127,10 @@ class RequestHandler:
             return self._query(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
             return self._look(request, now_s)
+        if isinstance(request.body, Elsewhere):
+            if self.executor is not None:
+                self._hearsay.take(self.executor, request.sender, request.body, now_s)
+            return None
         if isinstance(request.body, Preflight):
             return self.gate.answer(request, lambda at_s: self._list(request, at_s), now_s)
         known = self._journal.begin(request)

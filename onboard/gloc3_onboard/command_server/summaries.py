@@ -42,6 +42,7 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
         progress=progress,
         policy=executor.policy,
         reasons=reasons,
+        elsewhere={task.target: task.elsewhere for task in program.tasks.values() if task.elsewhere},
     )
 
 

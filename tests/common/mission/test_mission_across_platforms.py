@@ -244,3 +244,20 @@ def test_what_is_told_of_a_stranger_changes_nothing(pair: Pair) -> None:
     looked(pair)
     pair.pelican.executor.elsewhere("albatross", ActionState.DONE, {"follow": ActionState.DONE}, 0.0)
     assert pair.pelican.state("follow") == "waiting"
+
+
+def test_each_part_is_checked_for_its_own_platform_and_all_findings_come_at_once(
+    pelican: Platform, hummingbird: Platform
+) -> None:
+    text = TEXT.replace("[[2, 1, 2]]", "[[2, 1, 200]]").replace(
+        "take_off: {height_m: 2}}, home", "take_off: {height_m: 99}}, home"
+    )
+    known = {"pelican": pelican, "hummingbird": hummingbird}
+    report = check_text(text, "mission.yaml", Circumstances(known=known.get, frames=FRAMES))
+    heights = [(finding.line, finding.message) for finding in report.findings if "above home" in finding.message]
+    assert [(line, message.partition(",")[0]) for line, message in heights[:2]] == [
+        (12, "waypoint 1 is 200.0 m above home"),
+        (16, "climb's end is 99.0 m above home"),
+    ]
+    assert check_text(TEXT, "mission.yaml", Circumstances(known=known.get, frames=FRAMES)).is_ok
+    assert check_text(TEXT, "mission.yaml", Circumstances(frames=FRAMES)).is_ok

@@ -1,0 +1,41 @@
+"""Passes on, between the platforms of one mission, how far each of them is: from whoever commands those that wait for it."""
+
+from typing import Final
+
+from gloc3.ci import Elsewhere, MissionSummary
+from gloc3_groundstation.command_client import CommandClient
+from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
+
+
+class Relay:
+    """Tells each platform in our control of the others in its mission, as soon as anything is heard of these.
+
+    What is not heard here is not passed on: a platform that falls silent does so for all.
+    """
+
+    def __init__(self, client: CommandClient) -> None:
+        self._client: Final = client
+
+    def changed(self, before: Fleet, after: Fleet, _: float) -> None:
+        """Looks at what has come."""
+        for platform in after:
+            was = before.get(platform.name)
+            if platform.mission is not None and (was is None or was.mission is not platform.mission):
+                self._pass_on(platform.name, platform.mission.value, after)
+
+    def _pass_on(self, name: str, mission: MissionSummary, fleet: Fleet) -> None:
+        if not mission.digest:
+            return
+        for other in fleet:
+            if other.name != name and self._waits_for(other, name, mission.digest):
+                assert other.mission is not None
+                theirs = [task for task, whose in other.mission.value.elsewhere.items() if whose == name]
+                states = {task: mission.tasks[task] for task in theirs if task in mission.tasks}
+                body = Elsewhere(platform=name, digest=mission.digest, state=mission.state, tasks=states)
+                self._client.tell(other.name, body)
+
+    def _waits_for(self, platform: PlatformSnapshot, name: str, digest: str) -> bool:
+        if platform.mission is None or platform.control is None:
+            return False
+        mission, holder = platform.mission.value, platform.control.value.holder
+        return holder == self._client.station and mission.digest == digest and name in mission.elsewhere.values()

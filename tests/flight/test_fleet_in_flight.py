@@ -1,0 +1,180 @@
+"""Several vehicles and stations fly together, each vehicle the whole stack: missions across platforms, and who commands."""
+
+import asyncio
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gloc3.ci import EmergencyVerb, Verb
+from gloc3.clock import VirtualLoop
+from gloc3.errors import Gloc3Error
+from gloc3.mission.states import ActionState
+from gloc3_groundstation import flights
+from gloc3_groundstation.plans import Plan, read_plan
+from gloc3_groundstation.station import Station
+from gloc3_sitl.fleet_flight import FleetFlight
+from gloc3_sitl.flight import FlightPlan
+
+TOGETHER = """\
+mission: two in the hold
+frame: hold
+on_failure: land
+on_link_loss: continue
+platform_loss_after_s: 4
+tasks:
+  rise: {platform: pelican, actions: {climb: {take_off: {height_m: 1.5}}}}
+  follow:
+    platform: heron
+    after: [rise]
+    actions:
+      climb: {take_off: {height_m: 2}}
+      out: {follow_waypoints: {waypoints_m: [[3, 0, 2]], speed_m_s: 1}, after: [climb]}
+      down: {land: {}, after: [out]}
+  back: {platform: pelican, after: [follow], actions: {down: {land: {}}}}
+"""
+
+
+def fly(work: Coroutine[Any, Any, None]) -> None:
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(work)
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Plan:
+    """A mission for two, in a file."""
+    return in_file(tmp_path, TOGETHER)
+
+
+def in_file(folder: Path, text: str) -> Plan:
+    file = folder / "together.yaml"
+    file.write_text(text)
+    return read_plan(str(file))
+
+
+def pair(plan: Plan, stations: int = 1) -> FleetFlight:
+    return FleetFlight(
+        [FlightPlan(mission=plan.file, name=name, seed=number) for number, name in enumerate(("pelican", "heron"))],
+        stations,
+    )
+
+
+async def begun(station: Station, plan: Plan) -> dict[str, flights.Follower]:
+    for name in plan.platforms:
+        await flights.await_platform(station, name)
+        assert not await flights.await_ready(station, name)
+    await flights.stream_to_all(station, plan.platforms, plan)
+    return await flights.start_all(station, plan.platforms)
+
+
+async def until(station: Station, name: str, task: str, state: str, within_s: float = 60.0) -> None:
+    """Waits until a platform tells that of a task."""
+    async with asyncio.timeout(within_s):
+        while True:
+            platform = station.fleet.get(name)
+            if (
+                platform is not None
+                and platform.mission is not None
+                and platform.mission.value.tasks.get(task) == state
+            ):
+                return
+            await asyncio.sleep(0.1)
+
+
+def test_one_waits_for_the_other_and_goes_on_when_it_has_landed(plan: Plan) -> None:
+    async def work() -> None:
+        async with pair(plan) as fleet:
+            station = fleet.grounds[0].station
+            followers = await begun(station, plan)
+            async with asyncio.timeout(120):
+                end = await flights.follow_all(station, followers)
+            assert end.is_done, end
+            flown = {
+                name: max(-sample.position_ned_m[2] for sample in one.samples) for name, one in fleet.flights.items()
+            }
+            assert flown["pelican"] == pytest.approx(1.5, abs=0.3)
+            assert flown["heron"] == pytest.approx(2.0, abs=0.3)
+            over = {
+                name: next(s.t_s for s in reversed(one.samples) if -s.position_ned_m[2] > 1.0)
+                for name, one in fleet.flights.items()
+            }
+            assert over["pelican"] > over["heron"]
+
+    fly(work())
+
+
+def test_who_waits_for_a_lost_vehicle_follows_the_policy(plan: Plan) -> None:
+    async def work() -> None:
+        async with pair(plan) as fleet:
+            station = fleet.grounds[0].station
+            await begun(station, plan)
+            await until(station, "heron", "follow.out", "running")
+            fleet.flights["heron"].kill_onboard()
+            await until(station, "pelican", "back", "waiting")
+            async with asyncio.timeout(10):
+                while not (pelican := station.fleet.get("pelican")) or pelican.mission.value.policy != "hold":  # type: ignore[union-attr]
+                    await asyncio.sleep(0.1)
+            fleet.flights["heron"].start_onboard()
+            await until(station, "pelican", "follow", "paused")
+            await station.client.steer("heron", Verb.RESUME)
+            await station.client.steer("pelican", Verb.RESUME)
+            await until(station, "pelican", "back", "done", 90.0)
+
+    fly(work())
+
+
+def test_another_station_takes_over_and_passes_on_in_place_of_the_first(plan: Plan) -> None:
+    async def work() -> None:
+        async with pair(plan, stations=2) as fleet:
+            first, second = (ground.station for ground in fleet.grounds)
+            await begun(first, plan)
+            await until(first, "heron", "follow", "running")
+            fleet.grounds[0].close()
+            for name in plan.platforms:
+                await second.client.take_control(name, is_take_over=True)
+            await until(second, "pelican", "back", "done", 90.0)
+
+    fly(work())
+
+
+def test_a_station_without_control_is_not_believed(plan: Plan) -> None:
+    async def work() -> None:
+        from gloc3.ci import Elsewhere
+        from gloc3.mission.model import digest_of
+
+        async with pair(plan, stations=2) as fleet:
+            first, second = (ground.station for ground in fleet.grounds)
+            await begun(first, plan)
+            await until(first, "pelican", "rise", "running")
+            lie = Elsewhere(platform="heron", digest=digest_of(plan.text), state="done", tasks={"follow": "done"})
+            for _ in range(20):
+                second.client.tell("pelican", lie)
+                await asyncio.sleep(0.2)
+            told = [event.text for event in first.fleet.events if event.platform == "pelican"]
+            assert "station 254 tells of heron without control: not believed" in told
+            pelican = first.fleet.get("pelican")
+            assert pelican is not None
+            assert pelican.mission is not None
+            assert pelican.mission.value.tasks["back"] == ActionState.WAITING
+            for name in plan.platforms:
+                await first.client.emergency(name, EmergencyVerb.LAND)
+
+    fly(work())
+
+
+def test_none_starts_where_one_may_not(plan: Plan, tmp_path: Path) -> None:
+    async def work() -> None:
+        async with pair(plan, stations=2) as fleet:
+            first, second = (ground.station for ground in fleet.grounds)
+            for name in plan.platforms:
+                await flights.await_platform(first, name)
+                assert not await flights.await_ready(first, name)
+            await flights.stream_to_all(first, plan.platforms, plan)
+            await second.client.take_control("heron", is_take_over=True)
+            with pytest.raises(Gloc3Error, match="station 254 holds control"):
+                await flights.start_all(first, plan.platforms)
+            await until(first, "pelican", "rise", "aborted")
+
+    del tmp_path
+    fly(work())

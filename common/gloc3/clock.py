@@ -8,6 +8,7 @@ asyncio event loop, and everything is scheduled with the loop's `call_at` and `c
 """
 
 import asyncio
+import ctypes
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine
@@ -26,6 +27,10 @@ monotonic_s: Final = time.monotonic
 """What asyncio's loops have for their time."""
 VIRTUAL_EPOCH_S: Final = datetime(2026, 1, 1, tzinfo=UTC).timestamp()
 """UTC at which virtual time starts, in seconds since 1970."""
+_TIMEX_BYTES: Final = 512
+"""Room for `struct timex`; zeros change nothing."""
+_CLOCK_NOT_SYNCHRONISED: Final = 5
+"""TIME_ERROR."""
 
 
 def utc_text(utc_s: float, form: str = "%Y-%m-%d %H:%M") -> str:
@@ -52,10 +57,23 @@ class Clock:
         """Seconds since 1970 by the computer's clock, which somebody may have set meanwhile; never used in control."""
         return self.now_s() + VIRTUAL_EPOCH_S if self.is_virtual else time.time()
 
+    def is_utc_right(self) -> bool:
+        """Whether the computer's clock is kept right by somebody (NTP, GPS...), as far as its kernel knows.
+
+        A computer without a clock of its own, as many on vehicles, begins in the past and finds out later.
+        """
+        return self.is_virtual or _is_synchronised()
+
     @staticmethod
     def cost_s() -> float:
         """A stopwatch for measured costs, in seconds from an arbitrary start; never part of a log in virtual time."""
         return time.perf_counter()
+
+
+def _is_synchronised() -> bool:
+    """What `adjtimex(2)` says of the clock; true where there is no such call."""
+    ask = getattr(ctypes.CDLL(None), "adjtimex", None)
+    return ask is None or ask(ctypes.create_string_buffer(_TIMEX_BYTES)) != _CLOCK_NOT_SYNCHRONISED
 
 
 class _Call(asyncio.TimerHandle):

@@ -70,7 +70,7 @@ class Link:
         own = Address(system, STATION_COMPONENT)
         self._loop = loop
         self._signing = signing
-        self._utc_offset_s = Clock(loop).utc_offset_s
+        self._clock = Clock(loop)
         self._listeners: list[Callable[[Frame], None]] = []
         self._put = send
         self._tap = tap
@@ -187,7 +187,7 @@ class Link:
     def _tick(self) -> None:
         now_s = self._loop.time()
         if self._signing is not None:
-            self._signing.advance(timestamp(now_s + self._utc_offset_s))
+            self._signing.advance(timestamp(self._clock.utc_s()))
         self._node.tick(now_s)
         for message in self._node.outgoing():
             self._send_message(message)

@@ -73,7 +73,7 @@ class Links:
             Refused: a URL is wrong, or its address cannot be had.
         """
         loop = asyncio.get_running_loop()
-        utc_offset_s = Clock(loop).utc_offset_s
+        clock = Clock(loop)
 
         def make(url: str, endpoint: Endpoint, way: int, key: bytes | None) -> Link:
             return Link(
@@ -90,7 +90,7 @@ class Links:
                 tap=tap,
                 signing=None
                 if key is None
-                else Signing(key, link_id=way & 0xFF, now=timestamp(loop.time() + utc_offset_s)),
+                else Signing(key, link_id=way & 0xFF, now=timestamp(clock.utc_s()), is_clock_right=clock.is_utc_right),
             )
 
         self._make, self._signing_key = make, signing_key

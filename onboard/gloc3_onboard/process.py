@@ -20,7 +20,7 @@ from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.link.message import MavlinkMessage
 from gloc3.link.parser import Frame
 from gloc3.link.router import Router
-from gloc3.link.signing import Signing, timestamp
+from gloc3.link.signing import Signing
 from gloc3.link.signing_key import read_signing_key
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
@@ -46,6 +46,7 @@ from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.report import ServiceReport
+from gloc3_onboard.signing_memory import SigningMemory
 from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.factory import SourceHost, make_sources
 from gloc3_onboard.sources.url import Sensor
@@ -124,6 +125,7 @@ class OnboardProcess:
         self._endpoints: list[Endpoint] = []
         self._routed: list[RoutedLink] = []
         self._stations: list[StationLink] = []
+        self._signing_memory = SigningMemory(self._out, self._clock, self._lament)
         self._news = LinkNews(self.exchange, platform.platform, self._random.getrandbits(32), loop.time)
         self._authority = ArmAuthority(self.exchange, platform.platform)
         self._autopilot = AutopilotLink(
@@ -223,6 +225,7 @@ class OnboardProcess:
             self.say(Severity.INFO, f"{routed.url}: {routed.condition().traffic.describe()}")
         for endpoint in self._endpoints:
             await endpoint.close()
+        self._signing_memory.close()
         if self._log is not None:
             await self._log.close()
         self._narrator.close()
@@ -302,7 +305,7 @@ class OnboardProcess:
         """What signs the link of this number, where there is a key."""
         file = parse_url(url).key
         key = read_signing_key(Path(file).expanduser()) if file else default
-        return None if key is None else Signing(key, link_id=number & 0xFF, now=timestamp(self._clock.utc_s()))
+        return None if key is None else self._signing_memory.signing(key, number & 0xFF)
 
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
         is_to_stations = isinstance(link, StationLink)

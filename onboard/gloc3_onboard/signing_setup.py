@@ -10,7 +10,7 @@ from typing import Final
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
 from gloc3.link.heartbeat import AUTOPILOT_INVALID
-from gloc3.link.signing import KEY_BYTES, Signing, Verdict
+from gloc3.link.signing import KEY_BYTES, Signing, is_signed_with
 from gloc3_onboard.autopilot.link import ByteLink
 
 FAMILIES: Final = {3: "ArduPilot", 12: "PX4"}
@@ -115,6 +115,6 @@ class Setup:
         if not frame.is_signed:
             return Signs.NOT
         for which, key in self._keys.items():
-            if Signing(key, link_id=0, now=0).verify(frame) is Verdict.GENUINE:
+            if is_signed_with(key, frame):
                 return which
         return Signs.OTHER

@@ -94,7 +94,7 @@ class StationLink:
         self._signing = signing
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Judges what is heard; None on a link without a key."""
-        self._utc_offset_s = Clock(loop).utc_offset_s
+        self._clock = Clock(loop)
         self._endpoint: ByteLink | None = None
         self._parser = Parser()
         own = Address(system_id, COMPANION)
@@ -126,7 +126,7 @@ class StationLink:
         """Sends one message as the companion."""
         if self._endpoint is not None:
             if self._signing is not None:
-                self._signing.advance(timestamp(self._loop.time() + self._utc_offset_s))
+                self._signing.advance(timestamp(self._clock.utc_s()))
             self._endpoint.send(self._encoder.encode(message))
 
     def receive(self, data: bytes) -> None:

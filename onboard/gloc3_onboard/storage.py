@@ -64,15 +64,22 @@ class RecordFile:
         if is_new:
             self._sync_folder()
 
-    def rewrite(self, records: list[bytes]) -> None:
-        """Replaces all records at once."""
+    def rewrite(self, records: list[bytes], *, outlives_power_cut: bool = True) -> None:
+        """Replaces all records at once.
+
+        Args:
+            records: the new ones.
+            outlives_power_cut: waits until they are on disk; otherwise only the end of this process does no harm.
+        """
         fresh = self._path.with_name(self._path.name + ".new")
         with fresh.open("wb") as file:
             file.write(b"".join(_framed(record) for record in records))
-            file.flush()
-            os.fsync(file.fileno())
+            if outlives_power_cut:
+                file.flush()
+                os.fsync(file.fileno())
         fresh.replace(self._path)
-        self._sync_folder()
+        if outlives_power_cut:
+            self._sync_folder()
 
     def _sync_folder(self) -> None:
         """Puts the file's name on disk too: without it a power cut would bring back the file that was replaced."""

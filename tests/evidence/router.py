@@ -155,6 +155,18 @@ def hostile(progress: Progress) -> list[Figure]:
             "yes",
             found["still_served"],
         ),
+        Figure("frames of somebody with the key whose clock is a year fast", str(found["from_future"])),
+        Figure(
+            "… refused and counted",
+            str(found["from_future_refused"]),
+            "all",
+            found["from_future_refused"] == found["from_future"],
+        ),
+        Figure("… seconds by which they move our signing time", f"{found['moved_s']:.0f}", "0", not found["moved_s"]),
+        Figure(
+            "frames of the last minute, sent once more after the onboard process was killed", str(found["replayed"])
+        ),
+        Figure("… taken", str(found["taken_again"]), "0", not found["taken_again"]),
         Figure("frames of invented systems on a link without a key", str(found["invented"])),
         Figure("… senders that are remembered", str(found["senders"]), "≤ 256", found["senders"] <= 256),
         Figure("… frames that found no room", str(found["no_room"])),
@@ -195,8 +207,9 @@ BARS = (
         "hostile-link",
         "Somebody without the key",
         "On a signed link unsigned, forged, repeated, late, future-dated and unknown frames, and a second station that takes "
-        "over in the name of the first, are refused and counted, and the true station is served on; invented systems in the "
-        "thousands on an open link find no room and keep nobody out. Nothing grows.",
+        "over in the name of the first, are refused and counted, and the true station is served on. Who has the key and a wrong "
+        "clock does not set ours, and nothing is taken once more after a restart. Invented systems in the thousands on an open "
+        "link find no room and keep nobody out. Nothing grows.",
         hostile,
         seeds="1 to 7",
     ),

@@ -3,7 +3,10 @@
 import asyncio
 import gc
 import tracemalloc
+from collections import deque
+from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 
 import msgspec
 
@@ -15,12 +18,13 @@ from gloc3.link.memory import MemoryLink
 from gloc3.link.message import Address
 from gloc3.link.parser import SIGNED
 from gloc3.link.router import MOST_ADDRESSES, Router
-from gloc3.link.signing import Signing, timestamp
+from gloc3.link.signing import MAY_BE_OFF, TICKS_PER_S, Signing, is_signed_with, timestamp
 from gloc3.messages import Envelope, Event
 from gloc3.topics import TopicTable
 from gloc3_groundstation.link import Link
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.routing import RoutedLink
+from gloc3_onboard.signing_memory import SigningMemory
 from gloc3_onboard.station_link import StationLink
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
@@ -28,6 +32,7 @@ STATION_AGAIN = Encoder(255, 190)
 ARM = message("COMMAND_LONG", target_system=1, target_component=1, command=400, param1=1.0)
 TAKE_OVER = message("CHANGE_OPERATOR_CONTROL", target_system=1, control_request=0, passkey="please")
 UNKNOWN_ID = 54_321
+YEAR_S = 365 * 86_400.0
 
 
 class Figures(msgspec.Struct, kw_only=True):
@@ -45,6 +50,14 @@ class Figures(msgspec.Struct, kw_only=True):
     """Events about it: each reason at most once a minute."""
     still_served: bool = False
     """Whether the true station is heard as before, afterwards, by autopilot and companion."""
+    from_future: int = 0
+    """Frames of somebody with the key whose clock is a year fast, all sent to the signed link."""
+    from_future_refused: int = 0
+    moved_s: float = 0.0
+    """How far they have moved the link's own signing time."""
+    replayed: int = 0
+    """Frames of the true station, of the minute before the onboard process was killed, sent again to the next one."""
+    taken_again: int = 0
     invented: int = 0
     """Frames of foreign systems on a link without a key."""
     senders: int = 0
@@ -57,7 +70,7 @@ class Figures(msgspec.Struct, kw_only=True):
 
 
 class _Scene:
-    def __init__(self) -> None:
+    def __init__(self, folder: Path) -> None:
         loop = asyncio.get_running_loop()
         self.loop, topics = loop, TopicTable.installed()
         self.clock = Clock(loop)
@@ -68,7 +81,9 @@ class _Scene:
         self.here.subscribe("heron/components/station_link/event", self._event)
         router = Router(Address(1, 191))
         self.memory, self.cable = MemoryLink(loop, Random(1)), MemoryLink(loop, Random(2))
-        self.platform = StationLink("heron", 1, loop, self.here, topics, 7, signing=self.signing(KEY, 1))
+        self.folder = folder
+        self.ours = self.remembered()
+        self.platform = StationLink("heron", 1, loop, self.here, topics, 7, signing=self.ours)
         self.autopilot = AutopilotLink(loop, self.clock)
         vehicle = RoutedLink("udpin://:14540", router, loop, self.autopilot.take)
         self.radio = RoutedLink(
@@ -96,10 +111,15 @@ class _Scene:
         )
         self.memory.a.on_data = self.station.receive
         self.recorded: list[bytes] = []
+        self.latest: deque[bytes] = deque(maxlen=200)
         self._pilot = Encoder(1, 1)
 
-    def signing(self, key: bytes, link_id: int, late_s: float = 0.0) -> Signing:
-        return Signing(key, link_id=link_id, now=timestamp(self.clock.utc_s() + late_s))
+    def signing(self, key: bytes, link_id: int, offset_s: float = 0.0) -> Signing:
+        return Signing(key, link_id=link_id, now=timestamp(self.clock.utc_s() + offset_s))
+
+    def remembered(self) -> Signing:
+        """The onboard process's end of the signed link, as it begins after whatever was before."""
+        return SigningMemory(self.folder, self.clock, self.events.append).signing(KEY, 1)
 
     def _event(self, envelope: Envelope[Event]) -> None:
         self.events.append(envelope.payload.text)
@@ -107,6 +127,7 @@ class _Scene:
     def _station_sends(self, data: bytes) -> None:
         if len(self.recorded) < 200:
             self.recorded.append(data)
+        self.latest.append(data)
         self.memory.a.send(data)
 
     async def is_served(self, sequence: int) -> bool:
@@ -127,7 +148,7 @@ class _Scene:
         """Frames of somebody who has heard all and has no key, `count` of each kind."""
         chance, forger = Random(seed), Encoder(255, 190, self.signing(OTHER, 2))
         future = Encoder(255, 190, Signing(OTHER, link_id=2, now=(1 << 48) - 2 - 2 * count))
-        late = Encoder(255, 190, self.signing(KEY, 77, late_s=-3600.0))
+        late = Encoder(255, 190, self.signing(KEY, 77, offset_s=-3600.0))
         wanted: list[MavlinkMessage] = [ARM, TAKE_OVER, message("HEARTBEAT", type=6)]
         frames = []
         for number in range(count):
@@ -165,11 +186,12 @@ def _frames(pieces: list[bytes]) -> list[Frame]:
 
 def scenario(count: int, rounds: int = 4) -> Figures:
     """Everything, `count` times, and some rounds more, in virtual time."""
-    return run_virtual(_run(count, rounds))
+    with TemporaryDirectory() as folder:
+        return run_virtual(_run(count, rounds, Path(folder)))
 
 
-async def _run(count: int, rounds: int) -> Figures:
-    scene, figures = _Scene(), Figures()
+async def _run(count: int, rounds: int, folder: Path) -> Figures:
+    scene, figures = _Scene(folder), Figures()
     assert await scene.is_served(0)
     heard, requests = len(scene.at_autopilot), len(scene.requests)
     figures.attacks = await _attack(scene, count, 1)
@@ -179,6 +201,7 @@ async def _run(count: int, rounds: int) -> Figures:
     figures.reached_companion = len(scene.requests) - requests
     figures.told = len(scene.events)
     figures.still_served = await scene.is_served(1)
+    _wrong_clock(scene, count, figures)
     await _flood(scene, count, figures)
     tracemalloc.start()
     held = [await _held(scene, count, 2 + round_) for round_ in range(rounds)]
@@ -186,7 +209,29 @@ async def _run(count: int, rounds: int) -> Figures:
     figures.growth_bytes = held[-1] - held[-3]
     figures.still_served = figures.still_served and await scene.is_served(2)
     scene.close()
+    await asyncio.sleep(1.0)
+    next_one = scene.remembered()
+    frames = [frame for frame in _frames(list(scene.latest)) if next_one.timestamp - _time(frame) < MAY_BE_OFF]
+    figures.replayed = len(frames)
+    figures.taken_again = sum(next_one.verify(frame).is_good for frame in frames)
     return figures
+
+
+def _wrong_clock(scene: _Scene, count: int, figures: Figures) -> None:
+    """Somebody with the key whose clock is a year fast."""
+    sender, refused, time = (
+        Encoder(250, 190, scene.signing(KEY, 5, offset_s=YEAR_S)),
+        scene.ours.refused,
+        scene.ours.timestamp,
+    )
+    for _ in range(count):
+        scene.radio.receive(sender.encode(ARM))
+    figures.from_future, figures.from_future_refused = count, scene.ours.refused - refused
+    figures.moved_s = (scene.ours.timestamp - time) / TICKS_PER_S
+
+
+def _time(frame: Frame) -> int:
+    return int.from_bytes(frame.raw[-12:-6], "little")
 
 
 async def _held(scene: _Scene, count: int, seed: int) -> int:
@@ -232,4 +277,4 @@ async def _flood(scene: _Scene, count: int, figures: Figures) -> None:
 
 
 def _is_genuine(frame: Frame) -> bool:
-    return Signing(KEY, link_id=0, now=0).verify(frame).is_good
+    return is_signed_with(KEY, frame)

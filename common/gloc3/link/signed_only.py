@@ -14,6 +14,7 @@ HINTS: Final = {
     Verdict.UNSIGNED: "; is signing switched on there?",
     Verdict.FORGED: "; has it another key?",
     Verdict.REPEATED: "; is its clock right?",
+    Verdict.FUTURE: "; which clock is wrong, its own or the one here?",
 }
 
 

@@ -1,12 +1,13 @@
-"""MAVLink 2 signing: signs what is sent, and tells genuine frames from forged and repeated ones.
+"""MAVLink 2 signing: signs what is sent, and tells genuine frames from forged, repeated and wrongly dated ones.
 
-A frame is judged by its signature first and by its time only then, so that a forged one never moves a clock of ours.
+A frame is judged by its signature first and by its time only then, so that a forged one never moves a clock of ours, and
+who has the key moves it by a minute at most.
 """
 
 from __future__ import annotations
 
 import hmac
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime
 from enum import StrEnum
 from hashlib import sha256
@@ -18,11 +19,15 @@ from gloc3.link.parser import SIGNATURE_LENGTH, Frame
 KEY_BYTES: Final = 32
 EPOCH_UTC_S: Final = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
 TICKS_PER_S: Final = 100_000
-NEW_STREAM_MAY_BE_LATE: Final = 60 * TICKS_PER_S
+MAY_BE_OFF: Final = 60 * TICKS_PER_S
+"""A new stream may be so late, and any so early."""
 MOST_STREAMS: Final = 256
 RADIO_STATUS: Final = 109
 """Comes from the radio at our own end of the link, which has no key."""
 _LARGEST_TIME: Final = (1 << 48) - 1
+
+Stream = tuple[int, int, int]
+"""System, component and link of a sender."""
 
 
 class Verdict(StrEnum):
@@ -33,6 +38,7 @@ class Verdict(StrEnum):
     UNSIGNED = "not signed"
     FORGED = "the signature is wrong"
     REPEATED = "an old frame once more"
+    FUTURE = "dated in the future"
 
     @property
     def is_good(self) -> bool:
@@ -49,27 +55,79 @@ def timestamp(utc_s: float) -> int:
     return max(0, int((utc_s - EPOCH_UTC_S) * TICKS_PER_S))
 
 
+def is_signed_with(key: bytes, frame: Frame) -> bool:
+    """Whether a frame has a right signature, whatever its time."""
+    raw = frame.raw
+    return frame.is_signed and hmac.compare_digest(sha256(key + raw[:-6]).digest()[:6], raw[-6:])
+
+
+class Streams:
+    """How far each sender has come who signs with one key: what is not later is a repetition.
+
+    The links of a process that have the same key share it, so that what was heard on one is not taken on another.
+
+    Args:
+        latest: what was kept over a restart.
+        noted: is called with each stream that has come further.
+    """
+
+    def __init__(
+        self, latest: Mapping[Stream, int] | None = None, noted: Callable[[Stream], None] = lambda _: None
+    ) -> None:
+        self.latest: Final = dict(latest or {})
+        """Signing's time of the last frame of each stream."""
+        self._noted = noted
+
+    def takes(self, stream: Stream, time: int, earliest: int) -> bool:
+        """Whether a frame is the next of its stream; a new stream begins no earlier than that. It is noted then."""
+        last = self.latest.get(stream)
+        if last is None:
+            if time < earliest or len(self.latest) >= MOST_STREAMS:
+                return False
+        elif time <= last:
+            return False
+        self.latest[stream] = time
+        self._noted(stream)
+        return True
+
+
 class Signing:
     """One end's key and times.
 
     Args:
         key: 32 secret bytes, the same at both ends.
         link_id: tells our links apart, 0..255.
-        now: `timestamp` of now, or the one that was kept from last time if that is later.
+        now: `timestamp` of now.
         unsigned_ids: messages that are accepted without a signature.
+        streams: shared by the links that have the key.
+        is_clock_right: whether `now` can be relied on. A computer that does not know the time follows the first that
+            tells it one.
     """
 
     def __init__(
-        self, key: bytes, *, link_id: int, now: int, unsigned_ids: Collection[int] = frozenset({RADIO_STATUS})
+        self,
+        key: bytes,
+        *,
+        link_id: int,
+        now: int,
+        unsigned_ids: Collection[int] = frozenset({RADIO_STATUS}),
+        streams: Streams | None = None,
+        is_clock_right: Callable[[], bool] = lambda: True,
     ) -> None:
         if len(key) != KEY_BYTES:
             raise Misuse(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
         self._key = key
         self._link = bytes([link_id])
         self._unsigned_ids = frozenset(unsigned_ids)
-        self._streams: dict[tuple[int, int, int], int] = {}
-        self.timestamp = now
-        """Of the last frame, to be kept over a restart; it never goes back."""
+        self._streams = streams or Streams()
+        self._is_clock_right = is_clock_right
+        self.timestamp = max(now, *self._streams.latest.values(), 0)
+        """Of the last frame; it never goes back, nor behind what was kept over a restart."""
+        self._ahead = 0 if is_clock_right() else self.timestamp - now
+        """So much later than by our clock it is, as others have told while that could not be relied on."""
+        self._now = now + self._ahead
+        self._has_met = False
+        """Whether somebody has shown the time."""
         self.verdicts = dict.fromkeys(Verdict, 0)
         """How many frames were judged how."""
 
@@ -80,7 +138,10 @@ class Signing:
 
     def advance(self, now: int) -> None:
         """Sets the time forward, about once a second."""
-        self.timestamp = max(self.timestamp, now)
+        if self._ahead and self._is_clock_right():
+            self._ahead = 0
+        self._now = now + self._ahead
+        self.timestamp = max(self.timestamp, self._now)
 
     def sign(self, frame: bytes) -> bytes:
         """A frame, whose flag says already that it is signed, with its signature."""
@@ -97,17 +158,19 @@ class Signing:
     def _judge(self, frame: Frame) -> Verdict:
         if not frame.is_signed:
             return Verdict.ALLOWED if frame.message_id in self._unsigned_ids else Verdict.UNSIGNED
-        raw = frame.raw
-        if not hmac.compare_digest(sha256(self._key + raw[:-6]).digest()[:6], raw[-6:]):
+        if not is_signed_with(self._key, frame):
             return Verdict.FORGED
+        raw = frame.raw
         time = int.from_bytes(raw[-12:-6], "little")
+        is_early = time > self._now + MAY_BE_OFF
+        if is_early and (self._has_met or self._is_clock_right()):
+            return Verdict.FUTURE
         stream = (frame.system, frame.component, raw[-SIGNATURE_LENGTH])
-        last = self._streams.get(stream)
-        if last is None:
-            if time + NEW_STREAM_MAY_BE_LATE < self.timestamp or len(self._streams) >= MOST_STREAMS:
-                return Verdict.REPEATED
-        elif time <= last:
+        if not self._streams.takes(stream, time, self._now - MAY_BE_OFF):
             return Verdict.REPEATED
-        self._streams[stream] = time
+        if is_early:
+            self._ahead += time - self._now
+            self._now = time
+        self._has_met = True
         self.timestamp = max(self.timestamp, time)
         return Verdict.GENUINE

@@ -176,7 +176,7 @@ class AutopilotLink:
         """Sends one message as the companion."""
         if self._endpoint is not None:
             if self._signing is not None:
-                self._signing.advance(timestamp(self._loop.time() + self._clock.utc_offset_s))
+                self._signing.advance(timestamp(self._clock.utc_s()))
             self._endpoint.send(self._encoder.encode(message))
 
     def _tick(self) -> None:

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as theirs
 from gloc3.errors import Misuse
 from gloc3.link import codec
 from gloc3.link.codec import message
-from gloc3.link.signing import MOST_STREAMS, Signing, Verdict, timestamp
+from gloc3.link.signing import MAY_BE_OFF, MOST_STREAMS, Signing, Streams, Verdict, timestamp
 
 KEY = bytes(range(32))
 NOW = timestamp(1_790_000_000.0)
@@ -68,6 +68,45 @@ def test_our_time_follows_and_never_goes_back() -> None:
     assert judge.timestamp == NOW + 501
     judge.advance(NOW)
     assert judge.timestamp == NOW + 501
+
+
+def test_who_has_the_key_moves_our_time_by_a_minute_and_no_more_however_often() -> None:
+    judge = signing()
+    wrong = codec.Encoder(1, 1, signing(now=NOW + 365 * 86_400 * 100_000))
+    assert judge.verify(parsed(wrong.encode(message("HEARTBEAT")))) is Verdict.FUTURE
+    assert judge.timestamp == NOW
+    for number in range(1, 11):
+        creeping = codec.Encoder(number, 1, signing(now=NOW + number * (MAY_BE_OFF - 1000)))
+        judge.verify(parsed(creeping.encode(message("HEARTBEAT"))))
+    assert NOW < judge.timestamp <= NOW + MAY_BE_OFF
+    assert (judge.verdicts[Verdict.FUTURE], judge.refused) == (10, 10)
+    right = codec.Encoder(20, 1, signing())
+    assert judge.verify(parsed(right.encode(message("HEARTBEAT")))) is Verdict.GENUINE, "nobody else is locked out"
+
+
+def test_who_does_not_know_the_time_follows_the_first_that_does() -> None:
+    later, is_known = 86_400 * 100_000, False
+    judge = Signing(KEY, link_id=0, now=NOW, is_clock_right=lambda: is_known)
+    first, wrong = codec.Encoder(1, 1, signing(now=NOW + later)), codec.Encoder(2, 1, signing(now=NOW + 9 * later))
+    assert judge.verify(parsed(first.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+    assert judge.timestamp == NOW + later + 1
+    assert judge.verify(parsed(wrong.encode(message("HEARTBEAT")))) is Verdict.FUTURE
+    judge.advance(NOW + MAY_BE_OFF + 1000)
+    assert judge.timestamp > NOW + later + MAY_BE_OFF, "the time that it was told goes on"
+    second = codec.Encoder(3, 1, signing(now=NOW + later + 2 * MAY_BE_OFF))
+    assert judge.verify(parsed(second.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+    is_known = True
+    judge.advance(NOW + later)
+    third = codec.Encoder(4, 1, signing(now=NOW + later))
+    assert judge.verify(parsed(third.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+
+
+def test_what_was_heard_on_one_link_is_old_on_another_with_the_key() -> None:
+    streams = Streams()
+    here, there = (Signing(KEY, link_id=number, now=NOW, streams=streams) for number in (1, 2))
+    frame = parsed(codec.Encoder(1, 1, signing()).encode(message("HEARTBEAT")))
+    assert here.verify(frame) is Verdict.GENUINE
+    assert there.verify(frame) is Verdict.REPEATED
 
 
 def test_unsigned_frames_are_refused_but_for_the_radios() -> None:

@@ -130,14 +130,15 @@ class Encoder:
         signing: signs what is sent, if there is one.
     """
 
-    __slots__ = ("_component", "_sequence", "_signing", "_system")
+    __slots__ = ("_component", "_sequence", "_system", "signing")
 
     _HEADER = struct.Struct("<BBBBBBHB").pack
 
     def __init__(self, system: int, component: int, signing: Signing | None = None) -> None:
         self._system = system
         self._component = component
-        self._signing = signing
+        self.signing = signing
+        """Signs what is sent; may be changed at any time."""
         self._sequence = 0
 
     @property
@@ -167,7 +168,7 @@ class Encoder:
     def _frame(self, shape: Shape, payload: bytes) -> bytes:
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
-        number, signing = shape.id, self._signing
+        number, signing = shape.id, self.signing
         flags = 0 if signing is None else SIGNED
         body = (
             self._HEADER(len(payload), flags, 0, sequence, self._system, self._component, number & 0xFFFF, number >> 16)

@@ -102,6 +102,7 @@ class Signing:
         streams: shared by the links that have the key.
         is_clock_right: whether `now` can be relied on. A computer that does not know the time follows the first that
             tells it one.
+        most_ahead: so early a frame may be; None for those who follow everybody.
     """
 
     def __init__(
@@ -113,6 +114,7 @@ class Signing:
         unsigned_ids: Collection[int] = frozenset({RADIO_STATUS}),
         streams: Streams | None = None,
         is_clock_right: Callable[[], bool] = lambda: True,
+        most_ahead: int | None = MAY_BE_OFF,
     ) -> None:
         if len(key) != KEY_BYTES:
             raise Misuse(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
@@ -120,7 +122,7 @@ class Signing:
         self._link = bytes([link_id])
         self._unsigned_ids = frozenset(unsigned_ids)
         self._streams = streams or Streams()
-        self._is_clock_right = is_clock_right
+        self._is_clock_right, self._most_ahead = is_clock_right, most_ahead
         self.timestamp = max(now, *self._streams.latest.values(), 0)
         """Of the last frame; it never goes back, nor behind what was kept over a restart."""
         self._ahead = 0 if is_clock_right() else self.timestamp - now
@@ -162,7 +164,7 @@ class Signing:
             return Verdict.FORGED
         raw = frame.raw
         time = int.from_bytes(raw[-12:-6], "little")
-        is_early = time > self._now + MAY_BE_OFF
+        is_early = self._most_ahead is not None and time > self._now + self._most_ahead
         if is_early and (self._has_met or self._is_clock_right()):
             return Verdict.FUTURE
         stream = (frame.system, frame.component, raw[-SIGNATURE_LENGTH])

@@ -26,6 +26,7 @@ from gloc3_sitl.autopilot.mavlink.odometry import HeadingOffset
 from gloc3_sitl.autopilot.mavlink.parameter_keeper import ParameterKeeper
 from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanKeeper
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
+from gloc3_sitl.autopilot.mavlink.signing_keeper import SigningKeeper
 from gloc3_sitl.autopilot.mavlink.telemetry import producers
 from gloc3_sitl.autopilot.mavlink.version import version_of
 from gloc3_sitl.autopilot.modes import Result, Severity
@@ -59,7 +60,10 @@ class Front:
         names = ("MAV_SYS_ID", "MAV_SYSID")
         system = next(int(autopilot.parameters[name]) for name in names if name in autopilot.parameters)
         self.own: Final = Address(system, 1)
-        self.router: Final = Router(self.own, self._take)
+        self.signing: Final = SigningKeeper(self.own, autopilot.style.name)
+        if before is not None:
+            self.signing.take_over(before.signing)
+        self.router: Final = Router(self.own, self._take, self.signing.passes)
         self._commands = CommandServer(self.own, is_autopilot=True)
         self._texts = StatusTextSender(self.own)
         self._heartbeat = Heartbeat(self.own, vehicle_type=_QUADROTOR, autopilot=autopilot.style.autopilot)
@@ -112,6 +116,7 @@ class Front:
     def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool = True) -> Receive:
         """Adds a link; gives what is to be called with each piece of data that comes in there."""
         link, receive = self.router.attach(send, kind, is_datagram=is_datagram)
+        self.signing.equip(link)
         rates = starting_rates(self.autopilot.style.name, kind)
         for name, group in GROUP_PARAMETERS.items():
             if name in self.autopilot.parameters and kind is not LinkKind.BARE:

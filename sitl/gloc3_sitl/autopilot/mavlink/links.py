@@ -8,6 +8,7 @@ from gloc3.link import codec
 from gloc3.link.codec import Encoder, Parser
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.parser import Frame
+from gloc3.link.tlog import SETUP_SIGNING
 
 Send = Callable[[bytes], None]
 Receive = Callable[[bytes], None]
@@ -27,11 +28,14 @@ class LinkKind(StrEnum):
 class Link:
     """One way to the outside: a parser, an encoder with its own sequence, and who has been heard there."""
 
-    __slots__ = ("encoder", "kind", "parser", "peers", "send")
+    __slots__ = ("encoder", "is_datagram", "is_trusted", "kind", "parser", "peers", "send")
 
     def __init__(self, send: Send, own: Address, kind: LinkKind, *, is_datagram: bool) -> None:
         self.send: Final = send
         self.kind: Final = kind
+        self.is_datagram: Final = is_datagram
+        self.is_trusted = False
+        """Whether it takes what is not signed, though there is a key."""
         self.parser: Final = Parser(is_datagram=is_datagram)
         self.encoder: Final = Encoder(own.system, own.component)
         self.peers: dict[Address, None] = {}
@@ -52,10 +56,12 @@ class Link:
 class Router:
     """Passes frames in to the autopilot and on between links, by the rules of the MAVLink guide."""
 
-    def __init__(self, own: Address, take: Callable[[Frame], None]) -> None:
+    def __init__(
+        self, own: Address, take: Callable[[Frame], None], passes: Callable[[Frame, Link], bool] = lambda *_: True
+    ) -> None:
         self.own: Final = own
         self.links: list[Link] = []
-        self._take = take
+        self._take, self._passes = take, passes
 
     def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool) -> tuple[Link, Receive]:
         """Adds a link; gives what is to be called with each piece of data that comes in there."""
@@ -64,7 +70,8 @@ class Router:
 
         def receive(data: bytes) -> None:
             for frame in link.parser.receive(data):
-                self._route(frame, link)
+                if self._passes(frame, link):
+                    self._route(frame, link)
 
         return link, receive
 
@@ -80,7 +87,7 @@ class Router:
         is_ours = system in (0, self.own.system) and component in (0, self.own.component)
         if is_ours:
             self._take(frame)
-        if is_ours and system and component:
+        if (is_ours and system and component) or frame.message_id == SETUP_SIGNING:
             return
         for link in self.links:
             # Addressed frames go only where their target was heard; broadcasts go everywhere but back.

@@ -10,7 +10,7 @@ from gloc3.link.message import Address, MavlinkMessage
 from gloc3_sitl.autopilot.craft import Target
 from gloc3_sitl.autopilot.mavlink.odometry import mocap, odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
-from gloc3_sitl.autopilot.modes import Behaviour, Result
+from gloc3_sitl.autopilot.modes import Behaviour, Result, Severity
 from gloc3_sitl.autopilot.verdict import Author, Verdict
 
 if TYPE_CHECKING:
@@ -154,6 +154,13 @@ def _origin(front: "Front", message: MavlinkMessage, sender: Address) -> None:
     front.set_origin(GeoPoint(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3))
 
 
+def _signing(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+    del sender
+    problem = front.signing.set_up(message, is_armed=front.craft.is_armed)
+    if problem:
+        front.craft.say(Severity.WARNING, problem)
+
+
 LISTENERS: Final[Mapping[str, Listener]] = {
     "ATT_POS_MOCAP": mocap,
     "FOLLOW_TARGET": _target,
@@ -165,6 +172,7 @@ LISTENERS: Final[Mapping[str, Listener]] = {
     "RC_CHANNELS_OVERRIDE": _override,
     "REQUEST_DATA_STREAM": _data_stream,
     "SERIAL_CONTROL": _shell,
+    "SETUP_SIGNING": _signing,
     "SET_ATTITUDE_TARGET": _attitude,
     "SET_GPS_GLOBAL_ORIGIN": _origin,
     "SET_MODE": _set_mode,

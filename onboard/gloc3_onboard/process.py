@@ -125,7 +125,7 @@ class OnboardProcess:
         self._endpoints: list[Endpoint] = []
         self._routed: list[RoutedLink] = []
         self._stations: list[StationLink] = []
-        self._signing_memory = SigningMemory(self._out, self._clock, self._lament)
+        self._signing_memory = SigningMemory(self._out, self._clock, lambda text: self.say(Severity.WARNING, text))
         self._news = LinkNews(self.exchange, platform.platform, self._random.getrandbits(32), loop.time)
         self._authority = ArmAuthority(self.exchange, platform.platform)
         self._autopilot = AutopilotLink(

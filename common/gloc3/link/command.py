@@ -91,6 +91,7 @@ class CommandCall:
         "is_in_progress",
         "progress",
         "result",
+        "result_param1",
         "result_param2",
         "target",
     )
@@ -105,8 +106,10 @@ class CommandCall:
         """Whether the other side said that it is at it."""
         self.progress: int | None = None
         """Percent; None while that is not said."""
+        self.result_param1 = 0
+        """What the command defines it to be, as a reason; 0 while it is in progress."""
         self.result_param2 = 0
-        """What the command defines it to be, as a reason."""
+        """The same, behind it."""
         self.attempts = 0
         self.deadline_s = 0.0
         """When the patience of this attempt ends."""
@@ -191,6 +194,7 @@ class CommandClient(Service[CommandCall]):
         )
         if call is None:
             return
+        call.result_param1 = 0 if message.result == CommandResult.IN_PROGRESS else message.progress
         call.result_param2 = message.result_param2
         if message.result == CommandResult.IN_PROGRESS:
             call.is_in_progress = True
@@ -334,6 +338,7 @@ class CommandServer(Service[CommandRequest]):
         *,
         now_s: float,
         progress: int = 255,
+        result_param1: int = 0,
         result_param2: int = 0,
     ) -> None:
         """Answers a command, or tells its progress with `IN_PROGRESS`; the last word is any other result.
@@ -343,9 +348,11 @@ class CommandServer(Service[CommandRequest]):
             result: what is to be said.
             now_s: now.
             progress: percent, 255 for unknown.
-            result_param2: as the command defines it.
+            result_param1: of the last word, as the command defines it.
+            result_param2: the same.
         """
-        ack = self._acknowledge(request, result, progress, result_param2)
+        param1 = progress if result is CommandResult.IN_PROGRESS else result_param1
+        ack = self._acknowledge(request, result, param1, result_param2)
         known = self._known.get((request.sender, request.command))
         if known is not None and known.request is request:
             known.ack, known.is_over, known.t_s = ack, result is not CommandResult.IN_PROGRESS, now_s
@@ -371,13 +378,13 @@ class CommandServer(Service[CommandRequest]):
             del self._known[key]
 
     def _acknowledge(
-        self, request: CommandRequest, result: CommandResult, progress: int = 255, result_param2: int = 0
+        self, request: CommandRequest, result: CommandResult, param1: int | None = None, result_param2: int = 0
     ) -> MavlinkMessage:
         ack = make(
             "COMMAND_ACK",
             command=request.command,
             result=result,
-            progress=progress if result is CommandResult.IN_PROGRESS else 0,
+            progress=(255 if result is CommandResult.IN_PROGRESS else 0) if param1 is None else param1,
             result_param2=result_param2,
             **_to(request.sender),
         )

@@ -15,6 +15,8 @@ from gloc3.link.statustext import StatusTextSender
 ARM_AUTHORIZATION_REQUEST: Final = 3001
 HOLDS_S: Final = 10
 """So long an acceptance holds."""
+REASON_IS_TOLD: Final = 1
+"""MAV_ARM_AUTH_DENIED_REASON_NONE: the autopilot need say nothing more."""
 WARNING: Final = 4
 """MAV_SEVERITY of the reason."""
 
@@ -46,7 +48,7 @@ class ArmLeave(Service[Never]):
             reason = self._why_not()
             if reason:
                 self._texts.say(WARNING, f"Arming not authorised: {reason}")
-                self._server.answer(request, CommandResult.DENIED, now_s=now_s)
+                self._server.answer(request, CommandResult.DENIED, now_s=now_s, result_param1=REASON_IS_TOLD)
             else:
                 self._server.answer(request, CommandResult.ACCEPTED, now_s=now_s, result_param2=HOLDS_S)
 

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from gloc3.frames import GeoPoint, Quaternion
 from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
+from gloc3_sitl.autopilot.authorization import Authorization
 from gloc3_sitl.autopilot.calibration import Calibration
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.attitude import GRAVITY_M_S2, AttitudeController, attitude_for
@@ -82,7 +83,11 @@ class Autopilot:
         if before is not None:
             first = self.craft.first_item
             self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission) > first, first)
-        self.commander: Final = Commander(self.craft, style)
+        self.commander: Final = Commander(
+            self.craft,
+            style,
+            Authorization(self.craft, self.parameters.__getitem__ if "COM_ARM_AUTH_REQ" in self.parameters else None),
+        )
         self.calibration: Final = Calibration(self.craft)
         self.failsafes: Final = Failsafes(self.commander)
         self.takes_odometry = True

@@ -1,10 +1,12 @@
 """Who decides: arming, modes, home, and what follows when a behaviour is done."""
 
+from collections.abc import Callable
 from math import nan
 from typing import Final
 
 from gloc3.frames import Vector3
 from gloc3_sitl.autopilot.arming import Check, arming_problems
+from gloc3_sitl.autopilot.authorization import Authorization, Leave
 from gloc3_sitl.autopilot.behaviours.base import Activity
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
 from gloc3_sitl.autopilot.behaviours.hold import Hold
@@ -21,8 +23,12 @@ from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
 class Commander:
     """Keeps the mode, and changes it when somebody may; every refusal says why."""
 
-    def __init__(self, craft: Craft, style: Style) -> None:
+    def __init__(self, craft: Craft, style: Style, authorization: Authorization) -> None:
         self.craft: Final = craft
+        self.authorization: Final = authorization
+        self.on_arming_settled: Callable[[Verdict], None] = lambda _: None
+        """Told how an attempt to arm has ended that had to wait for leave."""
+        self._arming: Author | None = None
         self.style: Final = style
         self.fence: Final = Fence()
         mode = style.mode(style.boot_mode)
@@ -57,7 +63,7 @@ class Commander:
         return found
 
     def arm(self, author: Author, *, is_forced: bool = False) -> Verdict:
-        """Starts the motors."""
+        """Starts the motors; IN_PROGRESS where somebody has to be asked for leave."""
         craft, style = self.craft, self.style
         if craft.is_armed:
             return ACCEPTED
@@ -69,6 +75,14 @@ class Commander:
                 for problem in problems[:3]:
                     craft.say(Severity.CRITICAL, f"{style.arming_prefix}{problem}")
                 return Verdict(style.refused, problems[0])
+            match self.authorization.leave():
+                case Leave.AWAITED:
+                    self._arming = author
+                    return Verdict(Result.IN_PROGRESS)
+                case Leave.REFUSED:
+                    return Verdict(style.refused, "no leave to arm")
+                case Leave.GIVEN:
+                    pass
         craft.is_armed = True
         self.armed_s = craft.now_s
         self.has_flown = False
@@ -237,6 +251,7 @@ class Commander:
         if craft.home is None and estimator.origin is not None and estimator.is_position_good(craft.now_s):
             self.set_home()
         self._mind_pilot()
+        self._mind_authorizer()
         if not craft.is_landed:
             self.has_flown = True
         if craft.is_armed:
@@ -247,6 +262,14 @@ class Commander:
             if follows is not None:
                 self._enter(follows, Author.SELF)
         return setpoint
+
+    def _mind_authorizer(self) -> None:
+        """Arms when leave has come, and gives up when it does not."""
+        self.authorization.tick()
+        if self._arming is not None and not self.authorization.is_awaited:
+            author, self._arming = self._arming, None
+            is_given = self.authorization.is_given
+            self.on_arming_settled(self.arm(author) if is_given else Verdict(self.style.refused, "no leave to arm"))
 
     def _mind_pilot(self) -> None:
         craft = self.craft

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Handler = Callable[["Front", CommandRequest], Verdict]
 
+ARM: Final = 400
 _FORCE: Final = 21196.0
 _MAGIC_FORCE: Final = 2989.0
 """ArduPilot's force-arming number."""
@@ -291,7 +292,7 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     224: _set_current,
     245: _storage,
     300: _mission_start,
-    400: _arm,
+    ARM: _arm,
     401: _run_checks,
     510: _stream,
     511: _stream,

@@ -5,7 +5,7 @@ from typing import Any, Final
 from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.link import codec
-from gloc3.link.command import CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import CommandCall, CommandClient, CommandRequest, CommandResult, CommandServer
 from gloc3.link.ftp_server import FtpServer
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamScheduler
@@ -36,6 +36,7 @@ from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
 _QUADROTOR: Final = 2
 _STANDBY, _ACTIVE, _CRITICAL, _EMERGENCY, _BOOT, _TERMINATED = 3, 4, 5, 6, 1, 8
 _ARMED, _CUSTOM = 128, 1
+ARM_AUTHORIZATION_REQUEST: Final = 3001
 _CALIBRATION_S: Final = 1.0
 _BUSY_S: Final = 1.0
 """So long after the last message to or from a service they are looked at in every outer period, and rarely otherwise."""
@@ -65,6 +66,12 @@ class Front:
             self.signing.take_over(before.signing)
         self.router: Final = Router(self.own, self._take, self.signing.passes)
         self._commands = CommandServer(self.own, is_autopilot=True)
+        self._arming: CommandRequest | None = None
+        """An attempt to arm that waits for leave."""
+        self._asked: CommandCall | None = None
+        self._authorizer = CommandClient(self.own)
+        self.commander.authorization.send = self._ask_for_leave
+        self.commander.on_arming_settled = self._arming_settled
         self._texts = StatusTextSender(self.own)
         self._heartbeat = Heartbeat(self.own, vehicle_type=_QUADROTOR, autopilot=autopilot.style.autopilot)
         self.plans: Final = PlanKeeper(self, self.own)
@@ -78,6 +85,7 @@ class Front:
             self.own,
             (
                 self._commands,
+                self._authorizer,
                 self._texts,
                 self._heartbeat,
                 self.plans.server,
@@ -159,8 +167,14 @@ class Front:
         self._serve_s = now_s + _RARELY_S
         self.plans.tick()
         self._parameters.tick()
+        for call in self._authorizer.events():
+            if call.result is not None and call.result is not CommandResult.NO_ANSWER:
+                self.commander.authorization.answered(call.result, call.result_param1, call.result_param2)
         for request in self._commands.events():
             verdict = commands.handle(self, request)
+            if request.command == commands.ARM and verdict.result is Result.IN_PROGRESS:
+                self._arming = request  # it says nothing while it waits
+                continue
             if verdict.result is Result.IN_PROGRESS:
                 self._calibration = (request, self.craft.now_s + _CALIBRATION_S)
             self._commands.answer(request, CommandResult(int(verdict.result)), now_s=now_s)
@@ -170,6 +184,18 @@ class Front:
             self._busy_until_s = now_s + _BUSY_S
         for message in messages:
             send(message)
+
+    def _ask_for_leave(self, system: int) -> None:
+        """Asks the authorizer of PX4's COM_ARM_AUTH_ID."""
+        if self._asked is not None:
+            self._authorizer.abandon(self._asked)
+        now_s = self._serve_s = self.craft.now_s
+        self._asked = self._authorizer.send_long(Address(system, 0), ARM_AUTHORIZATION_REQUEST, now_s=now_s)
+
+    def _arming_settled(self, verdict: Verdict) -> None:
+        if self._arming is not None:
+            self._commands.answer(self._arming, CommandResult(int(verdict.result)), now_s=self.craft.now_s)
+            self._arming, self._serve_s = None, self.craft.now_s
 
     # -- out ----------------------------------------------------------------------------------------------------------
 

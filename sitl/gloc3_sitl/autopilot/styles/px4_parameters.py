@@ -85,6 +85,9 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("BAT1_CAPACITY", 6250.0, -1.0, 100000.0, "capacity, mAh"),
     whole("COM_FLTMODE1", -1, -1, 15, "mode of the switch's first position"),
     whole("COM_ARM_AUTH_REQ", 0, 0, 1, "arming needs an authorization"),
+    whole("COM_ARM_AUTH_ID", 10, 0, 255, "system that gives it"),
+    whole("COM_ARM_AUTH_MET", 0, 0, 1, "authorization: with the first attempt to arm, or before a second"),
+    real("COM_ARM_AUTH_TO", 1.0, 0.0, 60.0, "authorization timeout, s"),
     # Fence
     whole("GF_ACTION", 2, 0, 5, "fence action", "fence_action", _FENCE),
     real("GF_MAX_HOR_DIST", 0.0, 0.0, 10000.0, "farthest from home, m", "fence_radius_m"),

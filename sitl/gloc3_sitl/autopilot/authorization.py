@@ -1,0 +1,93 @@
+"""PX4's arm authorization: another system is asked for leave before the motors start (mavlink.io, "Arm Authorization")."""
+
+from collections.abc import Callable
+from enum import Enum, auto
+from typing import Final
+
+from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.modes import Result, Severity
+
+_TWO_STEPS: Final = 1
+"""COM_ARM_AUTH_MET: the first attempt to arm asks only, the second arms."""
+_REASON_IS_TOLD_BY_AUTHORIZER: Final = 1
+_REASONS: Final = {
+    2: "an item of the mission is not allowed",
+    3: "the authorizer had not the time to look",
+    4: "the airspace is in use",
+    5: "the weather is bad",
+}
+"""MAV_ARM_AUTH_DENIED_REASON."""
+
+
+class Leave(Enum):
+    """Whether the motors may start."""
+
+    GIVEN = auto()
+    AWAITED = auto()
+    """The answer comes within COM_ARM_AUTH_TO."""
+    REFUSED = auto()
+
+
+class Authorization:
+    """Asks, waits, and knows how long leave lasts.
+
+    Args:
+        craft: whose time it is, and who says what comes of it.
+        ask_parameter: the value of a COM_ARM_AUTH parameter; None where the style has none of this.
+    """
+
+    def __init__(self, craft: Craft, ask_parameter: Callable[[str], float] | None) -> None:
+        self._craft, self._ask = craft, ask_parameter
+        self._waits_until_s: float | None = None
+        self._holds_until_s = 0.0
+        self.send: Callable[[int], None] = lambda _: None
+        """Asks the system of this id for leave; its answer goes to `answered`."""
+
+    @property
+    def is_given(self) -> bool:
+        """Whether leave was given and still holds."""
+        return self._craft.now_s < self._holds_until_s
+
+    @property
+    def is_awaited(self) -> bool:
+        """Whether an answer is to come."""
+        return self._waits_until_s is not None
+
+    def leave(self) -> Leave:
+        """Whether the vehicle may be armed now; asks where that is not known."""
+        if self._ask is None or not self._ask("COM_ARM_AUTH_REQ") or self.is_given:
+            return Leave.GIVEN
+        if self.is_awaited:
+            return Leave.REFUSED
+        self._waits_until_s = self._craft.now_s + self._ask("COM_ARM_AUTH_TO")
+        self.send(int(self._ask("COM_ARM_AUTH_ID")))
+        if self._ask("COM_ARM_AUTH_MET") == _TWO_STEPS:
+            self._craft.say(Severity.INFO, "Arming: leave is asked for, arm again when it is given")
+            return Leave.REFUSED
+        return Leave.AWAITED
+
+    def answered(self, result: int, reason: int, extra: int) -> None:
+        """The authorizer has answered.
+
+        Args:
+            result: MAV_RESULT.
+            reason: `result_param1`, MAV_ARM_AUTH_DENIED_REASON.
+            extra: `result_param2`: for how many seconds leave is given.
+        """
+        if not self.is_awaited or result == Result.IN_PROGRESS:
+            return
+        self._waits_until_s = None
+        if result == Result.ACCEPTED:
+            self._holds_until_s = self._craft.now_s + extra
+            self._craft.say(Severity.INFO, f"Arming: leave is given for {extra} s")
+        elif result == Result.TEMPORARILY_REJECTED:
+            self._craft.say(Severity.CRITICAL, "Arming: leave is refused for now")
+        elif reason != _REASON_IS_TOLD_BY_AUTHORIZER:
+            because = f": {_REASONS[reason]}" if reason in _REASONS else ""
+            self._craft.say(Severity.CRITICAL, f"Arming: leave is refused{because}")
+
+    def tick(self) -> None:
+        """Waits no longer than it should."""
+        if self._waits_until_s is not None and self._craft.now_s > self._waits_until_s:
+            self._waits_until_s = None
+            self._craft.say(Severity.CRITICAL, "Arming: nobody answers who could give leave")

@@ -13,7 +13,7 @@ from gloc3.errors import Refused
 from gloc3.narrate import narrate
 from gloc3.platform import find_platform, load_platform
 from gloc3.preflight import Check, summary, worst
-from gloc3_onboard.cli import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
+from gloc3_onboard.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 
 app = App(
     name="gloc3 doctor",

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.narrate import narrate
-from gloc3_onboard.cli import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
+from gloc3_onboard.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 
 if TYPE_CHECKING:
     from gloc3_onboard.preset_session import PresetSession, Stage

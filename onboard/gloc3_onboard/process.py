@@ -71,6 +71,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     devices: tuple[str, ...] = ()
     """Sources that differ from the platform file's, as NAME=URL."""
     out: Path | None = None
+    logs: Path | None = None
+    """Where logs and pictures go; None for where the rest goes."""
     system_id: int = 1
     is_quiet: bool = False
     signing_key: bytes | None = None
@@ -122,6 +124,7 @@ class OnboardProcess:
         self._narrator = Narrator()
         self._random = SystemRandom()
         self._out = options.out or Path(f"gloc3-{platform.platform}")
+        self._logs = options.logs or self._out
         self._endpoints: list[Endpoint] = []
         self._routed: list[RoutedLink] = []
         self._stations: list[StationLink] = []
@@ -147,7 +150,7 @@ class OnboardProcess:
             self._clock,
             self._loop,
             self._random.getrandbits(32),
-            VitalSigns(self._out).look,
+            VitalSigns(self._logs).look,
             own_parameters(self._tell_from, self._allow_writing),
             takes_plans=options.takes_plans,
         )
@@ -161,7 +164,7 @@ class OnboardProcess:
         self._sources = make_sources(urls, host)
         watch = SensorWatch(urls, self._sources, self._rig, self._clock.now_s)
         self._computer = HostComputer(
-            self._out, self._clock, self._log_problem, self._link_conditions, watch.conditions
+            self._logs, self._clock, self._log_problem, self._link_conditions, watch.conditions
         )
         self._onboard: Onboard | None = None
         self._links: dict[str, str] = {}
@@ -269,7 +272,7 @@ class OnboardProcess:
     def _share(self) -> None:
         """Shares missions, logs and metadata with stations of others."""
         try:
-            files = shared_files(self._out, self._companion.metadata.files)
+            files = shared_files(self._out, self._logs, self._companion.metadata.files)
         except OSError as error:
             raise Refused(f"the folder {self._out} cannot be written: {error.strerror}") from error
         self._companion.share(files, lambda: self._may_write)
@@ -277,10 +280,11 @@ class OnboardProcess:
     def _open_log(self) -> Path:
         """Begins the next log of the folder; its file."""
         try:
-            self._out.mkdir(parents=True, exist_ok=True)
+            for folder in (self._out, self._logs):
+                folder.mkdir(parents=True, exist_ok=True)
             file = find_platform(self._options.platform).read_bytes()
             log = self._log = RunLog(
-                LogFiles(self._out),
+                LogFiles(self._logs),
                 self._options.log_limits,
                 self._clock,
                 self._topics,
@@ -292,7 +296,7 @@ class OnboardProcess:
                 self.say,
             )
         except OSError as error:
-            raise Refused(f"the folder {self._out} cannot be written: {error.strerror}") from error
+            raise Refused(f"{error.filename or self._logs} cannot be written: {error.strerror}") from error
         return log.path
 
     def _log_problem(self) -> str:
@@ -344,7 +348,7 @@ class OnboardProcess:
             "rig": self._rig,
             "autopilot": self._autopilot,
             "computer": self._computer,
-            "pictures": PictureFolder(self._out / log.stem.replace("log", "images", 1), self._rig),
+            "pictures": PictureFolder(self._logs / log.stem.replace("log", "images", 1), self._rig),
             "site": Site(
                 self._platform, RecordFile(self._out / "requests.journal"), RecordFile(self._out / "progress.state")
             ),

@@ -118,7 +118,7 @@ def folder(tmp_path: Path) -> Path:
 
 def test_logs_are_read_and_nothing_else_of_the_folder_is_there(flight: Card, folder: Path) -> None:
     tool = begun(flight)
-    flight.flight.companion.share(shared_files(folder, {}))
+    flight.flight.companion.share(shared_files(folder, folder, {}))
     (folder / "missions" / "out.yaml").symlink_to(folder / "requests.journal")
     listed = tool.files.list(COMPANION, "/", now_s=tool.now_s)
     assert tool.wait_for(listed) is FtpError.NONE
@@ -149,7 +149,7 @@ def test_logs_are_read_and_nothing_else_of_the_folder_is_there(flight: Card, fol
 
 def test_missions_are_written_under_names_of_missions_by_whoever_may(flight: Card, folder: Path) -> None:
     tool = begun(flight)
-    flight.flight.companion.share(shared_files(folder, {}))
+    flight.flight.companion.share(shared_files(folder, folder, {}))
     text = GEO_HOP.encode()
     assert tool.wait_for(tool.files.write(COMPANION, "/missions/hop.yaml", text, now_s=tool.now_s)) is FtpError.NONE
     assert (folder / "missions" / "hop.yaml").read_bytes() == text
@@ -182,7 +182,7 @@ def test_missions_are_written_under_names_of_missions_by_whoever_may(flight: Car
 def test_metadata_name_files_whose_checksums_are_right(flight: Card, folder: Path) -> None:
     tool = begun(flight)
     companion = flight.flight.companion
-    companion.share(shared_files(folder, companion.metadata.files))
+    companion.share(shared_files(folder, folder, companion.metadata.files))
     tool.command(512, 397)
     flight.wait(0.1)
     (told,) = tool.told("COMPONENT_METADATA")
@@ -213,7 +213,7 @@ def test_metadata_name_files_whose_checksums_are_right(flight: Card, folder: Pat
 
 def test_files_opened_by_thousands_are_no_more_than_a_few(flight: Card, folder: Path) -> None:
     tool = begun(flight)
-    flight.flight.companion.share(shared_files(folder, {}))
+    flight.flight.companion.share(shared_files(folder, folder, {}))
     opened = Payload(operation=Operation.OPEN_FILE_READ_ONLY, size=14, data=b"/logs/log.mcap").encode()
     for encode in Tool(flight, system=200).as_strangers(2000):
         encode("FILE_TRANSFER_PROTOCOL", payload=opened)

@@ -73,8 +73,10 @@ def test_a_manager_hears_ready_then_the_watchdog_and_at_the_end_stopping(bench: 
         manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is heard")
         os.kill(manager.process.pid, signal.SIGTERM)
         manager.until(lambda: manager.ends == [0], "it ends by itself")
-    order = [line.partition(" ")[0] for line in manager.lines(0)]
-    assert order[0] == "READY=1"
+    order = manager.lines(0)
+    before = order[: order.index("READY=1")]
+    assert all(line.startswith("STATUS=bench is ") for line in before)
+    assert before[-1] == "STATUS=bench is working: 2 of 2 components work; no autopilot is heard", "all are up"
     assert order[-2:] == ["STOPPING=1", "STATUS=stopping"]
     assert "<5>onboard: stopping" in manager.journal.splitlines()
     assert "<6>onboard: bench: 2 components; log in out/log.mcap" in manager.journal.splitlines()

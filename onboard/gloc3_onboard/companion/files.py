@@ -22,8 +22,8 @@ _MISSION: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
 _LOG: Final = re.compile(r"log(-\d+)?\.(mcap|tlog)|images(-\d+)?")
 
 
-def shared_files(folder: Path, metadata: Mapping[str, bytes]) -> Files:
-    """What is shared of the onboard process's folder; the folder of missions is made.
+def shared_files(folder: Path, logs: Path, metadata: Mapping[str, bytes]) -> Files:
+    """What is shared of the onboard process's folders; the folder of missions is made.
 
     Raises:
         OSError: it cannot be.
@@ -31,7 +31,7 @@ def shared_files(folder: Path, metadata: Mapping[str, bytes]) -> Files:
     missions = folder / MISSIONS
     missions.mkdir(parents=True, exist_ok=True)
     folders: dict[str, Files] = {
-        LOGS: LogFiles(folder, is_writable=False),
+        LOGS: LogFiles(logs, is_writable=False),
         "metadata": MemoryFiles(metadata),
         MISSIONS: MissionFiles(missions, most_bytes=LARGEST_MISSION_BYTES),
     }

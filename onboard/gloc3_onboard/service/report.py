@@ -1,6 +1,7 @@
 """What the service manager is told of a platform: READY, STATUS, and WATCHDOG only from the supervised work."""
 
 from collections.abc import Callable
+from math import inf
 from typing import Final
 
 from gloc3.ci import Health, MissionSummary, Summary, VehicleSummary
@@ -10,6 +11,8 @@ from gloc3.lci import State
 from gloc3.messages import ComponentStatus, Envelope
 from gloc3_onboard.service.manager import ServiceManager
 
+HEARD_WITHIN_S: Final = 3.0
+"""After all have been brought up: who has not been heard by then, such as on another host, is not waited for."""
 WELL: Final = (Health.WORKING, Health.QUIET)
 
 
@@ -31,6 +34,7 @@ class ServiceReport:
     ) -> None:
         self._manager, self._is_beginning, self._platform = manager, is_beginning, platform
         self._is_ready = self._is_ending = False
+        self._begun_s = inf
         self._hung: dict[str, str] = {}
         """Required components that hang, with the cause."""
         self._in_charge: dict[str, str] = {}
@@ -73,11 +77,14 @@ class ServiceReport:
 
     def _take_summary(self, envelope: Envelope[Summary]) -> None:
         self._summary = summary = envelope.payload
-        if not self._is_ready and not self._is_beginning():
-            self._is_ready = True
-            self._manager.ready()
         if not self._is_ending:
             self._manager.status(self._describe(summary))
+        if not self._is_ready and not self._is_beginning():
+            self._begun_s = min(self._begun_s, envelope.t_s)
+            is_heard = all(list(Health)[line.state] is not Health.ABSENT for line in summary.lines)
+            if is_heard or envelope.t_s - self._begun_s > HEARD_WITHIN_S:
+                self._is_ready = True
+                self._manager.ready()
         if set(self._hung) <= set(self._in_charge.values()):
             self._manager.alive()
 

@@ -1,0 +1,62 @@
+"""`gloc3 onboard install` and `uninstall`: the onboard process as a service of systemd."""
+
+from pathlib import Path
+from typing import Final
+
+from gloc3.narrate import narrate
+from gloc3_onboard.onboard_options import Flag, OnboardOptions
+
+ROOT: Final = Path("/")
+DEFAULTS: Final = OnboardOptions()
+
+
+def install(
+    platform: str,
+    /,
+    *,
+    options: OnboardOptions = DEFAULTS,
+    user: str = "gloc3",
+    udev: Flag = False,
+    dry_run: Flag = False,
+    prefix: Path = ROOT,
+) -> int:
+    """Install the onboard process as a service of systemd: a hardened unit that starts with the computer.
+
+    It takes the options of `gloc3 onboard`, checks all of them, and writes them into the unit: the service reads no
+    environment. Run it with sudo. Then: `systemctl enable --now gloc3-PLATFORM`, `journalctl -fu gloc3-PLATFORM`,
+    and after a change of the platform file `systemctl reload gloc3-PLATFORM`.
+
+    Args:
+        platform: A platform file, or the name of one that is installed, such as pelican.
+        options: How.
+        user: Whose service it is; made if there is none.
+        udev: Also write rules of udev that give the cameras and serial lines that are plugged in names that stay.
+        dry_run: Print what would be written; change nothing.
+        prefix: Write below this folder, for the disk of another computer.
+    """
+    from gloc3_onboard.service.install import carry_out, make_plan
+
+    plan = make_plan(platform, options, user, with_udev=udev)
+    if dry_run:
+        for path, text in plan.files(prefix).items():
+            print(f"# {path}\n{text}")  # noqa: T201
+    else:
+        carry_out(plan, prefix, narrate)
+    for text in plan.advice:
+        narrate(text)
+    if not dry_run:
+        narrate(f"to start it now and with the computer: systemctl enable --now {plan.unit.file}")
+    return 0
+
+
+def uninstall(name: str, /, *, prefix: Path = ROOT) -> int:
+    """End and remove a service that `gloc3 onboard install` has made; its state and logs stay.
+
+    Args:
+        name: The platform's name, as in gloc3-NAME.service.
+        prefix: Below which folder it was written.
+    """
+    from gloc3_onboard.service.install import remove
+
+    remove(name, prefix, narrate)
+    return 0

@@ -1,0 +1,217 @@
+"""Installs `gloc3 onboard` as a service of systemd: makes the plan, and carries it out."""
+
+import grp
+import os
+import pwd
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Finding, Refused
+from gloc3.platform import Platform, find_platform, load_platform
+from gloc3_onboard.onboard_options import OnboardOptions
+from gloc3_onboard.process import DEVICES
+from gloc3_onboard.rig import PlatformRig
+from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, modules, nodes
+from gloc3_onboard.service.udev import FOLDER, advice, rules, usb_device
+from gloc3_onboard.service.unit import Unit
+
+UNITS: Final = Path("etc/systemd/system")
+RULES: Final = Path("etc/udev/rules.d")
+ROOT: Final = Path("/")
+
+Tell = Callable[[str], None]
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """What is to be written."""
+
+    unit: Unit
+    rules: str = ""
+    """For udev; empty for none."""
+    advice: tuple[str, ...] = ()
+    """What a person should know or do."""
+
+    def files(self, prefix: Path) -> dict[Path, str]:
+        """Every file with its content."""
+        found = {prefix / UNITS / self.unit.file: self.unit.text()}
+        if self.rules:
+            found[prefix / RULES / rules_file(self.unit.name)] = self.rules
+        return found
+
+
+def rules_file(name: str) -> str:
+    """The name of a service's file of rules: after those that ask a device who it is."""
+    return f"90-gloc3-{name}.rules"
+
+
+def make_plan(name: str, options: OnboardOptions, user: str, *, with_udev: bool = False) -> Plan:
+    """Checks everything that the service will need, and says how it is installed.
+
+    Raises:
+        InputError: the platform file is wrong.
+        Refused: an option cannot be, or a file is where a service cannot read it.
+    """
+    options.check()
+    for option, value in (("--out", options.out), ("--logs", options.logs)):
+        if value is not None:
+            raise Refused(f"{option}: a service has its folders below /var/lib/gloc3 and /var/log/gloc3")
+    warnings: list[Finding] = []
+    platform = load_platform(name, is_loading_classes=True, devices=DEVICES, warn=warnings.append)
+    file = find_platform(name).absolute()
+    warnings += PlatformRig(platform, file.parent).warnings
+    found = nodes(platform, options)
+    behind = {node: usb_device(node) for node in found}
+    named = [(node, device) for node, device in behind.items() if device is not None] if with_udev else []
+    if with_udev:
+        options = _renamed(options, platform, [node for node, _ in named])
+    secrets = keys(options)
+    word = str(file) if file.suffix in (".yaml", ".yml") and Path(name).suffix else name
+    unit = Unit(
+        name=platform.platform,
+        command=(*_program(), "onboard", word, *arguments(options)),
+        user=user,
+        groups=tuple(dict.fromkeys(node.group for node in found)),
+        devices=allowed(found),
+        modules=modules(found),
+        homes=homes([file, *secrets] if word != name or Path(name).suffix else secrets),
+    )
+    said = [str(one) for one in warnings]
+    said += [text for node, device in behind.items() if (node, device) not in named and (text := advice(node, device))]
+    said += [text for path in [file, *secrets] if (text := _unreadable(path, user))]
+    return Plan(unit=unit, rules=rules(unit.name, named) if named else "", advice=tuple(said))
+
+
+def _program() -> tuple[str, ...]:
+    """This program, as a unit names it."""
+    script = Path(sys.executable).parent / "gloc3"
+    return (str(script),) if script.exists() else (sys.executable, "-m", "gloc3")
+
+
+def _renamed(options: OnboardOptions, platform: Platform, named: list[Node]) -> OnboardOptions:
+    """The options with the names that udev gives."""
+    roles = {node.role: str(node.path) for node in named}
+
+    def renamed(role: str, text: str) -> str:
+        return text.replace(roles[role], f"/dev/{FOLDER}/{role}", 1) if role in roles else text
+
+    stations = [
+        renamed("station" if number == 1 else f"station_{number}", url) for number, url in enumerate(options.station, 1)
+    ]
+    asked = dict(text.split("=", 1) for text in options.device)
+    given = {**platform.devices, **asked}
+    devices = {role: renamed(role, given[role]) for role in given if role in asked or role in roles}
+    return replace(
+        options,
+        autopilot=renamed("autopilot", options.autopilot),
+        station=stations,
+        device=[f"{role}={url}" for role, url in devices.items()],
+    )
+
+
+def _unreadable(path: Path, user: str) -> str:
+    """Why the user cannot read a file, as far as its mode tells; empty where he can."""
+    try:
+        status = path.stat()
+        own = pwd.getpwnam(user)
+    except OSError as error:
+        return f"{path}: {error.strerror or error}"
+    except KeyError:
+        is_his = is_groups = False
+    else:
+        groups = [own.pw_gid, *(group.gr_gid for group in grp.getgrall() if user in group.gr_mem)]
+        is_his, is_groups = status.st_uid == own.pw_uid, status.st_gid in groups
+    if status.st_mode & (0o400 if is_his else 0o040 if is_groups else 0o004):
+        return ""
+    return f"{user} cannot read {path}: chown {user} {path}"
+
+
+def carry_out(plan: Plan, prefix: Path, tell: Tell) -> None:
+    """Writes the files; on this computer itself also makes the user and has systemd and udev look.
+
+    Args:
+        plan: what to do.
+        prefix: below which folder; not / to prepare another computer's disk.
+        tell: takes each thing that was done.
+
+    Raises:
+        Refused: it cannot be done, such as without the right to.
+    """
+    for path, text in plan.files(prefix).items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            fresh = path.with_name(path.name + ".new")
+            fresh.write_text(text)
+            fresh.replace(path)
+        except PermissionError as error:
+            raise Refused(f"{path} cannot be written: {error.strerror}; run it with sudo, or with --dry-run") from error
+        tell(f"wrote {path}")
+    if prefix != ROOT:
+        tell(f"the user {plan.unit.user} is not made: {prefix} is not this computer")
+        return
+    _make_user(plan.unit.user, tell)
+    _look_again(tell, has_rules=bool(plan.rules))
+
+
+def remove(name: str, prefix: Path, tell: Tell) -> None:
+    """Ends and removes a service; its state, logs and user stay.
+
+    Raises:
+        Refused: there is none of that name, or it cannot be removed.
+    """
+    unit = prefix / UNITS / f"gloc3-{name}.service"
+    if not unit.exists():
+        known = sorted(path.stem.removeprefix("gloc3-") for path in unit.parent.glob("gloc3-*.service"))
+        raise Refused(f"there is no service {name!r}; installed: {', '.join(known) or 'none'}")
+    if prefix == ROOT and _has_systemd():
+        _run(["systemctl", "disable", "--now", unit.name], tell)
+    has_rules = False
+    for path in (unit, prefix / RULES / rules_file(name)):
+        try:
+            path.unlink()
+        except FileNotFoundError:
+            continue
+        except PermissionError as error:
+            raise Refused(f"{path} cannot be removed: {error.strerror}; run it with sudo") from error
+        has_rules = has_rules or path.suffix == ".rules"
+        tell(f"removed {path}")
+    if prefix == ROOT:
+        _look_again(tell, has_rules=has_rules)
+    tell(f"its state and logs stay in /var/lib/gloc3/{name} and /var/log/gloc3/{name}")
+
+
+def _has_systemd() -> bool:
+    """Whether systemd runs this computer (sd_booted(3))."""
+    return Path("/run/systemd/system").is_dir() and shutil.which("systemctl") is not None
+
+
+def _make_user(user: str, tell: Tell) -> None:
+    try:
+        pwd.getpwnam(user)
+    except KeyError:
+        options = ["--system", "--user-group", "--no-create-home", "--home-dir", "/nonexistent"]
+        _run(["useradd", *options, "--shell", "/usr/sbin/nologin", user], tell)
+
+
+def _look_again(tell: Tell, *, has_rules: bool) -> None:
+    if _has_systemd():
+        _run(["systemctl", "daemon-reload"], tell)
+    if has_rules and shutil.which("udevadm") is not None and Path("/run/udev").is_dir():
+        _run(["udevadm", "control", "--reload"], tell)
+        _run(["udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=video4linux"], tell)
+
+
+def _run(command: list[str], tell: Tell) -> None:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "LC_ALL": "C"})
+    except OSError as error:
+        raise Refused(f"{' '.join(command)}: {error.strerror or error}") from error
+    if done.returncode != 0:
+        raise Refused(f"{' '.join(command)}: {done.stderr.strip() or f'exit code {done.returncode}'}")
+    tell(" ".join(command))

@@ -1,0 +1,155 @@
+"""What a service of `gloc3 onboard` needs of its computer: files that it reads, and devices that it opens."""
+
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Final, NamedTuple
+from urllib.parse import quote
+
+from gloc3.errors import Refused
+from gloc3.link.endpoints import parse_url
+from gloc3.platform import Platform
+from gloc3_onboard.onboard_options import DEFAULT_STATION, OnboardOptions
+from gloc3_onboard.sources.asked import source_urls
+from gloc3_onboard.sources.places import GROUPS
+from gloc3_onboard.sources.url import parse_source
+
+SERIAL: Final = "dialout"
+VIDEO: Final = "video"
+"""The groups of users that may use serial lines and cameras (Debian's names)."""
+HOMES: Final = (Path("/home"), Path("/root"), Path("/run/user"))
+"""What is hidden from the service, but for what it needs there."""
+PRIVATE: Final = (Path("/tmp"), Path("/var/tmp"))
+"""Of these the service has its own."""
+
+
+class Kind(NamedTuple):
+    """A kind of device node, which may come and go with its plug."""
+
+    allowed: str
+    """As `DeviceAllow` names the whole class."""
+    module: str
+    """The kernel's module that makes it known."""
+    group: str
+
+
+KINDS: Final = {
+    "ttyACM": Kind("char-ttyACM", "cdc_acm", SERIAL),
+    "ttyUSB": Kind("char-ttyUSB", "usbserial", SERIAL),
+    "video": Kind("char-video4linux", "videodev", VIDEO),
+}
+"""By what the nodes are called, before a number."""
+
+
+class Node(NamedTuple):
+    """A device that the service opens."""
+
+    role: str
+    """What it is for: `autopilot`, `station`, or the platform's name of the sensor."""
+    path: Path
+    group: str
+
+    @property
+    def kinds(self) -> list[Kind]:
+        """What it can be: told by its name, or by its group where it is not plugged in; none for one of the board's own."""
+        name = re.sub(r"\d+$", "", self.path.resolve().name)
+        if name in KINDS:
+            return [KINDS[name]]
+        return [] if self.path.exists() else [kind for kind in KINDS.values() if kind.group == self.group]
+
+
+def nodes(platform: Platform, options: OnboardOptions) -> list[Node]:
+    """The devices that are opened.
+
+    Raises:
+        Refused: a URL is wrong.
+    """
+    found = []
+    links = [("autopilot", options.autopilot)]
+    links += [
+        ("station" if number == 1 else f"station_{number}", url)
+        for number, url in enumerate(options.station or [DEFAULT_STATION], 1)
+    ]
+    for role, url in links:
+        if device := parse_url(url).device:
+            found.append(Node(role, Path(device), SERIAL))
+    used = sorted({device for row in platform.components for device in row.devices.values()})
+    for name, text in source_urls(platform, used, options.device).items():
+        source = parse_source(name, text)
+        if source.scheme == "gst":
+            found += [Node(name, Path(path), VIDEO) for path in re.findall(r"/dev/video\d+", source.place)]
+        elif source.scheme in GROUPS and (source.place.startswith("/") or source.place.isdecimal()):
+            path = source.place if source.place.startswith("/") else f"/dev/video{source.place}"
+            found.append(Node(name, Path(path), GROUPS[source.scheme]))
+    return found
+
+
+def arguments(options: OnboardOptions) -> Iterator[str]:
+    """The options as words of a command line that means the same from every folder; those of their default are left out."""
+    standard = OnboardOptions()
+    for one in fields(OnboardOptions):
+        value, name = getattr(options, one.name), "--" + one.name.replace("_", "-")
+        if value == getattr(standard, one.name):
+            continue
+        if value is True:
+            yield name
+        else:
+            for each in value if isinstance(value, list) else [value]:
+                yield f"{name}={_absolute(each)}"
+
+
+def _absolute(value: object) -> str:
+    if isinstance(value, Path):
+        return str(value.expanduser().absolute())
+    text = str(value)
+    if "key=" in text and (key := parse_url(text).key):
+        address, _, rest = text.partition("?")
+        others = [option for option in rest.split("&") if not option.startswith("key=")]
+        return f"{address}?{'&'.join([*others, 'key=' + quote(str(Path(key).expanduser().absolute()))])}"
+    return text
+
+
+def keys(options: OnboardOptions) -> list[Path]:
+    """The files with keys, which nobody but the service's user may read."""
+    named = [parse_url(url).key for url in (options.autopilot, *options.station)]
+    found = [Path(name).expanduser().absolute() for name in named if name]
+    return found + ([] if options.signing_key is None else [options.signing_key.expanduser().absolute()])
+
+
+def homes(files: Iterable[Path]) -> tuple[Path, ...]:
+    """The folders in people's homes that the service has to see: those of its files, and of the program itself.
+
+    Raises:
+        Refused: a file is where the service cannot see it, or where it would see a whole home.
+    """
+    wanted: set[Path] = set()
+    for file in files:
+        if any(file.is_relative_to(place) for place in PRIVATE):
+            raise Refused(f"{file}: a service has its own {file.parts[1]}; put the file elsewhere, such as /etc/gloc3")
+        home = _home_of(file)
+        if home is None:
+            continue
+        if file.parent in (home, *(() if home == Path("/root") else (home / file.relative_to(home).parts[0],))):
+            raise Refused(f"{file}: the service would see all of {file.parent}; put the file into a folder of its own")
+        wanted.add(file.parent)
+    program = {Path(sys.prefix), Path(sys.base_prefix), *(Path(place) for place in sys.path if place)}
+    wanted |= {path for path in program if _home_of(path) is not None and path.exists()}
+    return tuple(path for path in sorted(wanted) if not any(path != one and path.is_relative_to(one) for one in wanted))
+
+
+def _home_of(path: Path) -> Path | None:
+    return next((home for home in HOMES if path.is_relative_to(home)), None)
+
+
+def allowed(devices: Sequence[Node]) -> tuple[str, ...]:
+    """What `DeviceAllow` has to name: classes for what may be plugged in again, paths for what the board has."""
+    return tuple(
+        dict.fromkeys(name for node in devices for name in ([kind.allowed for kind in node.kinds] or [str(node.path)]))
+    )
+
+
+def modules(devices: Sequence[Node]) -> tuple[str, ...]:
+    """The kernel's modules of these classes."""
+    return tuple(dict.fromkeys(kind.module for node in devices for kind in node.kinds))

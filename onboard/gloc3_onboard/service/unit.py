@@ -1,0 +1,162 @@
+"""The unit of systemd that runs `gloc3 onboard` as a service: its text, from what the service needs."""
+
+import re
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+WATCHDOG_S: Final = 10
+"""So long the supervised work may be silent; its summaries come twice a second."""
+STOP_S: Final = 30
+"""So long a stop may take on the ground or into a hold; while it lands, the process asks for more."""
+_PLAIN: Final = re.compile(r"[A-Za-z0-9_@+=:,./?-]+")
+
+CHANGES: Final = """\
+Written by gloc3 onboard install.
+# To change what it is asked for, install it again; for anything else:"""
+
+HARDENING: Final = """\
+NoNewPrivileges=yes
+CapabilityBoundingSet=
+AmbientCapabilities=
+ProtectSystem=strict
+ProtectHome={home}
+PrivateTmp=yes
+PrivateUsers=yes
+PrivateMounts=yes
+PrivateIPC=yes
+RemoveIPC=yes
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectKernelLogs=yes
+ProtectControlGroups=yes
+ProtectClock=yes
+ProtectHostname=yes
+ProtectProc=invisible
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
+RestrictNamespaces=yes
+RestrictRealtime=yes
+RestrictSUIDSGID=yes
+LockPersonality=yes
+KeyringMode=private
+SystemCallArchitectures=native
+SystemCallFilter=@system-service
+SystemCallFilter=~@privileged @resources
+SystemCallErrorNumber=EPERM
+UMask=0027
+"""
+"""What the process may not do. It keeps the network, /proc/stat for the computer's load, and the devices that it uses."""
+
+
+class Unit(msgspec.Struct, frozen=True, kw_only=True):
+    """What a service needs."""
+
+    name: str
+    """The instance: PLATFORM, or PLATFORM-HOST for one host of several."""
+    command: tuple[str, ...]
+    """The program and its arguments, with absolute paths, and without --out and --logs."""
+    user: str
+    groups: tuple[str, ...] = ()
+    """Whose devices it may use."""
+    devices: tuple[str, ...] = ()
+    """What `DeviceAllow` names: device nodes, and classes such as `char-ttyUSB`."""
+    modules: tuple[str, ...] = ()
+    """The kernel's modules that have to be loaded for the devices' classes to be known."""
+    homes: tuple[Path, ...] = ()
+    """Files and folders in people's homes that it reads."""
+
+    @property
+    def file(self) -> str:
+        """The unit's name."""
+        return f"gloc3-{self.name}.service"
+
+    @property
+    def state(self) -> Path:
+        """Where it keeps what must survive a restart."""
+        return Path("/var/lib/gloc3") / self.name
+
+    @property
+    def logs(self) -> Path:
+        """Where its logs and pictures go."""
+        return Path("/var/log/gloc3") / self.name
+
+    def text(self) -> str:
+        """The unit file."""
+        command = (*self.command, f"--out={self.state}", f"--logs={self.logs}")
+        return "\n\n".join(
+            [
+                f"# Runs the companion process of {self.name}. {CHANGES} systemctl edit {self.file}",
+                self._section(
+                    "Unit",
+                    f"Description=GLOC3 onboard process of {self.name}",
+                    "After=network.target " + " ".join(self._modules()),
+                    f"Wants={' '.join(self._modules())}" if self.modules else "",
+                    "# A crash in flight is over in a second; what fails at once, again and again, is given up after some minutes.",
+                    "StartLimitIntervalSec=300",
+                    "StartLimitBurst=60",
+                ),
+                self._section(
+                    "Service",
+                    "Type=notify",
+                    "NotifyAccess=main",
+                    f"ExecStart={' '.join(quoted(word) for word in command)}",
+                    "ExecReload=/bin/kill -HUP $MAINPID",
+                    "Restart=on-failure",
+                    "RestartSec=1",
+                    "TimeoutStartSec=90",
+                    f"TimeoutStopSec={STOP_S}",
+                    "# Fed from the supervised work alone: what hangs is ended, says where it hung, and comes back.",
+                    f"WatchdogSec={WATCHDOG_S}",
+                    "TimeoutAbortSec=5",
+                    "KillMode=mixed",
+                    f"SyslogIdentifier=gloc3-{self.name}",
+                    "",
+                    f"User={self.user}",
+                    f"SupplementaryGroups={' '.join(self.groups)}" if self.groups else "",
+                    f"StateDirectory=gloc3/{self.name}",
+                    "StateDirectoryMode=0750",
+                    f"LogsDirectory=gloc3/{self.name}",
+                    "LogsDirectoryMode=0750",
+                    f"WorkingDirectory={self.state}",
+                    "",
+                    "# A component that eats the memory is ended alone, where it has a process of its own.",
+                    "MemoryHigh=70%",
+                    "MemoryMax=80%",
+                    "OOMPolicy=continue",
+                    "OOMScoreAdjust=-500",
+                    "TasksMax=1024",
+                    "LimitNOFILE=16384",
+                    "LimitCORE=0",
+                    "Nice=-5",
+                    "",
+                    *self._devices(),
+                    "",
+                    HARDENING.format(home="tmpfs" if self.homes else "yes").rstrip(),
+                    f"BindReadOnlyPaths={' '.join(quoted(str(path)) for path in self.homes)}" if self.homes else "",
+                ),
+                "[Install]\nWantedBy=multi-user.target\n",
+            ]
+        )
+
+    def _modules(self) -> list[str]:
+        return [f"modprobe@{module}.service" for module in self.modules]
+
+    def _devices(self) -> list[str]:
+        if not self.devices:
+            return ["PrivateDevices=yes", "DevicePolicy=closed"]
+        return ["DevicePolicy=closed", *(f"DeviceAllow={device} rw" for device in self.devices)]
+
+    @staticmethod
+    def _section(name: str, *lines: str) -> str:
+        """A section; empty lines part its groups, several in a row are one."""
+        text = "\n".join(line.rstrip() for line in lines)
+        return re.sub(r"\n{3,}", "\n\n", f"[{name}]\n{text}").rstrip()
+
+
+def quoted(word: str) -> str:
+    """A word of a unit file's command, as systemd takes it literally (systemd.service(5), Command lines)."""
+    text = word.replace("%", "%%").replace("$", "$$")
+    if _PLAIN.fullmatch(text):
+        return text
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t") + '"'

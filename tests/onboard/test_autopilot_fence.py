@@ -2,7 +2,10 @@
 
 from collections.abc import Sequence
 
-from gloc3.link.message import Address
+import pytest
+
+from gloc3.link.codec import Encoder, Parser
+from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.mission_server import MissionServer
 from gloc3.link.plan import PlanType
@@ -16,10 +19,10 @@ from gloc3_onboard.drivers.autopilot_fence import RETRY_S, AutopilotFence, SendF
 
 COMPANION, AUTOPILOT = Address(1, 191), Address(1, 1)
 SQUARE = [(47.0, 8.0), (47.001, 8.0), (47.001, 8.001), (47.0, 8.001)]
-FENCE = GeoFence(digest="abc", areas=[GeoArea(True, SQUARE), GeoArea(False, [], (47.0005, 8.0005), 5.0)])
+FENCE = GeoFence(digest="abc", areas=[GeoArea(True, SQUARE), GeoArea(False, [], (47.0005, 8.0005), 5.3)])
 AREAS = (
     FenceArea(is_inclusion=True, polygon=tuple(SQUARE)),
-    FenceArea(is_inclusion=False, center=(47.0005, 8.0005), radius_m=5.0),
+    FenceArea(is_inclusion=False, center=(47.0005, 8.0005), radius_m=5.3),
 )
 
 
@@ -82,14 +85,22 @@ def test_a_fence_that_was_never_ours_is_left_alone_and_ours_is_cleared() -> None
     assert control.sent == [AREAS, ()]
 
 
+def on_the_wire(message: MavlinkMessage, sender: Address) -> MavlinkMessage:
+    """What arrives of it: numbers in single precision."""
+    (frame,) = Parser().receive(Encoder(*sender).encode(message))
+    arrived = frame.decode()
+    assert arrived is not None
+    return arrived
+
+
 def exchange(client: MissionClient, server: MissionServer, upload: FenceUpload, steps: int = 400) -> list[Answer]:
     answers = []
     for step in range(steps):
         now_s = 0.01 * step
         for message in client.outgoing():
-            server.receive(message, COMPANION, now_s)
+            server.receive(on_the_wire(message, COMPANION), COMPANION, now_s)
         for message in server.outgoing():
-            client.receive(message, AUTOPILOT, now_s)
+            client.receive(on_the_wire(message, AUTOPILOT), AUTOPILOT, now_s)
         client.tick(now_s)
         server.tick(now_s)
         for event in client.events():
@@ -110,4 +121,4 @@ def test_the_fence_is_uploaded_over_the_mission_protocol_and_compared() -> None:
 def test_a_circle_and_a_polygon_keep_their_places_to_a_centimetre() -> None:
     items = fence_items(AREAS)
     assert (items[0].x, items[0].y, items[0].param1) == (470000000, 80000000, 4.0)
-    assert (items[4].x, items[4].y, items[4].param1) == (470005000, 80005000, 5.0)
+    assert (items[4].x, items[4].y, items[4].param1) == (470005000, 80005000, pytest.approx(5.3))

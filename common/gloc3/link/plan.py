@@ -51,7 +51,7 @@ class PlanItem(msgspec.Struct, frozen=True, kw_only=True):
 
     def float_message(self, number: int, kind: int, target: Address) -> MavlinkMessage:
         """MISSION_ITEM, for those who know nothing else; it is only good to about a metre."""
-        per_unit = _per_unit(self.frame)
+        per_unit = units_per_degree(self.frame)
         return self._message("MISSION_ITEM", self.x / per_unit, self.y / per_unit, number, kind, target)
 
     def _message(self, name: str, x: float, y: float, number: int, kind: int, target: Address) -> MavlinkMessage:
@@ -82,7 +82,7 @@ def read_item(message: MavlinkMessage) -> PlanItem:
     """The item in a MISSION_ITEM_INT, or in a MISSION_ITEM of the old kind."""
     x, y = message.x, message.y
     if message.name == "MISSION_ITEM":
-        per_unit = _per_unit(message.frame)
+        per_unit = units_per_degree(message.frame)
         x, y = (_whole(value * per_unit) for value in (x, y))
     return PlanItem(
         command=message.command,
@@ -104,8 +104,8 @@ def _whole(value: float) -> int:
     return round(max(-(2.0**31), min(2.0**31 - 1.0, value))) if math.isfinite(value) else 0
 
 
-def _per_unit(frame: int) -> float:
-    """Wire units in a degree or metre."""
+def units_per_degree(frame: int) -> float:
+    """Wire units in a degree of a global frame, in a metre of a local one, or in what a frame without a place counts."""
     return 1e7 if frame in _GLOBAL_FRAMES else 1.0 if frame == _FRAME_MISSION else 1e4
 
 

@@ -5,7 +5,6 @@ an item by number, so it moves with them.
 """
 
 import math
-import struct
 from collections.abc import Sequence
 from typing import Final
 
@@ -15,16 +14,15 @@ from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.link.plan import PlanItem, PlanType
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.plan_wire import from_wire as item_from_wire
+from gloc3.plan_wire import to_wire as item_to_wire
 from gloc3_groundstation.services.facts import Firmware
 
 DO_JUMP: Final = 177
 WAYPOINT: Final = 16
-_LOCAL_FRAMES: Final = frozenset({1, 4, 7, 8, 9, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21})
-_FRAME_MISSION: Final = 2
 _SAME_FRAMES: Final = {5: 0, 6: 3, 11: 10}
 """The frames whose names end in INT mean the same as those without."""
 _INCLUSION_POLYGON, _EXCLUSION_POLYGON, _INCLUSION_CIRCLE, _EXCLUSION_CIRCLE, _RALLY = 5001, 5002, 5003, 5004, 5100
-_INT_MAX: Final = 2**31 - 1
 _HEIGHT_STEP_M: Final = 0.011
 """ArduPilot keeps heights in centimetres."""
 _PARAM_STEP: Final = 1e-4
@@ -72,9 +70,9 @@ def to_wire(plan: Plan, firmware: Firmware) -> PlanParts:
     elif not has_home:
         items = [_jump_moved(item, -1) for item in items]
     return PlanParts(
-        mission=tuple(_to_item(item, number, f"item {number}") for number, item in enumerate(items)),
-        fence=tuple(_to_item(item, number, f"fence item {number}") for number, item in enumerate(plan.fence_items())),
-        rally=tuple(_to_item(item, number, f"rally point {number}") for number, item in enumerate(plan.rally_items())),
+        mission=_items(items, "item"),
+        fence=_items(plan.fence_items(), "fence item"),
+        rally=_items(plan.rally_items(), "rally point"),
     )
 
 
@@ -84,7 +82,7 @@ def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> Pl
     Raises:
         Refused: the fence or the rally points are not understood.
     """
-    items = [_from_item(item) for item in parts.mission]
+    items = [item_from_wire(item) for item in parts.mission]
     home: tuple[float, float, float] | None = None
     if firmware is Firmware.ARDUPILOT and items:
         first = items.pop(0)
@@ -93,8 +91,8 @@ def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> Pl
         items = [_jump_moved(item, 1) for item in items]
     return Plan(
         entries=tuple(Entry(items=(item,)) for item in items),
-        fence=_areas([_from_item(item) for item in parts.fence]),
-        rally=_points([_from_item(item) for item in parts.rally]),
+        fence=_areas([item_from_wire(item) for item in parts.fence]),
+        rally=_points([item_from_wire(item) for item in parts.rally]),
         home=home,
         firmware_type={Firmware.ARDUPILOT: 3, Firmware.PX4: 12}.get(firmware),
         vehicle_type=vehicle_type,
@@ -153,38 +151,8 @@ def _jump_moved(item: MavItem, by: int) -> MavItem:
     return msgspec.structs.replace(item, params=(target + by, *item.params[1:]))
 
 
-def _to_item(item: MavItem, number: int, where: str) -> PlanItem:
-    p1, p2, p3, p4 = (_single(param, where) for param in item.params)
-    scale = 1.0 if item.frame == _FRAME_MISSION else 1e4 if item.frame in _LOCAL_FRAMES else 1e7
-    return PlanItem(
-        command=item.command,
-        frame=item.frame,
-        is_current=number == 0,
-        autocontinue=item.is_continued,
-        param1=p1,
-        param2=p2,
-        param3=p3,
-        param4=p4,
-        x=_whole(item.x, scale, where),
-        y=_whole(item.y, scale, where),
-        z=_single(item.z or 0.0, where),
-    )
-
-
-def _from_item(item: PlanItem) -> MavItem:
-    scale = 1.0 if item.frame == _FRAME_MISSION else 1e4 if item.frame in _LOCAL_FRAMES else 1e7
-    values = (item.param1, item.param2, item.param3, item.param4)
-    p1, p2, p3, p4 = (None if math.isnan(value) else value for value in values)
-    return MavItem(
-        command=item.command,
-        frame=item.frame,
-        params=(p1, p2, p3, p4),
-        x=item.x / scale,
-        y=item.y / scale,
-        z=None if math.isnan(item.z) else item.z,
-        is_continued=item.autocontinue,
-        is_current=item.is_current,
-    )
+def _items(items: Sequence[MavItem], called: str) -> tuple[PlanItem, ...]:
+    return tuple(item_to_wire(item, f"{called} {number}", is_current=number == 0) for number, item in enumerate(items))
 
 
 def _areas(items: list[MavItem]) -> tuple[FenceArea, ...]:
@@ -214,19 +182,3 @@ def _points(items: list[MavItem]) -> tuple[tuple[float, float, float], ...]:
         if item.command != _RALLY:
             raise Refused(f"rally point {number} (command {item.command}) is not understood")
     return tuple((item.x or 0.0, item.y or 0.0, item.z or 0.0) for item in items)
-
-
-def _single(value: float | None, where: str) -> float:
-    if value is None:
-        return math.nan
-    try:
-        return float(struct.unpack("<f", struct.pack("<f", value))[0])
-    except OverflowError:
-        raise Refused(f"{where}: {value:g} does not fit the wire") from None
-
-
-def _whole(value: float | None, scale: float, where: str) -> int:
-    number = round((value or 0.0) * scale)
-    if abs(number) > _INT_MAX:
-        raise Refused(f"{where}: {value:g} does not fit the wire")
-    return number

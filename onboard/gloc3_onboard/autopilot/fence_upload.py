@@ -6,6 +6,7 @@ from gloc3.link.message import Address
 from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.plan import PlanItem, PlanResult, PlanType
 from gloc3.mission.formats.items import FenceArea, Plan
+from gloc3.plan_wire import to_wire
 from gloc3_onboard.devices import Answer
 
 _FENCE = PlanType.FENCE
@@ -49,17 +50,13 @@ class FenceUpload:
 
 
 def fence_items(areas: Sequence[FenceArea]) -> tuple[PlanItem, ...]:
-    """The areas as MAVLink items; angles in 1e-7 degrees."""
-    return tuple(
-        PlanItem(
-            command=item.command,
-            frame=item.frame,
-            param1=float(item.params[0] or 0.0),
-            x=round((item.x or 0.0) * 1e7),
-            y=round((item.y or 0.0) * 1e7),
-        )
-        for item in Plan(entries=(), fence=tuple(areas)).fence_items()
-    )
+    """The areas as items of the mission protocol.
+
+    Raises:
+        Refused: a number does not fit the wire.
+    """
+    items = Plan(entries=(), fence=tuple(areas)).fence_items()
+    return tuple(to_wire(item, f"fence item {number}") for number, item in enumerate(items))
 
 
 def _essence(item: PlanItem) -> tuple[int, float, int, int]:

@@ -8,6 +8,7 @@ from gloc3.link.plan import Plan as Items
 from gloc3.link.plan import PlanItem, PlanResult
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
+from gloc3.plan_wire import from_wire, to_wire
 
 UNITS_PER_DEGREE: Final = 1e7
 RETURN_POINT, POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = range(5000, 5005)
@@ -55,7 +56,7 @@ def _judge_item(item: PlanItem) -> Verdict | None:
 
 def plan_of(items: Items, fence: Sequence[FenceArea]) -> Plan:
     """The plan that items of a mission, and a fence, stand for."""
-    return Plan(entries=tuple(Entry(items=(_mav_item(item),)) for item in items), fence=tuple(fence))
+    return Plan(entries=tuple(Entry(items=(from_wire(item),)) for item in items), fence=tuple(fence))
 
 
 def fence_of(items: Items) -> tuple[FenceArea, ...] | Verdict:
@@ -86,37 +87,9 @@ def fence_of(items: Items) -> tuple[FenceArea, ...] | Verdict:
 
 
 def items_of(found: Sequence[MavItem]) -> Items:
-    """Items as they are sent."""
-    return tuple(_plan_item(item) for item in found)
+    """Items as they are sent.
 
-
-def _mav_item(item: PlanItem) -> MavItem:
-    params = (item.param1, item.param2, item.param3, item.param4)
-    p1, p2, p3, p4 = (None if math.isnan(value) else value for value in params)
-    per_unit = 1.0 if item.frame == _FRAME_MISSION else UNITS_PER_DEGREE
-    return MavItem(
-        command=item.command,
-        frame=item.frame,
-        params=(p1, p2, p3, p4),
-        x=item.x / per_unit,
-        y=item.y / per_unit,
-        z=None if math.isnan(item.z) else item.z,
-        is_continued=item.autocontinue,
-        is_current=item.is_current,
-    )
-
-
-def _plan_item(item: MavItem) -> PlanItem:
-    p1, p2, p3, p4 = (math.nan if value is None else value for value in item.params)
-    per_unit = 1.0 if item.frame == _FRAME_MISSION else UNITS_PER_DEGREE
-    return PlanItem(
-        command=item.command,
-        frame=item.frame,
-        param1=p1,
-        param2=p2,
-        param3=p3,
-        param4=p4,
-        x=round((item.x or 0.0) * per_unit),
-        y=round((item.y or 0.0) * per_unit),
-        z=item.z or 0.0,
-    )
+    Raises:
+        Refused: one does not fit the wire.
+    """
+    return tuple(to_wire(item, f"item {number}") for number, item in enumerate(found))

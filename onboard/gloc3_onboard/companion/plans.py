@@ -244,10 +244,10 @@ class Plans:
         try:
             mission = read_mission(reply.text, "loaded mission", Surroundings.of(self._platform))
             plan, _ = from_mission(mission, "loaded mission")
+            items, fence = items_of(plan.items), items_of(plan.fence_items())
         except Gloc3Error:
             pass  # it is in a frame of its own, or does what no plan can tell: there is nothing to download
         else:
-            items, fence = items_of(plan.items), items_of(plan.fence_items())
             self._fence = plan.fence
         self.server.set_plan(PlanType.MISSION, items)
         self.server.set_plan(PlanType.FENCE, fence)

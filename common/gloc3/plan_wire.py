@@ -1,0 +1,72 @@
+"""Items of a plan between files, which count in degrees and metres, and the wire of the mission protocol."""
+
+import math
+import struct
+from typing import Final
+
+from gloc3.errors import Refused
+from gloc3.link.plan import PlanItem, units_per_degree
+from gloc3.mission.formats.items import MavItem
+
+_INT_MAX: Final = 2**31 - 1
+
+
+def to_wire(item: MavItem, where: str, *, is_current: bool = False) -> PlanItem:
+    """An item as it is sent: numbers in single precision, places in whole units of the frame.
+
+    Args:
+        item: as in a file.
+        where: what it is called in a refusal.
+        is_current: whether the plan begins there.
+
+    Raises:
+        Refused: a number does not fit the wire.
+    """
+    p1, p2, p3, p4 = (_single(param, where) for param in item.params)
+    scale = units_per_degree(item.frame)
+    return PlanItem(
+        command=item.command,
+        frame=item.frame,
+        is_current=is_current,
+        autocontinue=item.is_continued,
+        param1=p1,
+        param2=p2,
+        param3=p3,
+        param4=p4,
+        x=_whole(item.x, scale, where),
+        y=_whole(item.y, scale, where),
+        z=_single(item.z or 0.0, where),
+    )
+
+
+def from_wire(item: PlanItem) -> MavItem:
+    """An item as a file has it."""
+    scale = units_per_degree(item.frame)
+    values = (item.param1, item.param2, item.param3, item.param4)
+    p1, p2, p3, p4 = (None if math.isnan(value) else value for value in values)
+    return MavItem(
+        command=item.command,
+        frame=item.frame,
+        params=(p1, p2, p3, p4),
+        x=item.x / scale,
+        y=item.y / scale,
+        z=None if math.isnan(item.z) else item.z,
+        is_continued=item.autocontinue,
+        is_current=item.is_current,
+    )
+
+
+def _single(value: float | None, where: str) -> float:
+    if value is None:
+        return math.nan
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    except OverflowError:
+        raise Refused(f"{where}: {value:g} does not fit the wire") from None
+
+
+def _whole(value: float | None, scale: float, where: str) -> int:
+    number = round((value or 0.0) * scale)
+    if abs(number) > _INT_MAX:
+        raise Refused(f"{where}: {value:g} does not fit the wire")
+    return number

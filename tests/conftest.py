@@ -1,10 +1,14 @@
-"""What holds for all tests: searches by hypothesis and whatever looks at pictures or scans count as thorough; stations
-record into a folder of the tests' own.
+"""What holds for all tests: searches by hypothesis and whatever looks at pictures or scans count as thorough, and may
+take their time on a busy machine; stations record into a folder of the tests' own.
 """
 
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 
 @pytest.fixture(autouse=True, scope="session")

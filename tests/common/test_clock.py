@@ -43,7 +43,7 @@ def test_the_clock_of_a_real_loop_is_the_loops_time() -> None:
     asyncio.run(main())
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.integers(0, 5), min_size=1, max_size=30))
 def test_timers_run_in_order_of_time_and_at_one_moment_in_the_order_in_which_they_were_made(whens: list[int]) -> None:
     ran: list[tuple[int, int]] = []

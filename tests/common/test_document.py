@@ -151,7 +151,7 @@ def test_a_finding_can_be_made_about_any_value_or_key() -> None:
 
 
 @given(st.binary(max_size=60) | st.text(max_size=60) | st.text(alphabet="ab:-[]{}&*!?|>#'\"\n\t ,.0e~%@", max_size=60))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_any_bytes_give_a_document_or_findings(data: bytes | str) -> None:
     def outcome(kind: type) -> object:
         try:
@@ -177,6 +177,6 @@ JSON = st.recursive(
 
 
 @given(JSON)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_what_json_writes_is_read_as_it_was(value: object) -> None:
     assert parse(msgspec.json.encode(value), "f").value == value

@@ -41,7 +41,7 @@ def test_what_is_no_frame_is_not_sent(frame: GreyFrame) -> None:
         encode(frame)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.binary(min_size=17, max_size=200))
 def test_garbage_is_refused_at_once_and_never_waited_on(data: bytes) -> None:
     if data.startswith((MAGIC, SCAN_MAGIC)):

@@ -17,7 +17,7 @@ longitudes = st.floats(-180.0, 180.0)
 places = st.builds(GeoPoint, latitudes, longitudes, st.floats(-100.0, 5000.0))
 unit = st.floats(-1.0, 1.0)
 quaternions = st.tuples(unit, unit, unit, unit).filter(lambda q: sum(c * c for c in q) > 1e-3).map(frames.normalize)
-bounded = settings(max_examples=30, deadline=None)
+bounded = settings(max_examples=30)
 
 
 def near(a: tuple[float, ...], b: tuple[float, ...], tolerance: float) -> bool:

@@ -90,7 +90,7 @@ def test_an_inbox_that_was_taken_does_not_change() -> None:
     assert mailbox.take().latest(Ports.newest) is None
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.lists(st.sampled_from(["newest", "every", "take", "clear"]), max_size=40))
 def test_queues_are_bounded_and_what_is_dropped_is_counted(steps: list[str]) -> None:
     mailbox = Mailbox(list(ports_of(Ports)[0].values()))

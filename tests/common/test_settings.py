@@ -82,7 +82,7 @@ def test_a_component_without_settings_takes_none() -> None:
         load_settings(NoSettings, {"x": 1}, "plain")
 
 
-@hypothesis_settings(max_examples=30, deadline=None)
+@hypothesis_settings(max_examples=30)
 @given(st.dictionaries(st.sampled_from(["name", "exposure_s", "gain", "window", "mode", "other"]) | st.text(), PLAIN))
 def test_any_values_are_taken_or_refused_and_what_is_taken_is_within_its_bounds(values: dict[str, Any]) -> None:
     try:

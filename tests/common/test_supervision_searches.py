@@ -111,7 +111,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(STEPS)
 def test_in_any_course_of_events_at_most_one_with_the_same_outputs_is_not_quiet(
     steps: list[tuple[str, str, float]],
@@ -149,7 +149,7 @@ def test_in_any_course_of_events_at_most_one_with_the_same_outputs_is_not_quiet(
         assert all(pause_s > 0.19 for pause_s in pauses_s)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.sampled_from(NAMES), min_size=1, max_size=3), st.floats(0.0, 10.0))
 def test_while_one_of_a_group_can_work_one_does_and_there_is_no_verdict(names: list[str], pause_s: float) -> None:
     fleet = Fleet()

@@ -39,7 +39,7 @@ ENVELOPES = st.sampled_from(TYPES).flatmap(structures).map(envelope_of)
 
 @pytest.mark.parametrize("kind", TYPES, ids=lambda kind: kind.__name__)
 def test_every_registered_message_comes_back_as_it_was(kind: type[Message]) -> None:
-    @settings(max_examples=4, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=4, derandomize=True, database=None)
     @given(
         structures(kind),
         st.floats(allow_nan=False),
@@ -53,7 +53,7 @@ def test_every_registered_message_comes_back_as_it_was(kind: type[Message]) -> N
     check()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(ENVELOPES, st.data())
 def test_damaged_bytes_are_refused_and_never_raise_anything_else(envelope: Envelope[Any], data: st.DataObject) -> None:
     raw = bytearray(REGISTRY.encode(envelope))
@@ -71,13 +71,13 @@ def test_damaged_bytes_are_refused_and_never_raise_anything_else(envelope: Envel
     decode(bytes(raw))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.binary(max_size=200))
 def test_any_bytes_are_refused_and_never_raise_anything_else(raw: bytes) -> None:
     decode(raw)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.sampled_from(TYPES),
     st.recursive(

@@ -66,7 +66,7 @@ def test_a_line_across_from_far_away_is_drawn_where_it_passes() -> None:
     assert dots(canvas) == {(x, 6) for x in range(20)}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(-40, 80), st.floats(-40, 60)), min_size=2, max_size=2))
 def test_a_clipped_line_is_the_part_of_the_whole_one(ends: list[tuple[float, float]]) -> None:
     shift = np.array((40.0, 40.0))

@@ -92,7 +92,7 @@ def test_a_search_in_slices_finds_what_a_filter_lets_through_oldest_first(wanted
     assert search.share == 1.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.text(max_size=12), max_size=30), st.text(max_size=3))
 def test_any_text_is_found_whatever_it_is_made_of(texts: list[str], wanted: str) -> None:
     store = EventStore(tempfile.TemporaryFile())  # noqa: SIM115

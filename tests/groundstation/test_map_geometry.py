@@ -132,7 +132,7 @@ def test_what_cannot_be_placed_is_left_out(text: str) -> None:
     assert found is None or found.ways == ()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.floats(-500, 500), st.floats(-500, 500), st.floats(0.01, 100), st.sampled_from([0.0, 90.0, 180.0, 270.0, 33.0])
 )

@@ -78,7 +78,7 @@ def test_a_long_mission_is_given_time_before_it_is_asked_about() -> None:
     assert requests.next_tick_s() == PATIENCE_S + 20.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(0.1, 3.0), st.sampled_from(["lose", *Outcome])), max_size=12))
 def test_every_request_ends_exactly_once_in_time_whatever_is_answered(script: list[tuple[float, str]]) -> None:
     requests = Requests("255", 5)

@@ -61,7 +61,7 @@ class Followed:
         return found
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(1, 40), st.integers(0, 300))
 def test_a_ring_holds_the_last_rows_in_order(most: int, count: int) -> None:
     ring = Ring(2, most)

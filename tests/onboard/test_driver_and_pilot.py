@@ -344,7 +344,7 @@ def test_a_standby_finishes_the_take_off_of_its_primary(style: str) -> None:
 modes = st.sampled_from(list(FlightMode))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.tuples(modes, st.booleans(), st.integers(1, 12)), min_size=1, max_size=6), st.booleans())
 def test_nothing_is_ever_sent_while_the_pilot_has_control(
     events: list[tuple[FlightMode, bool, int]], is_px4: bool

@@ -129,7 +129,7 @@ def test_records_of_another_version_do_not_keep_it_from_starting() -> None:
     assert not journal.begin(request(1)).is_new
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 400), st.integers(0, 2), st.sampled_from(["a", "b"]), st.integers(0, 9))))
 def test_no_request_ever_runs_twice(steps: list[tuple[int, int, str, int]]) -> None:
     store = MemoryRecords()

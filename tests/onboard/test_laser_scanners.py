@@ -209,7 +209,7 @@ def test_replies_survive_being_cut_anywhere_and_are_decoded() -> None:
         assert list(measured.ranges_mm) == ranges()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2200), st.integers(0, 255))
 def test_no_damage_to_a_turn_is_taken_for_another_distance(place: int, byte: int) -> None:
     good = turn(5, ranges())

@@ -258,7 +258,7 @@ fences = st.sampled_from(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(fences, st.lists(st.tuples(places, st.integers(1, 40), st.floats(0.01, 0.12)), min_size=1, max_size=6))
 def test_whatever_is_asked_fence_speed_and_acceleration_are_kept(
     fence: Fence, wishes: list[tuple[Vector3, int, float]]
@@ -282,7 +282,7 @@ def test_whatever_is_asked_fence_speed_and_acceleration_are_kept(
             at, velocity = place, (moved[0], moved[1], moved[2])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(fences, places, places)
 def test_from_anywhere_it_never_gets_farther_outside(fence: Fence, start: Vector3, wish: Vector3) -> None:
     stream = Stream(replace(LIMITS, fence=fence), start)

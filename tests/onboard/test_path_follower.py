@@ -211,7 +211,7 @@ def test_a_short_way_off_it_only_begins_again_from_rest() -> None:
 points = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-6, -1))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(points, min_size=1, max_size=4),
     st.floats(0.4, 4.0),

@@ -212,7 +212,7 @@ def test_a_shadow_that_begins_in_flight_is_no_takeover() -> None:
 modes = st.sampled_from(list(FlightMode))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.booleans(), modes), max_size=12))
 def test_no_mode_that_was_never_commanded_is_ever_taken_for_ours(events: list[tuple[bool, FlightMode]]) -> None:
     story = in_flight(HOLD)

@@ -39,7 +39,7 @@ def test_a_file_torn_at_any_byte_gives_the_records_before_and_takes_new_ones(tmp
     assert file.load() == [*RECORDS[:3], b"next"]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 400), st.integers(1, 255))
 def test_a_damaged_byte_never_gives_another_record(
     tmp_path_factory: pytest.TempPathFactory, at: int, flip: int

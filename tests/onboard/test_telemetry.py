@@ -46,7 +46,7 @@ def test_a_slow_clock_is_followed() -> None:
         assert abs(t_s - step * 0.25) < 0.02
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.floats(0.0, 0.5), st.integers(1, 200)), min_size=2, max_size=30))
 def test_nothing_is_ever_valid_later_than_it_was_heard(messages: list[tuple[float, int]]) -> None:
     clock = BootClock()

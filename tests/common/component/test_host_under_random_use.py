@@ -200,7 +200,7 @@ class HostMachine(RuleBasedStateMachine):
         assert not lost, f"never answered: {lost}"
 
 
-HostMachine.TestCase.settings = settings(max_examples=25, stateful_step_count=25, deadline=None, derandomize=True)
+HostMachine.TestCase.settings = settings(max_examples=25, stateful_step_count=25, derandomize=True)
 
 
 TestHostUnderRandomUse = HostMachine.TestCase

@@ -14,7 +14,7 @@ from gloc3.guard import guard
 from gloc3.workers import InlineWorker, ThreadWorker
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.sampled_from([0.0, 0.1, 0.25]), st.sampled_from([0.0, 0.1, 0.4])), max_size=12))
 def test_inline_jobs_run_one_after_the_other_and_end_after_their_cost(jobs: list[tuple[float, float]]) -> None:
     ended: list[tuple[int, float]] = []

@@ -114,7 +114,7 @@ words = st.one_of(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.lists(words, max_size=12), st.sampled_from(CalibrationKind))
 def test_no_text_brings_it_out_of_order(said: list[str], kind: CalibrationKind) -> None:
     calibration = begun(kind)
@@ -127,7 +127,7 @@ def test_no_text_brings_it_out_of_order(said: list[str], kind: CalibrationKind) 
     assert len(ends) <= 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.one_of(

@@ -300,7 +300,7 @@ def test_sessions_are_bounded_belong_to_their_owner_and_expire(folder: Path) -> 
     assert server.sessions == 1, "the stranger's"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.lists(
         st.tuples(

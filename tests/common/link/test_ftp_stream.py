@@ -43,7 +43,7 @@ def test_what_is_too_much_to_be_kept_is_turned_down_but_never_what_is_next() -> 
     assert order.put(16, b"g")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.permutations(range(12)), st.lists(st.integers(0, 11), max_size=8), st.integers(2, 60))
 def test_any_order_with_repetitions_gives_the_file(places: list[int], again: list[int], room: int) -> None:
     content = bytes(range(60))

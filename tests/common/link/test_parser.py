@@ -51,7 +51,7 @@ garbage = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     parts=st.lists(st.one_of(garbage, st.sampled_from(GOOD)), max_size=12),
     cuts=st.lists(st.integers(0, 4000), max_size=6),
@@ -72,7 +72,7 @@ def test_no_good_frame_is_lost_behind_garbage_and_every_byte_is_accounted_for(
         frame.decode()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(before=garbage, after=garbage, good=st.sampled_from(GOOD))
 def test_a_datagram_gives_its_good_frame_whatever_is_around_it(before: bytes, after: bytes, good: bytes) -> None:
     parser = codec.Parser(is_datagram=True)
@@ -80,7 +80,7 @@ def test_a_datagram_gives_its_good_frame_whatever_is_around_it(before: bytes, af
     assert raws(parser.receive(good)) == [good], "nothing is carried over from one datagram to the next"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.binary(max_size=400), max_size=4))
 def test_anything_at_all_is_survived(datagrams: list[bytes]) -> None:
     for parser in (codec.Parser(), codec.Parser(is_datagram=True)):

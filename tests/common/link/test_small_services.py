@@ -110,7 +110,7 @@ def test_wanted_streams_are_asked_for_and_asked_again_after_a_restart() -> None:
     assert SET_MESSAGE_INTERVAL == 511
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=300), st.randoms())
 def test_texts_of_any_length_and_order_arrive_whole(text: str, chance: random.Random) -> None:
     sender, receiver = StatusTextSender(VEHICLE), StatusTextReceiver(STATION)

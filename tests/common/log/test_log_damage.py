@@ -131,7 +131,7 @@ def test_a_file_that_is_not_there_is_named(file: Path) -> None:
         LogReader(file)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=400), st.integers(0, len(FINISHED)), st.integers(0, 300))
 def test_no_bytes_whatever_break_the_reader(noise: bytes, at: int, skipped: int) -> None:
     scan = Scan(MAGIC + (FINISHED[len(MAGIC) : at] + noise + FINISHED[at + skipped :]))

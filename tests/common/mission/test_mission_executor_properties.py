@@ -201,6 +201,4 @@ class Flights(RuleBasedStateMachine):
 
 
 TestFlights = Flights.TestCase
-TestFlights.settings = settings(
-    max_examples=40, stateful_step_count=25, deadline=None, suppress_health_check=list(HealthCheck)
-)
+TestFlights.settings = settings(max_examples=40, stateful_step_count=25, suppress_health_check=list(HealthCheck))

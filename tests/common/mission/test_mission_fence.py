@@ -81,7 +81,7 @@ POINT = st.tuples(COORDINATE, COORDINATE)
 
 
 @given(POINT, POINT, st.sampled_from([L_SHAPE, ROUND]))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_no_point_of_a_leg_has_less_clearance_than_the_leg(
     start: tuple[float, float], end: tuple[float, float], area: Area
 ) -> None:

@@ -290,7 +290,7 @@ PLANS = st.builds(
 
 
 @given(PLANS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_plan_is_read_as_it_was_written(plan: Plan) -> None:
     again = read_plan(write_plan(plan), "f")
     assert (again.items, again.fence, again.rally) == (plan.items, plan.fence, plan.rally)
@@ -299,7 +299,7 @@ def test_any_plan_is_read_as_it_was_written(plan: Plan) -> None:
 
 
 @given(st.binary(max_size=80), st.integers(0, 1500), st.text(alphabet='{}[]",:0-19aen\n\t ', max_size=5))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_bytes_are_read_or_refused(noise: bytes, place: int, middle: str) -> None:
     text = json.dumps(PLAN)
     for read, data in (

@@ -229,14 +229,14 @@ def mission_texts(draw: st.DrawFn) -> str:
 
 
 @given(mission_texts())
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_any_mission_is_written_and_read_again_equal(text: str) -> None:
     mission = read_mission(text, "m", EAST)
     assert read_mission(write_mission(mission), "w", EAST) == mission
 
 
 @given(st.integers(0, len(DESIGN)), st.integers(0, 30), st.text(alphabet="{}[]:,- \nab019.'", max_size=4))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_damaged_missions_are_read_or_refused_with_findings(start: int, length: int, middle: str) -> None:
     damaged = DESIGN[:start] + middle + DESIGN[start + length :]
     try:

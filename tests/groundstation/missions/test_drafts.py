@@ -68,7 +68,7 @@ def test_a_bad_file_is_shown_with_what_is_wrong_in_it(tmp_path: Path, name: str,
     assert not draft.is_changed
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(data=st.binary(max_size=300), suffix=st.sampled_from([".yaml", ".plan", ".waypoints"]))
 def test_no_bytes_make_opening_fail(tmp_path_factory: pytest.TempPathFactory, data: bytes, suffix: str) -> None:
     file = tmp_path_factory.getbasetemp() / f"any{suffix}"

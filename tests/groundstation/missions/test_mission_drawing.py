@@ -98,7 +98,7 @@ names = st.integers(0, 9).map(lambda number: f"n{number}")
 orders = st.dictionaries(names, st.lists(names, max_size=4), max_size=10)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(before=orders)
 def test_any_order_with_cycles_and_unknown_names_too_is_drawn_with_each_item_once(before: dict[str, list[str]]) -> None:
     order = reduced(before)
@@ -121,7 +121,7 @@ def test_any_order_with_cycles_and_unknown_names_too_is_drawn_with_each_item_onc
 INSPECTION = find_mission("inspection").read_text()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     place=st.integers(0, len(INSPECTION) - 1),
     removed=st.integers(0, 30),

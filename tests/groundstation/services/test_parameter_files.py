@@ -115,7 +115,7 @@ parameters = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(parameters, min_size=1, max_size=8, unique_by=lambda one: one.name), st.sampled_from(ParameterFormat))
 def test_what_is_written_is_read_as_the_same(rows: list[Parameter], form: ParameterFormat) -> None:
     text = write_parameter_file(rows, form, Address(1, 1), ["PX4, system 1"])
@@ -126,7 +126,7 @@ def test_what_is_written_is_read_as_the_same(rows: list[Parameter], form: Parame
         assert parameter(row.name, found[row.name].value, row.type) == row
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.one_of(st.binary(max_size=80), st.text(max_size=80).map(str.encode)))
 def test_no_input_is_worse_than_findings(data: bytes) -> None:
     with suppress(InputError):

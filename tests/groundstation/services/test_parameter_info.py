@@ -91,7 +91,7 @@ json = st.recursive(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(json)
 def test_no_json_is_worse_than_a_finding(value: object) -> None:
     for data in ({"parameters": [value], "X": value}, {"X": value}):

@@ -131,7 +131,7 @@ items = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(items, min_size=1, max_size=6), st.sampled_from(Firmware))
 def test_every_plan_is_the_same_after_a_round_trip(rows: list[MavItem], firmware: Firmware) -> None:
     plan = plan_of(*rows, home=(1.0, 2.0, 3.0))

@@ -82,7 +82,7 @@ def test_each_form_is_read_as_it_is(form: str, tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 1000), st.integers(0, 30), st.sampled_from(PIECES))
 def test_a_damaged_file_is_read_or_refused(form: str, tmp_path: Path, place: int, length: int, piece: str) -> None:
     text = FORMS[form]
@@ -94,7 +94,7 @@ def test_a_damaged_file_is_read_or_refused(form: str, tmp_path: Path, place: int
 
 
 @pytest.mark.thorough
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sampled_from(["ground_camera", "laser", "imu", "stereo_camera", "x"]), st.text(max_size=60))
 @example("laser", "hokuyo://[::1:5?yaw_deg=1e400#%zz")
 @example("laser", "carmen://a?max_m=%00")

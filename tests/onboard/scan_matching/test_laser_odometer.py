@@ -232,7 +232,7 @@ def test_somewhere_else_it_gives_up_and_begins_anew() -> None:
 
 
 @pytest.mark.thorough
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(st.floats(-1.0, 60.0, width=32) | st.just(nan) | st.just(inf), st.integers(0, 360)), max_size=12

@@ -70,7 +70,7 @@ def tunnel(payload: bytes, target: Address = EVERYBODY) -> MavlinkMessage:
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(frame=any_frame, boot=st.integers(0, (1 << 32) - 1))
 def test_every_frame_is_read_back_as_it_was_written(frame: TunnelFrame, boot: int) -> None:
     payload = frame.encode(boot)
@@ -93,7 +93,7 @@ garbage = st.one_of(
 senders = st.sampled_from([STATION, Address(254, 190), Address(1, 191), Address(3, 191)])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(payloads=st.lists(st.tuples(garbage, senders), max_size=12), role=st.sampled_from(Role))
 def test_garbage_is_counted_and_never_an_exception(payloads: list[tuple[bytes, Address]], role: Role) -> None:
     own = Address(1, 191) if role is Role.PLATFORM else STATION

@@ -52,7 +52,7 @@ lines = st.lists(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(lines=lines)
 def test_every_row_crosses_in_frames_that_stand_for_themselves(lines: list[ComponentLine]) -> None:
     sender = StatusSender(Counters())
@@ -122,7 +122,7 @@ def test_the_summary_and_the_others_take_turns() -> None:
     assert kinds[:4] == [SummaryRows, Status, SummaryRows, Status]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(letters=st.integers(150, 1500), seed=st.integers(0, 99))
 def test_a_long_message_arrives_although_any_one_of_its_parts_is_lost(letters: int, seed: int) -> None:
     random, message = Random(seed), mission(letters)

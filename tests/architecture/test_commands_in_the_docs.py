@@ -42,7 +42,8 @@ def what_is_wrong_with(command: str) -> str:
     if app.default_command is None:  # type: ignore[attr-defined]
         return words[0] if words and words[0].islower() else ""
     options = {one for argument in app.assemble_argument_collection() for one in argument.names}  # type: ignore[attr-defined]
-    return next((word for word in words if word.startswith("--") and word not in {*options, "--help"}), "")
+    given = (word.partition("=")[0] for word in words)
+    return next((word for word in given if word.startswith("--") and word not in {*options, "--help"}), "")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

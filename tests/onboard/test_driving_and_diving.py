@@ -7,7 +7,7 @@ import pytest
 
 from gloc3.ci import Outcome, Steer, Verb
 
-from .vehicle_peer import RoverPeer, SubPeer
+from .vehicle_peer import RoverPeer, SubPeer, VehiclePeer
 from .vehicle_stack import VehicleStack
 
 MISSION = """\
@@ -44,27 +44,27 @@ def dive() -> str:
 
 
 @pytest.fixture
-def rover() -> Iterator[VehicleStack]:
+def rover() -> Iterator[VehicleStack[VehiclePeer]]:
     stack = VehicleStack("rover", RoverPeer, {**WELL, "FS_ACTION": 2})
     yield stack
     stack.close()
 
 
 @pytest.fixture
-def submarine() -> Iterator[VehicleStack]:
+def submarine() -> Iterator[VehicleStack[VehiclePeer]]:
     stack = VehicleStack("submarine", SubPeer, {**WELL, "FS_EKF_ACTION": 0, "FS_PILOT_INPUT": 0})
     yield stack
     stack.close()
 
 
-def begun(stack: VehicleStack, text: str) -> None:
+def begun(stack: VehicleStack[VehiclePeer], text: str) -> None:
     stack.wait(6.0)
     stack.upload(text)
     stack.steer(Verb.START)
     stack.until(lambda: "box running" in "\n".join(stack.events), 40.0, "it is on its way")
 
 
-def test_a_rover_drives_off_pauses_resumes_stops_and_is_disarmed(rover: VehicleStack) -> None:
+def test_a_rover_drives_off_pauses_resumes_stops_and_is_disarmed(rover: VehicleStack[VehiclePeer]) -> None:
     begun(rover, drive())
     rover.wait(3.0)
     assert rover.last("ci/vehicle").landed == "under_way", "a rover is not in the air"
@@ -82,7 +82,7 @@ def test_a_rover_drives_off_pauses_resumes_stops_and_is_disarmed(rover: VehicleS
     assert not rover.last("driver").has_pilot_control
 
 
-def test_a_submarine_dives_pauses_resumes_surfaces_and_is_disarmed(submarine: VehicleStack) -> None:
+def test_a_submarine_dives_pauses_resumes_surfaces_and_is_disarmed(submarine: VehicleStack[VehiclePeer]) -> None:
     begun(submarine, dive())
     assert submarine.peer.position[2] == pytest.approx(4.0, abs=0.3)
     submarine.wait(4.0)

@@ -4,12 +4,12 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from random import Random
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from gloc3.ci import CiEvent, CiReply, Outcome, Steer, Verb
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange
-from gloc3.link.memory import Conditions, MemoryLink
+from gloc3.link.memory import Conditions, MemoryEnd, MemoryLink
 from gloc3.messages import Envelope
 from gloc3.platform import load_platform
 from gloc3.topics import TopicTable
@@ -25,16 +25,17 @@ from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.sim_devices import NoCamera
 
-from .vehicle_peer import VehiclePeer
-
 T = TypeVar("T")
+PeerT_co = TypeVar("PeerT_co", covariant=True)
+MakePeer = Callable[[VirtualLoop, MemoryEnd, tuple[float, float, float], dict[str, int]], PeerT_co]
+"""Of the loop, the autopilot's end of the cable, the place on Earth, and parameters that differ from the defaults."""
 STATION = "255"
 
 
-class VehicleStack:
+class VehicleStack(Generic[PeerT_co]):
     """A platform by name, and a vehicle of the given kind."""
 
-    def __init__(self, platform: str, kind: type[VehiclePeer], parameters: dict[str, int]) -> None:
+    def __init__(self, platform: str, kind: MakePeer[PeerT_co], parameters: dict[str, int]) -> None:
         self.runner = asyncio.Runner(loop_factory=VirtualLoop)
         loop = self.runner.get_loop()
         assert isinstance(loop, VirtualLoop)

@@ -38,7 +38,8 @@ class Px4Bridge:
     """Steps a vehicle for PX4.
 
     Until the first HIL_ACTUATOR_CONTROLS the time runs freely, since PX4 boots by it. From then on there is a step only
-    when the last one has been answered. A PX4 that says that it is not built for lock-step is not waited for.
+    when the last one has been answered, by a message whose time has gone on since the one before: PX4's time is that of
+    HIL_SENSOR. A PX4 that says that it is not built for lock-step is not waited for.
 
     Args:
         body: the vehicle; `RATE_HZ` steps a second.
@@ -50,6 +51,8 @@ class Px4Bridge:
         """Steps since PX4 has connected."""
         self.answers = 0
         """HIL_ACTUATOR_CONTROLS since then."""
+        self.repeats = 0
+        """Those of them whose time had not gone on: they answer nothing, and move nothing."""
         self.is_armed = False
         """What the last of them says."""
         self._body: Final = body
@@ -60,8 +63,9 @@ class Px4Bridge:
         """A PX4 has connected: it, and the vehicle with it, begin anew."""
         if self.steps:
             self._body.restart()
-        self.steps = self.answers = 0
+        self.steps = self.answers = self.repeats = 0
         self.is_armed = False
+        self._answered_us = -1
         self._parser = Parser()
         self._encoder = Encoder(_SYSTEM, _COMPONENT)
         self._throttles: Sequence[float] = _STANDING_STILL
@@ -98,9 +102,14 @@ class Px4Bridge:
         match message.name:
             case "HIL_ACTUATOR_CONTROLS":
                 self.answers += 1
+                is_in_step = bool(message.flags & _LOCK_STEP_FLAG)
+                if is_in_step and message.time_usec <= self._answered_us:
+                    self.repeats += 1
+                    return
+                self._answered_us = message.time_usec
                 self.is_armed = bool(message.mode & codec.enums.MAV_MODE_FLAG_SAFETY_ARMED)
                 self._throttles = message.controls[:MOTORS]
-                self._is_in_step = bool(message.flags & _LOCK_STEP_FLAG)
+                self._is_in_step = is_in_step
                 self._is_waiting = False
             case "COMMAND_LONG" if message.command == _SET_MESSAGE_INTERVAL and round(message.param1) == _HIL_STATE:
                 every_us = message.param2

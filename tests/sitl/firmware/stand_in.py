@@ -2,7 +2,7 @@
 
     stand_in.py ardupilot --sim-port-out PORT …      stand_in.py px4 -i INSTANCE …
 
-That of PX4 does not hear SIGTERM, as ArduPilot does not while it waits for physics.
+That of PX4 flies, by the embedded autopilot. It does not hear SIGTERM, as ArduPilot does not while it waits for physics.
 """
 
 import json
@@ -23,7 +23,9 @@ def main(words: list[str]) -> None:
         given = dict(zip(arguments[::2], arguments[1::2], strict=True))
         ardupilot(int(given["--sim-port-out"]), int(given["--serial0"].rpartition(":")[2]))
     elif kind == "px4":
-        px4(4560 + int(arguments[arguments.index("-i") + 1]))
+        named = "PX4_PARAM_"
+        values = {name.removeprefix(named): float(value) for name, value in told.items() if name.startswith(named)}
+        px4(int(arguments[arguments.index("-i") + 1]), values)
     else:
         sys.exit("stand-in: Failed to find location")
 
@@ -54,14 +56,35 @@ def ardupilot(port: int, line_port: int) -> None:
                 continue
 
 
-def px4(port: int) -> None:
+def px4(instance: int, parameters: dict[str, float]) -> None:
+    """Flies, and sends to a companion, on the ports that PX4's own start script has for this instance."""
+    from tests.sitl.firmware.embedded_px4 import EmbeddedPx4
     from tests.sitl.firmware.px4_peer import Px4Peer
 
-    peer = Px4Peer()
-    with socket.create_connection(("127.0.0.1", port)) as link:
+    there = ("127.0.0.1", 14540 + instance)
+    with (
+        socket.create_connection(("127.0.0.1", 4560 + instance)) as link,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line,
+    ):
+        line.bind(("127.0.0.1", 14580 + instance))
+        line.setblocking(False)
+        autopilot = EmbeddedPx4(lambda data: send(line, data, there))
+        store = autopilot.autopilot.parameters
+        for name in parameters.keys() & store.rows.keys():
+            store.set(name, parameters[name])
+        peer = Px4Peer(control=autopilot)
         link.sendall(peer.greet())
         while data := link.recv(4096):
+            with suppress(BlockingIOError, ConnectionRefusedError):
+                while True:
+                    autopilot.hear(line.recv(2048))
             link.sendall(peer.take(data))
+
+
+def send(line: socket.socket, data: bytes, there: tuple[str, int]) -> None:
+    """Sends a datagram, whether anybody listens or not."""
+    with suppress(ConnectionRefusedError, BlockingIOError):
+        line.sendto(data, there)
 
 
 if __name__ == "__main__":

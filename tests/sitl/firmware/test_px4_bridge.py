@@ -118,6 +118,24 @@ def test_a_px4_without_lock_step_is_not_waited_for() -> None:
     assert bridge.is_due
 
 
+def test_an_answer_that_comes_twice_or_late_makes_no_step_and_moves_nothing() -> None:
+    bridge, _ = make()
+    peer = Px4Peer(boot_steps=0, control=lambda peer: [0.0] * 4)
+    first = peer.take(bridge.step())
+    bridge.receive(first)
+    peer.is_armed = False
+    second = peer.take(bridge.step())
+    bridge.receive(first)
+    assert not bridge.is_due, "it answers the step before"
+    bridge.receive(second + first)
+    assert bridge.is_due
+    assert not bridge.is_armed
+    bridge.step()
+    bridge.receive(second)
+    assert not bridge.is_due, "and the next step is not answered in advance"
+    assert (bridge.steps, bridge.answers, bridge.repeats) == (3, 5, 3)
+
+
 def test_a_px4_that_connects_anew_finds_the_vehicle_at_home_at_time_0() -> None:
     bridge, body = make()
     run(bridge, Px4Peer(control=lambda peer: [0.8] * 4), 2 * RATE_HZ)

@@ -20,7 +20,7 @@ from gloc3.mission.messages import ActionStatus
 from gloc3.perception import Features, FusionState, ImuSample, LaserScan, Odometry, PositionFix
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
-from gloc3.topics import TopicRow
+from gloc3.topics import Service, TopicRow
 from gloc3.vehicle import (
     AutopilotPose,
     AutopilotState,
@@ -50,7 +50,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "autopilot_setup": TopicRow(AutopilotSetup, 0.2),
     "computer": TopicRow(ComputerState, 1.0),
     "obstacles": TopicRow(ObstacleScan, 5.0),
-    "camera/*": TopicRow(Image, 15.0, is_logged=False),
+    "camera/*": TopicRow(Image, 15.0, is_logged=False, service=Service.BULK),
     "imu": TopicRow(ImuSample, 100.0, is_logged=False),
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     # processors
@@ -58,42 +58,42 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "odometry/*": TopicRow(Odometry, 10.0),
     "position_fix/*": TopicRow(PositionFix, 10.0),
     "fusion/*": TopicRow(FusionState, 2.0),
-    "pose": TopicRow(Pose, 20.0, silent_after=3.0),
+    "pose": TopicRow(Pose, 20.0, silent_after=3.0, service=Service.CONTROL),
     # controllers: each has a topic of its own, the limiter takes them all
-    "setpoint_wanted/*": TopicRow(Setpoint, 20.0),
-    "manoeuvre_wanted/*": TopicRow(Manoeuvre),
-    "setpoint": TopicRow(Setpoint, 20.0),
-    "manoeuvre": TopicRow(Manoeuvre),
-    "action_status/*": TopicRow(ActionStatus),
+    "setpoint_wanted/*": TopicRow(Setpoint, 20.0, service=Service.CONTROL),
+    "manoeuvre_wanted/*": TopicRow(Manoeuvre, service=Service.COMMAND),
+    "setpoint": TopicRow(Setpoint, 20.0, service=Service.CONTROL),
+    "manoeuvre": TopicRow(Manoeuvre, service=Service.COMMAND),
+    "action_status/*": TopicRow(ActionStatus, service=Service.COMMAND),
     "image_recorded": TopicRow(ImageRecorded),
     # drivers
     "driver": TopicRow(DriverState, 5.0),
     "autopilot_fence": TopicRow(FenceState, 1.0),
     # the command interface server, towards the components
-    "motion/grant": TopicRow(MotionGrant, 5.0),
+    "motion/grant": TopicRow(MotionGrant, 5.0, service=Service.COMMAND),
     "motion/limits": TopicRow(MotionLimits),
     "motion/home": TopicRow(Home),
     "motion/geofence": TopicRow(GeoFence),
-    "motion/emergency": TopicRow(EmergencyDisarm),
-    "motion/take_over": TopicRow(TakeOver),
+    "motion/emergency": TopicRow(EmergencyDisarm, service=Service.COMMAND),
+    "motion/take_over": TopicRow(TakeOver, service=Service.COMMAND),
     "read_setup": TopicRow(ReadSetup),
     "preflight": TopicRow(PreflightReport),
     # the command interface server, towards the stations
-    "ci/request": TopicRow(CiRequest),
+    "ci/request": TopicRow(CiRequest, service=Service.COMMAND),
     "ci/heard": TopicRow(StationHeard, is_logged=False),
-    "ci/reply": TopicRow(CiReply),
+    "ci/reply": TopicRow(CiReply, service=Service.COMMAND),
     "ci/summary": TopicRow(Summary, 2.0, downlink_every=1),
     "ci/table": TopicRow(ComponentTable),
     "ci/trouble": TopicRow(ComponentTrouble),
     "ci/vehicle": TopicRow(VehicleSummary, 2.0, downlink_every=1),
     "ci/motion": TopicRow(MotionSummary, 2.0, downlink_every=1),
     "ci/site": TopicRow(SiteSummary, 0.5, downlink_every=1),
-    "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1),
-    "ci/control": TopicRow(ControlState, 1.0, downlink_every=1),
+    "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1, service=Service.REPORT),
+    "ci/control": TopicRow(ControlState, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/event": TopicRow(CiEvent),
     # the viewer, towards the stations that look
-    "watch/sample/**": TopicRow(Sample, is_logged=False),
-    "watch/large/**": TopicRow(Sample, is_logged=False),
+    "watch/sample/**": TopicRow(Sample, is_logged=False, service=Service.BULK),
+    "watch/large/**": TopicRow(Sample, is_logged=False, service=Service.BULK),
     "watch/activity": TopicRow(TopicActivity, is_logged=False),
 }
 

@@ -1,6 +1,7 @@
 """Topics as rows of data: one rate drives pacing, liveness, the log's budget and the downlink."""
 
 from collections.abc import Iterator, Mapping
+from enum import StrEnum
 from fnmatch import fnmatchcase
 from importlib.metadata import entry_points
 from math import inf
@@ -22,6 +23,21 @@ from gloc3.messages import (
 from gloc3.wire import TypeRegistry
 
 
+class Service(StrEnum):
+    """How a topic travels between processes."""
+
+    COMMAND = "command"
+    """Everything arrives, before everything else."""
+    REPORT = "report"
+    """Everything arrives."""
+    CONTROL = "control"
+    """In real time: what cannot leave at once is dropped, the next is newer."""
+    STREAM = "stream"
+    """The same, behind commands."""
+    BULK = "bulk"
+    """Large: it leaves when nothing else does, or is dropped."""
+
+
 class TopicRow(msgspec.Struct, frozen=True):
     """What the system knows of a topic."""
 
@@ -33,6 +49,13 @@ class TopicRow(msgspec.Struct, frozen=True):
     """Every n-th message goes to the stations; 0 for none."""
     silent_after: float = 10.0
     """The topic is *silent* when nothing came for so many nominal periods."""
+    service: Service | None = None
+    """None is a stream for topics with a rate, and a report for others."""
+
+    @property
+    def travels(self) -> Service:
+        """How the topic travels between processes."""
+        return self.service or (Service.STREAM if self.rate_hz else Service.REPORT)
 
     def is_alive(self, age_s: float) -> bool:
         """Whether a topic whose last message is so old still counts as alive."""
@@ -45,11 +68,11 @@ class TopicRow(msgspec.Struct, frozen=True):
 
 
 GENERIC: Final[Mapping[str, TopicRow]] = {
-    "components/*/status": TopicRow(ComponentStatus, 1.0),
-    "components/*/command": TopicRow(CommandRequest),
-    "components/*/reply": TopicRow(CommandReply),
-    "components/*/function": TopicRow(FunctionRequest),
-    "components/*/function_reply": TopicRow(FunctionReply),
+    "components/*/status": TopicRow(ComponentStatus, 1.0, service=Service.REPORT),
+    "components/*/command": TopicRow(CommandRequest, service=Service.COMMAND),
+    "components/*/reply": TopicRow(CommandReply, service=Service.COMMAND),
+    "components/*/function": TopicRow(FunctionRequest, service=Service.COMMAND),
+    "components/*/function_reply": TopicRow(FunctionReply, service=Service.COMMAND),
     "components/*/event": TopicRow(Event),
     "components/*/internal": TopicRow(InternalState),
 }

@@ -15,6 +15,13 @@ Unsubscribe = Callable[[], None]
 class Exchange(Protocol):
     """Publish, subscribe and liveliness. Request and reply are a layer on top: `gloc3.exchange.request`."""
 
+    @property
+    def here(self) -> "Exchange":
+        """What passes inside this process: what it publishes, and what came in because somebody here asked for it.
+
+        Who wants to see everything, such as a recorder, listens here, and so draws nothing from elsewhere.
+        """
+
     def publish(self, envelope: Envelope[Any]) -> None:
         """Sends a message to everyone who subscribed to its topic. Never blocks."""
 

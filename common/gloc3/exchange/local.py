@@ -25,6 +25,11 @@ class LocalExchange:
         self._waiting: deque[Envelope[Any]] = deque()
         self._is_delivering = False
 
+    @property
+    def here(self) -> "LocalExchange":
+        """Itself: nothing is elsewhere."""
+        return self
+
     def publish(self, envelope: Envelope[Any]) -> None:
         """Hands a message to every subscriber of its topic, at once.
 

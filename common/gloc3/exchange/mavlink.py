@@ -47,7 +47,8 @@ class MavlinkExchange:
         self.endpoint: Final = endpoint
         self._loop = loop
         self._send = send
-        self._here = LocalExchange()
+        self.here: Final = LocalExchange()
+        """What passes at this end."""
         self._own_tokens: dict[str, int] = {}
         self._peer_tokens: dict[str, list[Unsubscribe]] = {}
         self._listeners: list[Callable[[Happening], None]] = []
@@ -61,13 +62,13 @@ class MavlinkExchange:
 
     def publish(self, envelope: Envelope[Any]) -> None:
         """Sends a message to subscribers here and, if its topic crosses the link, at the other end."""
-        self._here.publish(envelope)
+        self.here.publish(envelope)
         self.endpoint.publish(envelope, self._loop.time())
         self._wake()
 
     def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
         """Asks for a topic or a pattern of topics."""
-        return self._here.subscribe(pattern, deliver)
+        return self.here.subscribe(pattern, deliver)
 
     def declare_alive(self, token: str) -> Unsubscribe:
         """Says here and at the other end that something is alive.
@@ -78,7 +79,7 @@ class MavlinkExchange:
         if not self._own_tokens.get(token):
             self.endpoint.declare(token)
         self._own_tokens[token] = self._own_tokens.get(token, 0) + 1
-        withdraw_here = self._here.declare_alive(token)
+        withdraw_here = self.here.declare_alive(token)
         is_open = True
 
         def withdraw() -> None:
@@ -96,7 +97,7 @@ class MavlinkExchange:
 
     def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
         """Reports tokens that come and go, here and at the other end; those of a silent peer go."""
-        return self._here.watch(pattern, changed)
+        return self.here.watch(pattern, changed)
 
     # --- what only this middleware has ---
 
@@ -212,9 +213,9 @@ class MavlinkExchange:
     def _tell(self, happening: Happening) -> None:
         match happening:
             case Delivered(envelope=envelope):
-                self._here.publish(envelope)
+                self.here.publish(envelope)
             case TokenChanged(token=token, is_alive=True):
-                self._peer_tokens.setdefault(token, []).append(self._here.declare_alive(token))
+                self._peer_tokens.setdefault(token, []).append(self.here.declare_alive(token))
             case TokenChanged(token=token):
                 withdraw = self._peer_tokens.get(token)
                 if withdraw:

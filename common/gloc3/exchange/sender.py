@@ -1,0 +1,65 @@
+"""A thread that sends what must arrive, so that a link which takes nothing more holds up no loop."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from threading import Condition, Thread
+from typing import Any, Final
+
+from gloc3.guard import guard
+
+WAITING: Final = 4096
+"""So many messages may wait for a link."""
+LEAVE_S: Final = 1.0
+"""What waits may take so long to leave when everything ends."""
+
+Send = Callable[[Any], None]
+
+
+class Sender:
+    """Sends messages one after the other, in the order in which they were given.
+
+    Args:
+        name: of the thread.
+        failed: is told, in the thread, of a message that could not be sent.
+    """
+
+    def __init__(self, name: str, failed: Callable[[BaseException], None]) -> None:
+        self.dropped = 0
+        """Messages that found the queue full."""
+        self._failed = failed
+        self._waiting: deque[tuple[Send, Any]] = deque()
+        self._changed = Condition()
+        self._is_open = True
+        self._thread = Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def give(self, send: Send, data: Any) -> bool:
+        """Takes a message over, unless the queue is full; never waits."""
+        if len(self._waiting) >= WAITING:
+            self.dropped += 1
+            return False
+        with self._changed:
+            self._waiting.append((send, data))
+            self._changed.notify()
+        return True
+
+    def close(self) -> None:
+        """Ends when everything has been sent, or after a while without that."""
+        with self._changed:
+            self._is_open = False
+            self._changed.notify()
+        self._thread.join(LEAVE_S)
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._waiting:
+                    if not self._is_open:
+                        return
+                    self._changed.wait()
+                send, data = self._waiting.popleft()
+            _, error = guard(send, data)
+            if error is not None:
+                self._failed(error)

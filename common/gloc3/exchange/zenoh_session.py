@@ -1,0 +1,120 @@
+"""Opens Zenoh sessions with explicit endpoints: nothing is searched for, and nothing listens that was not told to.
+
+A node without anybody to connect to is a router; the nodes that connect to it are peers, each in a region of its own,
+so that the router hands on what they have for each other; child processes are clients of their parent. Routers never
+connect to routers: this version of Zenoh loses routes when one of them dies.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from hashlib import blake2s
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import zenoh
+
+from gloc3.errors import Gloc3Error
+
+LEASE_S: Final = 2.0
+"""A node from which nothing came for so long is gone."""
+RETRY_S: Final = (0.2, 1.0)
+"""How long a node waits before it tries again to reach another: at first, and at most."""
+STALLED_S: Final = 1.0
+"""A link that takes nothing for so long is given up, and opened anew."""
+QUEUES: Final = (
+    "control",
+    "real_time",
+    "interactive_high",
+    "interactive_low",
+    "data_high",
+    "data",
+    "data_low",
+    "background",
+)
+QUEUED_BATCHES: Final = 4
+"""So many packets of at most 64 kB wait for a link, of each priority."""
+UNIX: Final = "unixsock-stream"
+
+
+class Node(msgspec.Struct, frozen=True, kw_only=True):
+    """A process on the network. Endpoints are Zenoh's: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream/PATH`."""
+
+    name: str
+    """Unique among those that connect to the same node."""
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    """Nodes that need not be there yet, or any more: they are tried again and again."""
+    accepts: tuple[str, ...] = ()
+    """The names of the nodes that may connect to this one; children need not be named."""
+    is_child: bool = False
+    """It connects to its parent process, which must be there."""
+
+
+def configuration(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.Config:
+    """Zenoh's configuration of a node.
+
+    Args:
+        node: the process.
+        extra: more of Zenoh's settings, by their paths, such as `transport/link/tls/enable_mtls`.
+    """
+    regions = [{"region_names": [_region(name)]} for name in node.accepts if name != node.name]
+    values: dict[str, Any] = {
+        "listen/endpoints": node.listen,
+        "listen/exit_on_failure": True,
+        "connect/endpoints": node.connect,
+        "connect/retry": {
+            "period_init_ms": round(RETRY_S[0] * 1e3),
+            "period_max_ms": round(RETRY_S[1] * 1e3),
+            "period_increase_factor": 2,
+        },
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/autoconnect": {"router": [], "peer": [], "client": []},
+        "scouting/delay": 0,
+        "transport/link/tx/lease": round(LEASE_S * 1e3),
+        "transport/link/tx/queue/size": dict.fromkeys(QUEUES, QUEUED_BATCHES),
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": round(STALLED_S * 1e6),
+    }
+    if node.is_child:
+        values["mode"] = "client"
+    else:
+        values["mode"] = "peer" if node.connect else "router"
+        values["gateway"] = {"south": [{"filters": [wanted]} for wanted in (*regions, {"modes": ["client"]})]}
+    if node.connect:
+        values["region_name"] = _region(node.name)
+    config = zenoh.Config()
+    for path, value in {**values, **(extra or {})}.items():
+        config.insert_json5(path, json.dumps(value))
+    return config
+
+
+@contextmanager
+def open_session(node: Node, extra: Mapping[str, Any] | None = None) -> Iterator[zenoh.Session]:
+    """A session for as long as the block lasts; it is always closed, since an interpreter with an open one never ends.
+
+    Raises:
+        Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
+    """
+    for endpoint in node.listen:
+        scheme, _, path = endpoint.partition("/")
+        if scheme == UNIX:
+            Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        session = zenoh.open(configuration(node, extra))
+    except zenoh.ZError as error:
+        places = ", ".join((*node.listen, *node.connect)) or "no endpoint"
+        raise Gloc3Error(f"the network cannot be opened at {places}: {plain(error)}") from error
+    with session:
+        yield session
+
+
+def plain(error: zenoh.ZError) -> str:
+    """What Zenoh says went wrong, without the places in its source."""
+    return str(error).split(" at /")[0].strip()
+
+
+def _region(name: str) -> str:
+    """A region's name takes at most 32 bytes."""
+    return blake2s(name.encode(), digest_size=12).hexdigest()

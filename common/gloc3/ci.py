@@ -199,6 +199,19 @@ AnyBody = (
 )
 
 
+LOOKS: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight)
+"""What only looks: everybody who may watch the platform may ask for it."""
+
+
+class StationRole(StrEnum):
+    """What a station may do."""
+
+    OPERATOR = "operator"
+    """Looks, and commands once it holds control."""
+    OBSERVER = "observer"
+    """Looks."""
+
+
 class CiRequest(Message, frozen=True):
     """A request of a station."""
 
@@ -207,6 +220,10 @@ class CiRequest(Message, frozen=True):
     boot: int
     sequence: int
     body: AnyBody
+    role: StationRole = StationRole.OPERATOR
+    """Its sender's; set by the platform's end of the link that brought it, whatever was sent."""
+    way: str = ""
+    """How it came: set there too, for the record."""
 
 
 class Outcome(StrEnum):

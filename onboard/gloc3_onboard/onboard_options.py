@@ -27,7 +27,8 @@ class OnboardOptions:
     as BAUD the rate is found. ?key=FILE behind it signs the link with that key."""
     station: Several = field(default_factory=list)
     """Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550. Behind it ?rate=BIT_S tells what
-    a radio on the way carries, and ?key=FILE (or &key=FILE) goes before --signing-key."""
+    a radio on the way carries, ?key=FILE (or &key=FILE) goes before --signing-key, and with ?role=observer those on the
+    link may look, and command neither platform nor autopilot."""
     device: Several = field(default_factory=list)
     """Where a sensor's data comes from, as NAME=URL, such as ground_camera=v4l2:///dev/video0; may be given again. It
     goes before what the platform file says. docs/sensors.md lists the URLs."""

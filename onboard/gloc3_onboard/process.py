@@ -4,12 +4,14 @@ import asyncio
 import faulthandler
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from random import SystemRandom
 from typing import Any, Final, Literal
 
 import msgspec
 
+from gloc3.ci import StationRole
 from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.counting import counted
@@ -188,6 +190,8 @@ class OnboardProcess:
                 self._random.getrandbits(32),
                 budget_of(url, is_signed=signing is not None),
                 signing,
+                StationRole(parse_url(url).role),
+                parse_url(url).address,
             )
             self._stations.append(link)
             await self._open_link(url, link)
@@ -314,17 +318,23 @@ class OnboardProcess:
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
         is_to_stations = isinstance(link, StationLink)
         send = link.send if isinstance(link, StationLink) else link.send_message
-        hear = self._companion.attach(send, is_to_stations=is_to_stations)
+        is_for_observers = is_to_stations and StationRole(parse_url(url).role) is StationRole.OBSERVER
+        hear = None if is_for_observers else self._companion.attach(send, is_to_stations=is_to_stations)
 
         watch = RateWatch(self._autopilot.ask_streams_again, self._loop.time) if is_to_stations else None
 
         def listen(frames: list[Frame]) -> None:
             link.take(frames)
-            hear(frames)
+            if hear is not None:
+                hear(frames)
             if watch is not None:
                 watch.hear(frames)
 
-        keeps = self._companion.keeps if is_to_stations and self._options.takes_plans else None
+        keeps: Callable[[Frame], bool] | None = None
+        if is_for_observers:
+            keeps = _all_of_them
+        elif is_to_stations and self._options.takes_plans:
+            keeps = self._companion.keeps
         routed = RoutedLink(url, self._router, self._loop, listen, self._keep, link.signed_only, keeps)
         endpoint = await open_endpoint(url, self._loop, routed.receive)
         self._endpoints.append(endpoint)
@@ -355,3 +365,8 @@ class OnboardProcess:
             "taps": ExchangeTaps(self.exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),
         }
+
+
+def _all_of_them(_: Frame) -> bool:
+    """What observers send reaches nobody but our own command interface, which tells looking from commanding."""
+    return True

@@ -2,9 +2,11 @@
 
 import asyncio
 from collections.abc import Callable, Iterable
-from typing import Final
+from typing import Any, Final
 
-from gloc3.ci import Health, StationHeard, Summary
+from msgspec.structs import replace
+
+from gloc3.ci import CiRequest, Health, StationHeard, StationRole, Summary
 from gloc3.clock import Clock
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
@@ -77,6 +79,8 @@ class StationLink:
         boot: a random number for this start of the process.
         budget: what the link carries.
         signing: signs all that is sent, and judges all that is heard; None on a link without a key.
+        role: of all stations on it.
+        way: what the link is called in the record of commands.
     """
 
     def __init__(
@@ -89,8 +93,11 @@ class StationLink:
         boot: int,
         budget: LinkBudget = RADIO,
         signing: Signing | None = None,
+        role: StationRole = StationRole.OPERATOR,
+        way: str = "",
     ) -> None:
         self._loop = loop
+        self._role, self._way = role, f"{way}, signed" if signing is not None else way
         self._signing = signing
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Judges what is heard; None on a link without a key."""
@@ -103,7 +110,7 @@ class StationLink:
         self._exchange = MavlinkExchange(tunnel, loop, self.send)
         self._tunnel_id = codec.shape("TUNNEL").id
         self._heartbeat_id = codec.shape("HEARTBEAT").id
-        self._part = self._exchange.bridge(exchange, topics, platform)
+        self._part = self._exchange.bridge(exchange, topics, platform, self._marked)
         self._withdraw = self._exchange.declare_alive(platform)
         self._publisher = Publisher(exchange, platform, "station_link", boot)
         self._heard_topic = f"{platform}/ci/heard"
@@ -148,6 +155,13 @@ class StationLink:
                 if message is not None and message.type == GROUND_STATION:
                     self._hear(frame.sender)
 
+    def _marked(self, envelope: Envelope[Any]) -> Envelope[Any]:
+        """A request says how it came, and what its sender may do, by what is known here."""
+        if not isinstance(envelope.payload, CiRequest):
+            return envelope
+        request = replace(envelope.payload, role=self._role, way=self._way)
+        return replace(envelope, payload=request)
+
     def _happened(self, happening: Happening) -> None:
         """What a person should know of the link is an event as any other: logged, and told to the stations."""
         if isinstance(happening, Trouble):
@@ -158,8 +172,9 @@ class StationLink:
         self._publisher.publish(self._event_topic, event, self._loop.time())
 
     def _hear(self, sender: Address) -> None:
-        """A station is known by its MAVLink system."""
-        now_s, station = self._loop.time(), str(sender.system)
+        """A station is known by the name that it gives itself, as long as it is silent by its MAVLink system."""
+        peers = self._exchange.endpoint.peers()
+        now_s, station = self._loop.time(), next((p.name for p in peers if p.address == sender), str(sender.system))
         if now_s - self._heard_s.get(station, float("-inf")) >= HEARD_PERIOD_S:
             self._heard_s[station] = now_s
             self._publisher.publish(self._heard_topic, StationHeard(station=station), now_s)

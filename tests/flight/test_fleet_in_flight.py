@@ -10,6 +10,8 @@ import pytest
 from gloc3.ci import EmergencyVerb, Verb
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error
+from gloc3.log.commands import list_commands, render_commands
+from gloc3.log.reader import LogReader
 from gloc3.mission.states import ActionState
 from gloc3_groundstation import flights
 from gloc3_groundstation.plans import Plan, read_plan
@@ -161,6 +163,32 @@ def test_a_station_without_control_is_not_believed(plan: Plan) -> None:
                 await first.client.emergency(name, EmergencyVerb.LAND)
 
     fly(work())
+
+
+def test_the_logs_tell_who_commanded_what(plan: Plan, tmp_path: Path) -> None:
+    async def work() -> None:
+        flown = FlightPlan(mission=plan.file, name="heron", out=tmp_path / "run")
+        async with FleetFlight([flown], stations=2) as fleet:
+            first, second = (ground.station for ground in fleet.grounds)
+            await flights.await_platform(first, "heron")
+            assert not await flights.await_ready(first, "heron")
+            await flights.stream(first, "heron", plan)
+            with pytest.raises(Gloc3Error, match="station 255 holds control"):
+                await second.client.steer("heron", Verb.START)
+            await second.client.emergency("heron", EmergencyVerb.HOLD)
+
+    fly(work())
+    with LogReader(tmp_path / "run" / "log.mcap") as reader:
+        commands = list_commands(reader)
+    assert [(one.sender, one.what.split()[0], one.outcome) for one in commands] == [
+        ("255", "Control", "accepted"),
+        ("255", "LoadMission", "accepted"),
+        ("254", "Steer", "refused"),
+        ("254", "Emergency", "accepted"),
+    ]
+    text = render_commands(commands)
+    assert "operator 254: Steer start: refused: station 255 holds control; ask for control first" in text
+    assert "Emergency hold station 254: accepted" in text
 
 
 def test_none_starts_where_one_may_not(plan: Plan, tmp_path: Path) -> None:

@@ -14,12 +14,14 @@ from gloc3.ci import (
     ControlVerb,
     Emergency,
     EmergencyVerb,
+    Hello,
     ListTopics,
     LoadMission,
     Outcome,
     Query,
     ReadMission,
     RequestAction,
+    StationRole,
     Steer,
     Verb,
     Watch,
@@ -88,6 +90,14 @@ class Desk:
             sequence = self.sequence
         return self.handler.handle(CiRequest(sender=sender, boot=boot, sequence=sequence, body=body), 0.0)
 
+    def observed(self, body: AnyBody) -> CiReply | None:
+        """What an observer is answered."""
+        self.sequence += 1
+        request = CiRequest(
+            sender="bob", boot=7, sequence=self.sequence, body=body, role=StationRole.OBSERVER, way="udpin://:14551"
+        )
+        return self.handler.handle(request, 0.0)
+
     def told(self, body: AnyBody, **kwargs: Any) -> CiReply:
         reply = self.ask(body, **kwargs)
         assert reply is not None
@@ -105,6 +115,31 @@ def test_a_station_without_control_is_refused_and_told_who_holds_it(desk: Desk) 
     reply = desk.told(LoadMission(name="hop", text=HOP), sender="254")
     assert reply.outcome is Outcome.REFUSED
     assert "station 255 holds control" in reply.reason
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        LoadMission(name="hop", text=HOP),
+        Steer(verb=Verb.START),
+        Control(verb=ControlVerb.TAKE_OVER),
+        Emergency(verb=EmergencyVerb.HOLD),
+        CommandComponent(component="hold", command="stop"),
+        CallFunction(component="hold", function="set_rate", arguments={"rate_hz": 5.0}),
+        RequestAction(capability="land"),
+    ],
+    ids=lambda body: type(body).__name__,
+)
+def test_an_observer_may_look_and_not_command(desk: Desk, body: AnyBody) -> None:
+    reply = desk.observed(body)
+    assert reply is not None
+    assert reply.outcome is Outcome.REFUSED
+    assert reply.reason == "station bob may look and not command: it is an observer"
+    assert desk.authority.holder == "255"
+    assert desk.handler.for_components == []
+    looked = desk.observed(Hello())
+    assert looked is not None
+    assert looked.outcome is Outcome.ACCEPTED
 
 
 def test_a_mission_is_loaded_and_read_back_as_it_was(desk: Desk) -> None:

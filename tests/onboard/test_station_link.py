@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from gloc3.ci import CiRequest, Hello
+from gloc3.ci import CiRequest, Hello, StationRole
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.link.codec import Encoder, Frame, Parser, message
@@ -23,7 +23,9 @@ KEY, OTHER = bytes(range(32)), bytes(32)
 class Ends:
     """A platform and a station at the ends of one link, in virtual time."""
 
-    def __init__(self, platform_key: bytes | None, station_key: bytes | None) -> None:
+    def __init__(
+        self, platform_key: bytes | None, station_key: bytes | None, role: StationRole = StationRole.OPERATOR
+    ) -> None:
         self.loop = asyncio.get_running_loop()
         self.memory = MemoryLink(self.loop, Random(3))
         self.here, self.there = LocalExchange(), LocalExchange()
@@ -33,7 +35,9 @@ class Ends:
         self.here.subscribe("heron/ci/request", self.requests.append)
         self.here.subscribe("heron/components/station_link/event", self._take)
         platform_signing, station_signing = self._signing(platform_key), self._signing(station_key)
-        self.platform = StationLink("heron", 1, self.loop, self.here, TOPICS, 7, signing=platform_signing)
+        self.platform = StationLink(
+            "heron", 1, self.loop, self.here, TOPICS, 7, signing=platform_signing, role=role, way="udpin://:14551"
+        )
         self.memory.b.on_data = self.platform.receive
         self.platform.open(self.memory.b)
         self.station = Link(
@@ -87,6 +91,24 @@ def test_stations_are_taken_by_their_key(platform_key: bytes | None, station_key
         assert len(locked_out) == (platform_key is not None and station_key is None), "and the operator is told, once"
         assert bool(ends.station.genuine) == (platform_key == station_key is not None)
         assert bool(ends.station.refusals) == (station_key is not None and not is_heard)
+        ends.close()
+
+    run_virtual(play())
+
+
+@pytest.mark.parametrize("role", list(StationRole))
+@pytest.mark.parametrize("key", [None, KEY], ids=["unsigned", "signed"])
+def test_a_request_says_how_it_came_and_what_its_sender_may_do_whatever_was_sent(
+    role: StationRole, key: bytes | None
+) -> None:
+    async def play() -> None:
+        ends = Ends(key, key, role)
+        await asyncio.sleep(5.0)
+        forged = CiRequest(sender="255", boot=8, sequence=0, body=Hello(), way="the front door")
+        Publisher(ends.there, "station", "client", 8).publish("heron/ci/request", forged, ends.loop.time())
+        await asyncio.sleep(2.0)
+        came = ends.requests[0].payload
+        assert (came.role, came.way) == (role, "udpin://:14551, signed" if key else "udpin://:14551")
         ends.close()
 
     run_virtual(play())

@@ -106,13 +106,20 @@ class MavlinkExchange:
         self._listeners.append(told)
         return lambda: self._listeners.remove(told) if told in self._listeners else None
 
-    def bridge(self, other: Exchange, topics: TopicTable, platform: str = "*") -> Unsubscribe:
+    def bridge(
+        self,
+        other: Exchange,
+        topics: TopicTable,
+        platform: str = "*",
+        inward: Callable[[Envelope[Any]], Envelope[Any]] = lambda envelope: envelope,
+    ) -> Unsubscribe:
         """Joins this link and another middleware, each topic in its direction.
 
         Args:
             other: the middleware on this side, such as the local one.
             topics: the topics that may cross.
             platform: at a platform its name; at a station all of them.
+            inward: what becomes of each message that comes in.
         """
         undo = []
         for name, row in topics:
@@ -123,7 +130,7 @@ class MavlinkExchange:
             if way.sender is self.endpoint.role:
                 undo.append(other.subscribe(topic, self.publish))
             else:
-                undo.append(self.subscribe(topic, other.publish))
+                undo.append(self.subscribe(topic, lambda envelope: other.publish(inward(envelope))))
 
         def part() -> None:
             for unsubscribe in undo:

@@ -10,13 +10,14 @@ What is known of a link may follow, as in `udpout://192.168.1.10:14550?rate=5760
 
 rate=BIT_S   a radio behind it carries so much, each byte counted as ten bits; on a serial line, less than its own rate
 key=FILE     the MAVLink signing key of the link
+role=observer  onboard: whoever speaks on this link may look and not command
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Final, Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias, TypedDict
 from urllib.parse import unquote, urlsplit
 
 import msgspec
@@ -32,7 +33,8 @@ NETWORK_SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout")
 SERIAL_SCHEMES: Final = ("serial", "serial_flowcontrol")
 DEFAULT_BAUD: Final = 57_600
 AUTO: Final = "auto"
-OPTIONS: Final = ("rate", "key")
+OPTIONS: Final = ("rate", "key", "role")
+ROLES: Final = ("operator", "observer")
 LEAST_RATE_BIT_S: Final = 1200
 
 
@@ -83,6 +85,8 @@ class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
     """What a radio behind it carries, where that was said."""
     key: str = ""
     """The file with the link's signing key; empty where none was named."""
+    role: str = "operator"
+    """What those on the link may do."""
 
     @property
     def address(self) -> str:
@@ -124,47 +128,56 @@ def parse_url(url: str) -> EndpointUrl:
         raise Refused(f"endpoint {url!r} names no port; write it as {scheme}://{host or '0.0.0.0'}:14550")
     if parts.path not in ("", "/") or parts.fragment or parts.username is not None:
         raise Refused(
-            f"endpoint {url!r}: nothing but ?rate= and ?key= may follow the port, nothing stand before the host"
+            f"endpoint {url!r}: nothing but ?rate=, ?key= and ?role= may follow the port, nothing stand before the host"
         )
     if scheme in ("udpout", "tcpout"):
         if not host:
             raise Refused(f"endpoint {url!r} names no host to send to")
         if port == 0:
             raise Refused(f"endpoint {url!r}: port 0 is for listening only")
-    rate_bit_s, key = _options(url, options)
-    return EndpointUrl(url=url, scheme=scheme, host=host or "0.0.0.0", port=port, rate_bit_s=rate_bit_s, key=key)
+    return EndpointUrl(url=url, scheme=scheme, host=host or "0.0.0.0", port=port, **_options(url, options))
 
 
-def _options(url: str, text: str) -> tuple[int | None, str]:
-    """The rate and the key file that follow an address."""
-    rate_bit_s, key = None, ""
+class _Options(TypedDict, total=False):
+    rate_bit_s: int
+    key: str
+    role: str
+
+
+def _options(url: str, text: str) -> _Options:
+    """What follows an address."""
+    found: _Options = {}
     for option in filter(None, text.split("&")):
         name, _, value = option.partition("=")
         if name == "key" and value:
-            key = unquote(value)
+            found["key"] = unquote(value)
         elif name == "rate" and value.isascii() and value.isdigit() and int(value) >= LEAST_RATE_BIT_S:
-            rate_bit_s = int(value)
+            found["rate_bit_s"] = int(value)
+        elif name == "role" and value in ROLES:
+            found["role"] = value
         elif name == "rate":
             raise Refused(f"endpoint {url!r}: {value!r} is no rate; give bits a second, {LEAST_RATE_BIT_S} or more")
         elif name == "key":
             raise Refused(f"endpoint {url!r} names no key file; write ?key=FILE")
+        elif name == "role":
+            raise Refused(f"endpoint {url!r}: {value!r} is no role; {nearest(value, ROLES)}")
         else:
             raise Refused(f"endpoint {url!r}: no option {name!r}; {nearest(name, OPTIONS)}")
-    return rate_bit_s, key
+    return found
 
 
 def _serial_url(url: str, scheme: str, address: str, options: str) -> EndpointUrl:
-    rate_bit_s, key = _options(url, options)
+    found = _options(url, options)
     device, separator, baud = address.rpartition(":")
     if not separator:
         device, baud = address, str(DEFAULT_BAUD)
     if not device:
         raise Refused(f"endpoint {url!r} names no device; write it as {scheme}:///dev/ttyACM0:57600")
     if baud == AUTO:
-        return EndpointUrl(url=url, scheme=scheme, device=device, baud=None, rate_bit_s=rate_bit_s, key=key)
+        return EndpointUrl(url=url, scheme=scheme, device=device, baud=None, **found)
     if not baud.isascii() or not baud.isdigit() or not 1 <= int(baud) <= 10_000_000:
         raise Refused(f"endpoint {url!r}: {baud!r} is no baud rate; give a number, or {AUTO} to have it found")
-    return EndpointUrl(url=url, scheme=scheme, device=device, baud=int(baud), rate_bit_s=rate_bit_s, key=key)
+    return EndpointUrl(url=url, scheme=scheme, device=device, baud=int(baud), **found)
 
 
 async def open_endpoint(url: str, loop: asyncio.AbstractEventLoop, on_data: OnData) -> Endpoint:

@@ -10,6 +10,7 @@ import msgspec
 from cyclopts import App, Parameter
 
 from gloc3.errors import Gloc3Error, Refused
+from gloc3.log.commands import list_commands, render_commands
 from gloc3.log.fields import plot_series, read_series
 from gloc3.log.flight_path import read_flight_path
 from gloc3.log.info import render, require_topic, summarize
@@ -30,6 +31,7 @@ app = App(
     - `gloc3 log info runs/inspection`: duration, topics, events, and what is missing
     - `gloc3 log plot runs/inspection`: the path flown and the path requested
     - `gloc3 log plot runs/inspection pose velocity_ned_m_s[2]`: numbers over time
+    - `gloc3 log commands runs/inspection`: which station commanded what, and what became of it
     - `gloc3 log report runs/inspection --wall "0,12,0 20,12,0 20,0,0 0,0,0"`: how much of the floor was seen
     - `gloc3 log replay runs/inspection limiter`: a component again, on what it was given then
 
@@ -65,6 +67,28 @@ def info(
         found = summarize(reader, topics, progress)
     print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render(found, has_all_events=events))  # noqa: T201
     return DONE if found.is_finished and not found.losses else IMPERFECT
+
+
+@app.command(name="commands")
+def commands_(
+    file: Path,
+    /,
+    *,
+    looks: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Say who commanded what: the requests of stations, when and how they came, and what became of them.
+
+    Args:
+        file: The platform's log, or the folder of a run: its last one.
+        looks: Show what only looks, too.
+        json: Print JSON for programs.
+    """
+    with LogReader(find_log(file), TopicTable.installed().types) as reader:
+        found = list_commands(reader, has_looks=looks)
+        _warn(reader)
+    print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render_commands(found))  # noqa: T201
+    return DONE
 
 
 @app.command(usage="gloc3 log plot [OPTIONS] FILE [WHAT] [FIELDS...]")

@@ -9,6 +9,7 @@ import msgspec
 
 from gloc3.ci import (
     FORCE,
+    LOOKS,
     AnyBody,
     CallFunction,
     CiReply,
@@ -27,6 +28,7 @@ from gloc3.ci import (
     ReadMission,
     RequestAction,
     RequestTask,
+    StationRole,
     Steer,
     Verb,
     Watch,
@@ -120,6 +122,10 @@ class RequestHandler:
 
     def handle(self, request: CiRequest, now_s: float) -> CiReply | None:
         """Carries out a request that has not been carried out yet; None if the answer comes later."""
+        if request.role is StationRole.OBSERVER and not isinstance(request.body, LOOKS):
+            return _answer(
+                request, Outcome.REFUSED, f"station {request.sender} may look and not command: it is an observer"
+            )
         self._authority.hear(request.sender, now_s)
         if doubled := self._senders.hear(request.sender, request.boot, now_s):
             self._say(Severity.WARNING, doubled)

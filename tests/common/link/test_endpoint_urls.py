@@ -27,6 +27,10 @@ from gloc3.link.endpoints import EndpointUrl, parse_url
             "serial:///dev/ttyUSB0:57600?rate=30000&key=/etc/k",
             {"scheme": "serial", "device": "/dev/ttyUSB0", "rate_bit_s": 30000, "key": "/etc/k"},
         ),
+        (
+            "udpin://:14551?role=observer",
+            {"scheme": "udpin", "host": "0.0.0.0", "port": 14551, "role": "observer"},
+        ),
         ("serial_flowcontrol:///dev/x:1", {"scheme": "serial_flowcontrol", "device": "/dev/x", "baud": 1}),
     ],
 )
@@ -38,6 +42,7 @@ def test_good_urls_are_read(url: str, expected: dict[str, object]) -> None:
     ("url", "reason"),
     [
         ("14550", "no scheme"),
+        ("udpin://:14550?role=observr", "'observr' is no role; did you mean 'observer'?"),
         ("udp://:14550", "use udpin:// to listen or udpout:// to send"),
         ("udpinn://:14550", "did you mean 'udpin'"),
         ("udpin://0.0.0.0", "names no port"),

@@ -263,6 +263,10 @@ class Health(StrEnum):
     FAULTY = "faulty"
 
 
+WELL: Final = (Health.WORKING, Health.QUIET)
+"""At work; quiet as a standby."""
+
+
 def health_of(state: State | None) -> Health:
     """The condition that a component's state stands for."""
     return Health.ABSENT if state is None else Health(state.value)

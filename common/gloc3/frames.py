@@ -25,6 +25,9 @@ Quaternion = tuple[float, float, float, float]
 IDENTITY: Final[Quaternion] = (1.0, 0.0, 0.0, 0.0)
 """The rotation that changes nothing."""
 
+GRAVITY_M_S2: Final = 9.80665
+"""Standard gravity, which also is what a *g* counts."""
+
 WGS84_A_M: Final = 6_378_137.0
 """Semi-major axis of WGS84 (NGA.STND.0036, table 3.1), in metres."""
 

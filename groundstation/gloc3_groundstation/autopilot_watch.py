@@ -8,6 +8,7 @@ import msgspec
 from gloc3.ci import VehicleSummary
 from gloc3.link import codec
 from gloc3.link.flight_modes import mode_name
+from gloc3.link.heartbeat import ARMED
 from gloc3.link.message import MavlinkMessage
 from gloc3.link.parser import Frame
 from gloc3_groundstation.fleet import SMOOTHING
@@ -24,7 +25,6 @@ RESTART_CLEAR_S: Final = 3.0
 """So long its time since boot runs on evenly after a jump that was a restart."""
 DOUBLED_JUMPS: Final = 4
 """So many jumps of the time since boot, to and fro, are no restarts."""
-_ARMED: Final = 128
 _LANDED: Final = {1: "on_ground", 2: "in_air", 3: "taking_off", 4: "landing"}
 """MAV_LANDED_STATE."""
 _HEADING_UNKNOWN: Final = 65_535
@@ -76,7 +76,7 @@ class AutopilotWatch:
             case "HEARTBEAT":
                 self.beat_s = now_s
                 self.autopilot, self.vehicle_type = message.autopilot, message.type
-                self.is_armed, self._mode = bool(message.base_mode & _ARMED), message.custom_mode
+                self.is_armed, self._mode = bool(message.base_mode & ARMED), message.custom_mode
             case "SYS_STATUS":
                 self._battery_percent = message.battery_remaining if 0 <= message.battery_remaining <= 100 else -1
             case "EXTENDED_SYS_STATE":

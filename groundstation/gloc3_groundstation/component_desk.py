@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from gloc3.ci import FORCE, AnyBody, CallFunction, CommandComponent, Health, Outcome
+from gloc3.ci import FORCE, WELL, AnyBody, CallFunction, CommandComponent, Health, Outcome
 from gloc3.component import FunctionEntry
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.functions import GENERIC
@@ -20,8 +20,6 @@ from gloc3_groundstation.snapshots import ComponentSnapshot
 
 if TYPE_CHECKING:
     from gloc3_groundstation.desk import Desk
-
-OPERATING: Final = (Health.WORKING, Health.QUIET)
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,7 +69,7 @@ class ComponentDesk:
 
     def functions(self, platform: str, component: ComponentSnapshot) -> tuple[FunctionEntry, ...]:
         """The functions of a component in its present state: those that all have, and its own where it is known."""
-        if component.health not in OPERATING:
+        if component.health not in WELL:
             return ()
         key = platform, component.name
         if key not in self._functions:

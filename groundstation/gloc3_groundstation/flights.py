@@ -6,7 +6,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci import Health, MissionSummary, Verb
+from gloc3.ci import WELL, MissionSummary, Verb
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState
@@ -14,7 +14,6 @@ from gloc3_groundstation.plans import Plan, recheck
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 
-WELL: Final = (Health.WORKING, Health.QUIET)
 READY_WITHIN_S: Final = 90.0
 """An autopilot that has just been switched on takes up to a minute to find its satellites and to settle."""
 GRANTED_WITHIN_S: Final = 12.0

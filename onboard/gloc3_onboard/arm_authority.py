@@ -2,12 +2,11 @@
 
 from typing import Final
 
-from gloc3.ci import Health, Summary
+from gloc3.ci import WELL, Summary
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Envelope
 
 SILENT_S: Final = 3.0
-WELL: Final = (Health.WORKING, Health.QUIET)
 
 
 class ArmAuthority:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Final, Never
 
-from gloc3.link.heartbeat import Peers
+from gloc3.link.heartbeat import ARMED, Peers
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.parameter import ParameterEncoding
 from gloc3.link.parameter_client import ParameterCall, ParameterClient, ParameterResult
@@ -15,7 +15,6 @@ from gloc3_onboard.autopilot.families import style_of
 from gloc3_onboard.preset import Change, Preset, diff
 
 AT_ONCE: Final = 4
-ARMED: Final = 128
 
 
 class Stage(StrEnum):

@@ -9,16 +9,14 @@ from typing import Final
 
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
-from gloc3.link.heartbeat import AUTOPILOT_INVALID
+from gloc3.link.heartbeat import ARMED, AUTOPILOT_INVALID, GROUND_STATION
 from gloc3.link.signing import KEY_BYTES, Signing, is_signed_with
 from gloc3_onboard.autopilot.link import ByteLink
 
 FAMILIES: Final = {3: "ArduPilot", 12: "PX4"}
-ARMED: Final = 128
 SENT_TIMES: Final = 2
 """There is no answer to SETUP_SIGNING, so that it is sent again, as others do."""
 HEARTBEAT_S: Final = 0.5
-GROUND_STATION: Final = 6
 OWN: Final = Address(255, 190)
 """PX4 and ArduPilot listen to a ground station."""
 

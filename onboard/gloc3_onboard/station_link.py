@@ -17,6 +17,7 @@ from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
+from gloc3.link.heartbeat import AUTOPILOT_INVALID, GROUND_STATION
 from gloc3.link.signed_only import SignedOnly
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event, Severity
@@ -26,8 +27,6 @@ from gloc3_onboard.autopilot.link import COMPANION, ByteLink
 
 HEARD_PERIOD_S: Final = 0.5
 ONBOARD_CONTROLLER: Final = 18
-AUTOPILOT_INVALID: Final = 8
-GROUND_STATION: Final = 6
 
 
 def heartbeat(health: Health) -> MavlinkMessage:

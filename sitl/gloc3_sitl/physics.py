@@ -8,7 +8,17 @@ from typing import Final
 import jsbsim
 
 from gloc3.errors import Misuse
-from gloc3.frames import IDENTITY, GeoPoint, Quaternion, TangentPlane, Vector3, from_euler, from_yaw, to_euler
+from gloc3.frames import (
+    GRAVITY_M_S2,
+    IDENTITY,
+    GeoPoint,
+    Quaternion,
+    TangentPlane,
+    Vector3,
+    from_euler,
+    from_yaw,
+    to_euler,
+)
 from gloc3_sitl.truth import Motion, Truth
 from gloc3_sitl.vehicles import VEHICLES, MultirotorModel
 from gloc3_sitl.wind import CALM, Wind
@@ -23,7 +33,7 @@ _SLUG_KG: Final = 14.593902937206
 _DENSITY_M3: Final = 515.3788184
 """Kilograms per cubic metre of one slug per cubic foot."""
 _SEA_LEVEL_KG_M3: Final = 1.225
-_SPECIFIC_FORCE_MAX_M_S2: Final = 16.0 * 9.80665
+_SPECIFIC_FORCE_MAX_M_S2: Final = 16.0 * GRAVITY_M_S2
 
 _UNUSED_MODELS: Final = ("Propulsion", "Aerodynamics", "BuoyantForces", "FCS", "Atmosphere", "Input", "Output")
 _SEVERITY: Final = 3.0

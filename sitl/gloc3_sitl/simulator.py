@@ -10,11 +10,12 @@ from msgspec.structs import replace
 
 from gloc3.clock import VIRTUAL_EPOCH_S
 from gloc3.errors import Misuse, nearest
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.autopilot import STEP_S, Autopilot
 from gloc3_sitl.autopilot.control.mixer import IDLE, Throttles
 from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
-from gloc3_sitl.autopilot.modes import Severity, Style
+from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.sources import WITHOUT_SATELLITES
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT

@@ -77,7 +77,7 @@ BARS = (
                 "tests/sitl/cases/test_mavsdk_on_the_ground.py",
                 "tests/sitl/cases/test_mavsdk_system.py",
                 "tests/sitl/cases/test_dronekit_scenarios.py",
-                "tests/evidence/cases/px4_multicopter.py",
+                *(f"tests/evidence/cases/px4_{part}.py" for part in ("missions", "led", "trouble")),
                 "tests/evidence/cases/mavsdk_flights.py",
                 "tests/evidence/cases/mavsdk_slow.py",
                 "tests/sitl/autopilot/test_power.py",

@@ -17,6 +17,7 @@ from gloc3.errors import Refused
 from gloc3.link.codec import enum_name
 from gloc3.link.codec import message as make
 from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.plan import units_per_degree
 from gloc3.link.service import Service
 
 RETRY_S: Final = 0.5
@@ -33,8 +34,6 @@ ONLY_ASKS: Final = frozenset({510, 512, 519, 520})
 """Commands that only ask for a message: whoever asks again, however soon, has not got it."""
 MOST_REMEMBERED: Final = 128
 
-_GLOBAL_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
-_FRAME_MISSION: Final = 2
 _NOT_SET: Final = 0x7FFF_FFFF
 
 
@@ -428,7 +427,7 @@ def _read(message: MavlinkMessage, sender: Address) -> CommandRequest:
     first = (message.param1, message.param2, message.param3, message.param4)
     is_int = message.name == "COMMAND_INT"
     if is_int:
-        per_unit = 1e7 if message.frame in _GLOBAL_FRAMES else 1.0 if message.frame == _FRAME_MISSION else 1e4
+        per_unit = units_per_degree(message.frame)
         x, y = (math.nan if value == _NOT_SET else value / per_unit for value in (message.x, message.y))
         z = message.z
     else:

@@ -19,6 +19,10 @@ AUTOPILOT_LATCH_S: Final = 3.0
 """So long the first autopilot must have been the only one before it is taken for the vehicle's."""
 AUTOPILOT_INVALID: Final = 8
 """MAV_AUTOPILOT of everything that is not an autopilot."""
+GROUND_STATION: Final = 6
+"""MAV_TYPE_GCS."""
+ARMED: Final = 128
+"""MAV_MODE_FLAG_SAFETY_ARMED, of `base_mode`."""
 _MAVLINK_VERSION: Final = 3
 
 

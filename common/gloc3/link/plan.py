@@ -14,7 +14,8 @@ from gloc3.link.message import Address, MavlinkMessage
 ALL_TYPES: Final = 255
 """MAV_MISSION_TYPE_ALL, for clearing only."""
 _GLOBAL_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
-_FRAME_MISSION: Final = 2
+FRAME_MISSION: Final = 2
+"""MAV_FRAME_MISSION: of items without a place."""
 
 
 class PlanType(IntEnum):
@@ -106,7 +107,7 @@ def _whole(value: float) -> int:
 
 def units_per_degree(frame: int) -> float:
     """Wire units in a degree of a global frame, in a metre of a local one, or in what a frame without a place counts."""
-    return 1e7 if frame in _GLOBAL_FRAMES else 1.0 if frame == _FRAME_MISSION else 1e4
+    return 1e7 if frame in _GLOBAL_FRAMES else 1.0 if frame == FRAME_MISSION else 1e4
 
 
 class PlanResult(IntEnum):

@@ -8,6 +8,7 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.heartbeat import ARMED
 from gloc3.link.interval import REQUEST_MESSAGE
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.parameter import ParameterEncoding
@@ -19,7 +20,6 @@ LEARN_S: Final = 5.0
 """How long a vehicle may take to tell its version; without it the heartbeat has to do."""
 ASK_AGAIN_S: Final = 60.0
 """A vehicle that has not told its version is left in peace for so long."""
-_ARMED: Final = 128
 
 
 class Firmware(StrEnum):
@@ -84,7 +84,7 @@ class FactsService(Service[Never]):
                 self.facts,
                 firmware=FIRMWARES.get(message.autopilot, Firmware.OTHER),
                 vehicle_type=message.type,
-                is_armed=bool(message.base_mode & _ARMED),
+                is_armed=bool(message.base_mode & ARMED),
                 heard_s=now_s,
             )
         else:

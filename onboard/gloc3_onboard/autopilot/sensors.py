@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, Protocol
 
-from gloc3.frames import Vector3
+from gloc3.frames import GRAVITY_M_S2, Vector3
 from gloc3.link.codec import MavlinkMessage
 from gloc3.perception import ImuSample
 from gloc3.vehicle import Style
@@ -24,7 +24,7 @@ IMU_HZ: Final = 100.0
 SCAN_HZ: Final = 10.0
 KEPT: Final = 256
 """Samples of the inertial unit that are kept for who comes to fetch them."""
-MILLI_G: Final = 9.80665e-3
+MILLI_G: Final = 1e-3 * GRAVITY_M_S2
 UTC_US: Final = 10**15
 """A stamp above this is of UTC, not since boot."""
 

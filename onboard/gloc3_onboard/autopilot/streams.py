@@ -7,10 +7,10 @@ from typing import Final
 from gloc3.errors import Refused
 from gloc3.link import codec
 from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.interval import SET_MESSAGE_INTERVAL
 from gloc3.link.message import Address
 from gloc3_onboard.autopilot.style import Stream
 
-SET_MESSAGE_INTERVAL: Final = 511
 RETRY_S: Final = 1.0
 SILENT_S: Final = 5.0
 """A message that was promised and has not come for this long is asked for again."""

@@ -8,12 +8,12 @@ import msgspec
 
 from gloc3.frames import normalize, yaw_of
 from gloc3.link.codec import MavlinkMessage
+from gloc3.link.heartbeat import ARMED
 from gloc3.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.health_words import UNWELL, estimator_doubts, unwell
 from gloc3_onboard.autopilot.style import AutopilotStyle
 from gloc3_onboard.devices import Stamped, StampedHeight
 
-ARMED_FLAG: Final = 128
 CRITICAL: Final = 5
 PREARM_BIT: Final = 1 << 28
 DOWNWARD: Final = 25
@@ -226,7 +226,7 @@ class Telemetry:
             return
         self._set(
             style=self._style.style,
-            is_armed=bool(message.base_mode & ARMED_FLAG),
+            is_armed=bool(message.base_mode & ARMED),
             mode=self._style.flight_mode(message.custom_mode),
             mode_name=self._style.mode_name(message.custom_mode),
             is_failsafe=message.system_status >= CRITICAL,

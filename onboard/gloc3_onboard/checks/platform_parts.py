@@ -2,11 +2,9 @@
 
 from collections.abc import Iterator
 
-from gloc3.ci import Health
+from gloc3.ci import WELL, Health
 from gloc3.preflight import Check, Group, Verdict
 from gloc3_onboard.checks.readings import Readings
-
-WELL = (Health.WORKING, Health.QUIET)
 
 
 def component_checks(readings: Readings) -> Iterator[Check]:

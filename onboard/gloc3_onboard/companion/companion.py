@@ -14,6 +14,7 @@ from gloc3.link import codec
 from gloc3.link.codec import Frame
 from gloc3.link.ftp_files import Files
 from gloc3.link.ftp_server import FtpServer
+from gloc3.link.heartbeat import AUTOPILOT_INVALID
 from gloc3.link.interval import StreamScheduler
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
@@ -35,7 +36,6 @@ from gloc3_onboard.vitals import Vitals
 MOST_PEERS: Final = 64
 """Of so many it is remembered on which link they are; who was not heard for longest is forgotten."""
 HEARD_PERIOD_S: Final = 0.5
-AUTOPILOT_INVALID: Final = 8
 RATES_HZ: Final = {
     "CONTROL_STATUS": 1.0,
     "ONBOARD_COMPUTER_STATUS": 0.2,

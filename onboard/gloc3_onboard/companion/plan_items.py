@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from gloc3.link.plan import FRAME_MISSION, PlanItem, PlanResult
 from gloc3.link.plan import Plan as Items
-from gloc3.link.plan import PlanItem, PlanResult
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
 from gloc3.plan_wire import from_wire, to_wire
@@ -15,7 +15,6 @@ RETURN_POINT, POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = range(5000, 5005)
 _FRAMES: Final = frozenset({0, 2, 3, 5, 6, 10, 11})
 """Global ones, and that of items without a place."""
 _PLACED: Final = frozenset({16, 19, 21, 22, 195, 201})
-_FRAME_MISSION: Final = 2
 
 
 class Verdict(NamedTuple):
@@ -43,7 +42,7 @@ def _judge_item(item: PlanItem) -> Verdict | None:
     for number, value in enumerate(params):
         if math.isinf(value):
             return Verdict(PlanResult(PlanResult.INVALID_PARAM1 + number), f"param{number + 1} is infinite")
-    if item.command not in _PLACED or item.frame == _FRAME_MISSION:
+    if item.command not in _PLACED or item.frame == FRAME_MISSION:
         return None
     if abs(item.x) > 90 * UNITS_PER_DEGREE:
         return Verdict(PlanResult.INVALID_PARAM5_X, f"latitude {item.x / UNITS_PER_DEGREE:g} is not on Earth")

@@ -3,8 +3,8 @@
 from math import asin, atan2, sqrt
 from typing import Final, NamedTuple
 
-from gloc3.frames import Vector3, from_euler
-from gloc3_onboard.fusion.inertial import GRAVITY_M_S2, State
+from gloc3.frames import GRAVITY_M_S2, Vector3, from_euler
+from gloc3_onboard.fusion.inertial import State
 
 STILL_S: Final = 0.5
 _STILL_RAD_S: Final = 0.1

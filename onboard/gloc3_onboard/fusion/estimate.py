@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gloc3.frames import Quaternion, Vector3, multiply, normalize, rotate_back
+from gloc3.frames import GRAVITY_M_S2, Quaternion, Vector3, multiply, normalize, rotate_back
 from gloc3_onboard.fusion.alignment import Start
 from gloc3_onboard.fusion.error_state import (
     ACCELEROMETER,
@@ -25,7 +25,7 @@ from gloc3_onboard.fusion.error_state import (
     Matrix,
     past_pose,
 )
-from gloc3_onboard.fusion.inertial import GRAVITY_M_S2, Inertial, State
+from gloc3_onboard.fusion.inertial import Inertial, State
 from gloc3_onboard.fusion.measurements import Measured, matrix_of
 from gloc3_onboard.fusion.settings import FusionSettings
 

@@ -4,9 +4,17 @@ from bisect import bisect_right
 from math import sqrt
 from typing import Final, NamedTuple
 
-from gloc3.frames import IDENTITY, Quaternion, Vector3, conjugate, from_rotation_vector, multiply, normalize
+from gloc3.frames import (
+    GRAVITY_M_S2,
+    IDENTITY,
+    Quaternion,
+    Vector3,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    normalize,
+)
 
-GRAVITY_M_S2: Final = 9.80665
 KEPT_S: Final = 1.5
 """The past is known for so long."""
 _TRIM: Final = 400

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Final
 
-from gloc3.ci import Health, MissionSummary, Summary, VehicleSummary
+from gloc3.ci import WELL, Health, MissionSummary, Summary, VehicleSummary
 from gloc3.exchange.base import Exchange
 from gloc3.hosted import HUNG
 from gloc3.lci import State
@@ -13,7 +13,6 @@ from gloc3_onboard.service.manager import ServiceManager
 
 HEARD_WITHIN_S: Final = 3.0
 """After all have been brought up: who has not been heard by then, such as on another host, is not waited for."""
-WELL: Final = (Health.WORKING, Health.QUIET)
 
 
 class ServiceReport:

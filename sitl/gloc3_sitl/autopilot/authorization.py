@@ -4,8 +4,9 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import Final
 
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.modes import Result, Severity
+from gloc3_sitl.autopilot.modes import Result
 
 _TWO_STEPS: Final = 1
 """COM_ARM_AUTH_MET: the first attempt to arm asks only, the second arms."""

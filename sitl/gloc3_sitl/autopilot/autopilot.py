@@ -4,12 +4,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from gloc3.frames import GeoPoint, Quaternion
+from gloc3.frames import GRAVITY_M_S2, GeoPoint, Quaternion
 from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
 from gloc3_sitl.autopilot.authorization import Authorization
 from gloc3_sitl.autopilot.calibration import Calibration
 from gloc3_sitl.autopilot.commander import Commander
-from gloc3_sitl.autopilot.control.attitude import GRAVITY_M_S2, AttitudeController, attitude_for
+from gloc3_sitl.autopilot.control.attitude import AttitudeController, attitude_for
 from gloc3_sitl.autopilot.control.mixer import IDLE, Mixer, Throttles
 from gloc3_sitl.autopilot.control.position import PositionController
 from gloc3_sitl.autopilot.control.rates import RateController

@@ -3,8 +3,8 @@
 from enum import StrEnum
 from typing import Final
 
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.modes import Severity
 
 
 class Subject(StrEnum):

@@ -5,6 +5,7 @@ from math import nan
 from typing import Final
 
 from gloc3.frames import Vector3
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.arming import Check, arming_problems
 from gloc3_sitl.autopilot.authorization import Authorization, Leave
 from gloc3_sitl.autopilot.behaviours.base import Activity
@@ -16,7 +17,7 @@ from gloc3_sitl.autopilot.behaviours.streamed import Guided
 from gloc3_sitl.autopilot.control.setpoint import Setpoint
 from gloc3_sitl.autopilot.craft import Craft, Home
 from gloc3_sitl.autopilot.fence import Fence
-from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, Severity, Style
+from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, Style
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
 
 

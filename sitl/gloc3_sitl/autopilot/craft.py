@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from gloc3.frames import GeoPoint, Vector3
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.landing import TouchdownDetector
 from gloc3_sitl.autopilot.mission import MissionProgress, MissionState
-from gloc3_sitl.autopilot.modes import Severity
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.plans import Plans
 from gloc3_sitl.autopilot.tuning import Tuning

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.modes import POSITIONED, Behaviour, Severity
+from gloc3_sitl.autopilot.modes import POSITIONED, Behaviour
 from gloc3_sitl.autopilot.tuning import Action, Exempt, Tuning
 from gloc3_sitl.autopilot.verdict import Author
 

@@ -62,18 +62,6 @@ class Result(IntEnum):
     IN_PROGRESS = 5
 
 
-class Severity(IntEnum):
-    """Of a text to the ground, numbered as MAV_SEVERITY."""
-
-    EMERGENCY = 0
-    ALERT = 1
-    CRITICAL = 2
-    ERROR = 3
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mode:
     """One row of a style's table of modes."""

@@ -3,6 +3,7 @@
 from math import atan2, degrees, hypot
 from typing import Final
 
+from gloc3.frames import GRAVITY_M_S2
 from gloc3.link import codec
 from gloc3.link.message import MavlinkMessage
 from gloc3_sitl.sensors.barometer import pressure_pa
@@ -29,7 +30,6 @@ _SEA_LEVEL_C: Final = 15.0
 _LAPSE_C_PER_M: Final = 0.0065
 _NO_SIGNAL: Final = 1
 _DOWN: Final = 25
-_GRAVITY_M_S2: Final = 9.80665
 _UNKNOWN_16: Final = 65535
 
 
@@ -104,7 +104,7 @@ def hil_state(truth: Truth) -> MavlinkMessage:
     """HIL_STATE_QUATERNION: the truth, which PX4 only logs."""
     north, east, down = truth.velocity_ned_m_s
     p, q, r = truth.rate_frd_rad_s
-    milli_g = [round(force / _GRAVITY_M_S2 * 1e3) for force in truth.specific_force_frd_m_s2]
+    milli_g = [round(force / GRAVITY_M_S2 * 1e3) for force in truth.specific_force_frd_m_s2]
     speed_cm_s = round(hypot(*(v - w for v, w in zip(truth.velocity_ned_m_s, truth.wind_ned_m_s, strict=True))) * 100.0)
     return codec.message(
         "HIL_STATE_QUATERNION",

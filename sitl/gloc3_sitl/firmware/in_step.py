@@ -14,9 +14,9 @@ from tempfile import TemporaryDirectory
 from typing import Final, NoReturn
 
 from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
-from gloc3_sitl.autopilot.modes import Severity
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.surroundings import Power
 from gloc3_sitl.firmware.ardupilot import RATE_HZ, ArduPilotBridge

@@ -8,6 +8,7 @@ from typing import Final
 
 from gloc3.link import codec
 from gloc3.link.codec import Encoder, Parser
+from gloc3.link.interval import SET_MESSAGE_INTERVAL
 from gloc3.link.message import MavlinkMessage
 from gloc3_sitl.firmware import hil_messages as hil
 from gloc3_sitl.firmware.body import MOTORS, Body
@@ -30,7 +31,6 @@ _STANDING_STILL: Final = (0.0,) * MOTORS
 _STILL: Final = ImuReading(t_s=0.0, specific_force_frd_m_s2=(0.0, 0.0, 0.0), rate_frd_rad_s=(0.0, 0.0, 0.0))
 """In fields that are not said to be new."""
 _LOCK_STEP_FLAG: Final = 1
-_SET_MESSAGE_INTERVAL: Final = 511
 _HIL_STATE: Final = 115
 
 
@@ -111,7 +111,7 @@ class Px4Bridge:
                 self._throttles = message.controls[:MOTORS]
                 self._is_in_step = is_in_step
                 self._is_waiting = False
-            case "COMMAND_LONG" if message.command == _SET_MESSAGE_INTERVAL and round(message.param1) == _HIL_STATE:
+            case "COMMAND_LONG" if message.command == SET_MESSAGE_INTERVAL and round(message.param1) == _HIL_STATE:
                 every_us = message.param2
                 self._truth_every_s = every_us * 1e-6 if every_us > 0.0 else None
 

@@ -3,14 +3,14 @@
 from math import sqrt
 from typing import Final
 
-from gloc3.frames import Vector3
+from gloc3.frames import GRAVITY_M_S2, Vector3
 from gloc3_sitl.sensors.readings import ImuReading
 from gloc3_sitl.sensors.sensor import Sensor
 from gloc3_sitl.truth import Motion
 
 GYRO_DENSITY_RAD_S_RTHZ: Final = 0.004 * 0.0174532925
 """Noise of a gyro: 0.004 °/s/√Hz (data sheet figure of the ICM-20602 class)."""
-ACCELEROMETER_DENSITY_M_S2_RTHZ: Final = 300e-6 * 9.80665
+ACCELEROMETER_DENSITY_M_S2_RTHZ: Final = 300e-6 * GRAVITY_M_S2
 """Noise of an accelerometer: the ICM-20602 class has 100 µg/√Hz; three times that stands for a well damped frame's vibration."""
 GYRO_BIAS_RAD_S: Final = 0.002
 """Deviation of what is left of a gyro's bias after its calibration at start."""

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from gloc3.frames import (
+    GRAVITY_M_S2,
     Quaternion,
     Vector3,
     conjugate,
@@ -22,7 +23,6 @@ from gloc3_sitl.world.world import World
 
 _KNOT_S: Final = 0.8
 _REST_KNOTS: Final = 4
-_GRAVITY_M_S2: Final = 9.80665
 _STANDING_M: Final = 0.0973
 _RATE_STEP_S: Final = 1e-3
 
@@ -77,7 +77,7 @@ class SmoothFlight:
             velocity_ned_m_s=self._frame.to_ned((velocity[0], velocity[1], velocity[2])),
             attitude_wxyz=attitude,
             rate_frd_rad_s=rate,
-            specific_force_frd_m_s2=rotate_back(attitude, (north, east, down - _GRAVITY_M_S2)),
+            specific_force_frd_m_s2=rotate_back(attitude, (north, east, down - GRAVITY_M_S2)),
             latitude_deg=latitude,
             longitude_deg=longitude,
             altitude_m=altitude,
@@ -91,7 +91,7 @@ class SmoothFlight:
     def _attitude(self, t_s: float) -> Quaternion:
         """`ned_from_frd`: down against the felt force, forward along the heading."""
         x, y, up = _spline(self._knots, t_s, 2).tolist()
-        force = np.array(self._frame.to_ned((x, y, up))) - (0.0, 0.0, _GRAVITY_M_S2)
+        force = np.array(self._frame.to_ned((x, y, up))) - (0.0, 0.0, GRAVITY_M_S2)
         down = -force / np.linalg.norm(force)
         yaw = float(_spline(self._yaws[:, None], t_s, 0)[0])
         ahead = np.array(self._frame.to_ned((float(np.cos(yaw)), float(np.sin(yaw)), 0.0)))

@@ -11,10 +11,10 @@ from tests.sitl.firmware.px4_peer import BARO, GYRO, MAG, Px4Peer
 
 from gloc3.frames import GeoPoint
 from gloc3.link.message import MavlinkMessage
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Send
-from gloc3_sitl.autopilot.modes import Severity
 from gloc3_sitl.autopilot.styles.px4 import PX4
 from gloc3_sitl.sensors.height import MOUNT_HEIGHT_M
 from gloc3_sitl.sensors.magnetic_field import declination_deg

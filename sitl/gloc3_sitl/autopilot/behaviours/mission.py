@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import atan2, hypot, isfinite, radians
 
 from gloc3.frames import Vector3, wrap_pi
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.behaviours.base import Activity, Mover
 from gloc3_sitl.autopilot.behaviours.climb import TakeOff
 from gloc3_sitl.autopilot.behaviours.land import Land
@@ -11,7 +12,6 @@ from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.mission import MissionState
-from gloc3_sitl.autopilot.modes import Severity
 from gloc3_sitl.autopilot.plans import INSTANT, Command, StoredItem
 
 _MOST_INSTANT = 64

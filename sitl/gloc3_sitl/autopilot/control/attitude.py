@@ -4,8 +4,6 @@ from math import cos, sin, sqrt
 
 from gloc3.frames import Quaternion, Vector3
 
-GRAVITY_M_S2 = 9.80665
-
 
 class AttitudeController:
     """Proportional in the error quaternion (Brescianini, Hehn and D'Andrea, ETH 2013), yaw weaker than tilt."""

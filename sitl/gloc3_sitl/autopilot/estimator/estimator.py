@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 from math import atan2, nan, sqrt
 from typing import Final
 
-from gloc3.frames import GeoPoint, TangentPlane, Vector3, rotate, to_euler, wrap_pi
+from gloc3.frames import GRAVITY_M_S2, GeoPoint, TangentPlane, Vector3, rotate, to_euler, wrap_pi
 from gloc3_sitl.autopilot.estimator.alignment import Alignment
 from gloc3_sitl.autopilot.estimator.axis import AxisFilter, Gains
-from gloc3_sitl.autopilot.estimator.inertial import GRAVITY_M_S2, InertialSolution
+from gloc3_sitl.autopilot.estimator.inertial import InertialSolution
 from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdometry, Fix, Source, SourceState
 
 _GATE_SIGMA: Final = 5.0

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint, Vector3
 from gloc3.link.command import CommandRequest
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
 from gloc3_sitl.autopilot.mavlink.service_commands import SERVICE_HANDLERS
-from gloc3_sitl.autopilot.modes import Behaviour, Result, Severity
+from gloc3_sitl.autopilot.modes import Behaviour, Result
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from gloc3.link.parser import Frame
 from gloc3.link.service import Service
 from gloc3.link.statustext import StatusTextSender
 from gloc3.link.timesync import TimeSync
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.craft import Home
@@ -29,7 +30,7 @@ from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, startin
 from gloc3_sitl.autopilot.mavlink.signing_keeper import SigningKeeper
 from gloc3_sitl.autopilot.mavlink.telemetry import producers
 from gloc3_sitl.autopilot.mavlink.version import version_of
-from gloc3_sitl.autopilot.modes import Result, Severity
+from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
 

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint
 from gloc3.link import codec
+from gloc3.link.heartbeat import GROUND_STATION
 from gloc3.link.message import Address, MavlinkMessage
+from gloc3.messages import Severity
 from gloc3_sitl.autopilot.craft import Target
 from gloc3_sitl.autopilot.mavlink.odometry import mocap, odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
-from gloc3_sitl.autopilot.modes import Behaviour, Result, Severity
+from gloc3_sitl.autopilot.modes import Behaviour, Result
 from gloc3_sitl.autopilot.verdict import Author, Verdict
 
 if TYPE_CHECKING:
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
 
 Listener = Callable[["Front", MavlinkMessage, Address], None]
 
-_GROUND_STATION: Final = 6
 _SHELL: Final = 10
 """SERIAL_CONTROL_DEV: the shell."""
 _SHELL_BYTES: Final = 70
@@ -34,7 +35,7 @@ _JOYSTICK_S: Final = 0.5
 
 def _heartbeat(front: "Front", message: MavlinkMessage, sender: Address) -> None:
     # PX4 asks for the type of a ground station; ArduPilot for the one system id, whatever its type.
-    if not front.is_px4 or message.type == _GROUND_STATION:
+    if not front.is_px4 or message.type == GROUND_STATION:
         front.station_heard(sender.system)
 
 

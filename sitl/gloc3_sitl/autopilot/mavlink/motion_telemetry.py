@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from gloc3.link.codec import message
 from gloc3.link.message import MavlinkMessage
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
-from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, short
+from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, milli_g, short
 from gloc3_sitl.sensors.readings import ImuReading
 
 if TYPE_CHECKING:
@@ -220,9 +220,9 @@ def scaled_imu(autopilot: "Autopilot", reading: ImuReading | None = None) -> Mav
     return message(
         "SCALED_IMU",
         time_boot_ms=int(imu.t_s * 1e3) & 0xFFFFFFFF,
-        xacc=short(fx / 9.80665e-3),
-        yacc=short(fy / 9.80665e-3),
-        zacc=short(fz / 9.80665e-3),
+        xacc=milli_g(fx),
+        yacc=milli_g(fy),
+        zacc=milli_g(fz),
         xgyro=short(p * 1e3),
         ygyro=short(q * 1e3),
         zgyro=short(r * 1e3),

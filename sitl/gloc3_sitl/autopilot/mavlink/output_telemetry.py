@@ -7,7 +7,7 @@ from gloc3.frames import rotate_back
 from gloc3.link.codec import message
 from gloc3.link.message import MavlinkMessage
 from gloc3_sitl.autopilot.behaviours.orbit import Orbit
-from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, short
+from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, milli_g, short
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
@@ -77,7 +77,7 @@ def raw_imu(autopilot: "Autopilot") -> MavlinkMessage | None:
     if imu is None:
         return None
     field = (0.0, 0.0, 0.0) if magnetometer is None else magnetometer.field_frd_tesla
-    fx, fy, fz = (short(value / 9.80665e-3) for value in imu.specific_force_frd_m_s2)
+    fx, fy, fz = (milli_g(value) for value in imu.specific_force_frd_m_s2)
     p, q, r = (short(value * 1e3) for value in imu.rate_frd_rad_s)
     mx, my, mz = (short(value * 1e7) for value in field)
     values = {"xacc": fx, "yacc": fy, "zacc": fz, "xgyro": p, "ygyro": q, "zgyro": r}
@@ -125,7 +125,7 @@ def ground_truth(autopilot: "Autopilot") -> MavlinkMessage | None:
     except LookupError:
         return None
     vn, ve, vd = (short(value * 100.0) for value in truth.velocity_ned_m_s)
-    fx, fy, fz = (short(value / 9.80665e-3) for value in truth.specific_force_frd_m_s2)
+    fx, fy, fz = (milli_g(value) for value in truth.specific_force_frd_m_s2)
     p, q, r = truth.rate_frd_rad_s
     airspeed = hypot(*(own - air for own, air in zip(truth.velocity_ned_m_s, truth.wind_ned_m_s, strict=True)))
     return message(

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from gloc3.frames import GRAVITY_M_S2
+
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
 
@@ -19,3 +21,8 @@ def microseconds(autopilot: "Autopilot") -> int:
 def short(value: float) -> int:
     """Rounded, and held inside 16 bits."""
     return max(-32768, min(32767, round(value)))
+
+
+def milli_g(acceleration_m_s2: float) -> int:
+    """In thousandths of standard gravity, rounded, and held inside 16 bits."""
+    return short(1e3 * acceleration_m_s2 / GRAVITY_M_S2)

@@ -25,6 +25,7 @@ from gloc3.messages import (
     ComponentStatus,
     Envelope,
     FunctionRequest,
+    Kind,
     Message,
     Severity,
 )
@@ -101,6 +102,11 @@ class ComponentHost:
         return self._hosted.state
 
     @property
+    def kind(self) -> Kind:
+        """The type of component."""
+        return self._hosted.component.kind
+
+    @property
     def errors(self) -> ErrorHandler:
         """The errors of this life of the component."""
         return self._hosted.errors
@@ -118,6 +124,13 @@ class ComponentHost:
         """Enters the system and is brought to the state that the row asks for."""
         self._hosted.enter()
         self._carry_out(BEGIN_COMMANDS[self.row.begin], None, self._begun)
+
+    def begin_again(self, fault: str | None) -> None:
+        """Enters the system after its process has ended: faulty with that cause, or absent until it is created (None)."""
+        if fault is None:
+            self._hosted.state = None
+        else:
+            self._hosted.enter(fault)
 
     def _begun(self, refusal: str) -> None:
         if refusal:

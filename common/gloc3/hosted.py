@@ -73,13 +73,21 @@ class HostedComponent:
         self._transition: MethodJob | None = None
         self._is_stuck = False
         """A thread never came back from this component: it is not initialized again, another one is."""
-        self._is_finish_stuck = False
+        self._is_finish_left_out = False
+        """Its `finish()` never came back, or it was never initialized."""
         self._ends: list[Unsubscribe] = []
 
     # --- entering and leaving the system ---
 
-    def enter(self) -> None:
-        """Becomes visible: alive, with inputs and status."""
+    def enter(self, fault: str = "") -> None:
+        """Becomes visible: alive, with inputs and status.
+
+        Args:
+            fault: why it is faulty from the begin: the process that it was in has ended. There is nothing to finish then.
+        """
+        if fault:
+            self.state, self._is_finish_left_out = State.FAULTY, True
+            self.errors.record(fault, self._loop.time())
         self._ends = [self._context.exchange.declare_alive(self._base[:-1]), *self._cycler.subscribe()]
         self._notifier.start()
 
@@ -101,7 +109,7 @@ class HostedComponent:
     def carry_out(self, command: Command, row: Transition, settings: Any, answer: Answer) -> None:
         """Runs the methods of a row of the table and commits the state; `answer` is told when that has ended."""
         assert self.state is not None
-        methods = [name for name in row.methods if not (self._is_finish_stuck and name == "finish")]
+        methods = [name for name in row.methods if not (self._is_finish_left_out and name == "finish")]
         if self.is_device_live and ("stop" in methods or "goquiet" in methods):
             methods[:0] = [CHECK_LEAVING, MAKE_SAFE]
         job = self._transition = MethodJob(
@@ -150,9 +158,10 @@ class HostedComponent:
         if MAKE_SAFE in job.called:
             self.is_device_live = False
         if job.component is not self.component:
-            self.component, self._is_stuck, self._is_finish_stuck = job.component, False, False
+            self.component, self._is_stuck, self._is_finish_left_out = job.component, False, False
             self.component.request_cycle = self._cycler.request
         if command is Command.INITIALIZE:
+            self._is_finish_left_out = False
             details = msgspec.json.encode(job.settings, order="sorted").decode()
         if command is Command.START:
             self._publisher.restart(self._new_boot())
@@ -264,7 +273,7 @@ class HostedComponent:
         called = self._transition.called if self._transition else []
         self._transition = None
         self._is_stuck = True
-        self._is_finish_stuck = self._is_finish_stuck or called[-1:] == ["finish"]
+        self._is_finish_left_out = self._is_finish_left_out or called[-1:] == ["finish"]
         told = self.errands.abandon()
         self.fault(cause, None, is_stopped="stop" in called)
         for gave_up in told:

@@ -16,6 +16,7 @@ from gloc3.ci import (
     VehicleSummary,
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.host_messages import ClockAnswer, ClockQuestion, HostStatus
 from gloc3.mission.messages import ActionStatus
 from gloc3.perception import Features, FusionState, ImuSample, LaserScan, Odometry, PositionFix
 from gloc3.preflight import PreflightReport
@@ -91,6 +92,10 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/event": TopicRow(CiEvent),
+    # the hosts, towards everyone
+    "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),
+    "hosts/*/clock": TopicRow(ClockQuestion, is_logged=False, service=Service.CONTROL),
+    "hosts/*/clock_answer": TopicRow(ClockAnswer, is_logged=False, service=Service.CONTROL),
     # the viewer, towards the stations that look
     "watch/sample/**": TopicRow(Sample, is_logged=False, service=Service.BULK),
     "watch/large/**": TopicRow(Sample, is_logged=False, service=Service.BULK),

@@ -5,9 +5,17 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused
+from gloc3.places import Place, is_in_one_process
+from gloc3.platform import Platform
 
 LOG: Final = "log"
 MOST_LOGS: Final = 1_000_000
+
+
+def log_stem(platform: Platform, place: Place) -> str:
+    """What the logs of a process are called: `log`, or `log-HOST[-PROCESS]` where the platform has several processes."""
+    parts = () if is_in_one_process(platform) else place
+    return "-".join((LOG, *filter(None, parts)))
 
 
 class LogFiles:

@@ -5,6 +5,7 @@ import faulthandler
 import os
 import signal
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from random import SystemRandom
 from typing import Any, Final, Literal
@@ -16,7 +17,7 @@ from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.counting import counted
 from gloc3.errors import Refused
-from gloc3.exchange import LocalExchange
+from gloc3.exchange.base import Exchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.link.message import MavlinkMessage
@@ -26,10 +27,10 @@ from gloc3.link.signing import Signing
 from gloc3.link.signing_key import read_signing_key
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
+from gloc3.places import Place, choose_host, rows_at
 from gloc3.platform import Platform, find_platform, load_platform
-from gloc3.readiness import LinkCondition
+from gloc3.readiness import LinkCondition, SensorCondition
 from gloc3.requested_path import RequestedPath
-from gloc3.topics import TopicTable
 from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
@@ -39,7 +40,10 @@ from gloc3_onboard.companion.files import shared_files
 from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.herald import Herald
-from gloc3_onboard.log_files import LogFiles
+from gloc3_onboard.log_files import LogFiles, log_stem
+from gloc3_onboard.nodes.keeper import HostKeeper
+from gloc3_onboard.nodes.pipe import Order
+from gloc3_onboard.nodes.shared import Shared, alone, open_shared
 from gloc3_onboard.rate_watch import RateWatch
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
@@ -82,6 +86,18 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     takes_plans: bool = False
     """Plans that stations of others send to the autopilot become missions, and do not reach it."""
     log_limits: LogLimits = LogLimits()
+    host: str | None = None
+    """Which of the platform's hosts this is; None for the only one."""
+
+    def folder(self, platform: Platform) -> Path:
+        """Where state and logs are."""
+        return self.out or Path(f"gloc3-{platform.platform}")
+
+
+def _lament(options: ProcessOptions, _kind: str, text: str) -> None:
+    """Tells of messages that could not be taken."""
+    if not options.is_quiet:
+        narrate(f"onboard: {text}", Severity.WARNING)
 
 
 async def run(options: ProcessOptions) -> int:
@@ -100,32 +116,40 @@ async def run(options: ProcessOptions) -> int:
     manager = ServiceManager.of_this_process(os.environ, lambda text: narrate(text, Severity.WARNING))
     if manager.is_there:
         faulthandler.enable()  # its watchdog ends us by SIGABRT: then the journal says where we hung
-    process = OnboardProcess(options, platform, loop)
-    try:
-        await process.open()
-        report = ServiceReport(manager, process.exchange, platform.platform, process.is_beginning)
-        await stopped.wait()
-        manager.stopping()
-        report.end("stopping")
-        process.say(Severity.NOTICE, "stopping")
-    finally:
-        await process.close()
-        manager.close()
+    host = choose_host(platform, options.host)
+    troubled = partial(_lament, options)
+    with open_shared(platform, host, options.folder(platform), loop, troubled) as shared:
+        process = OnboardProcess(options, platform, loop, shared)
+        try:
+            await process.open()
+            report = ServiceReport(manager, process.exchange, platform.platform, process.is_beginning)
+            await stopped.wait()
+            manager.stopping()
+            report.end("stopping")
+            process.say(Severity.NOTICE, "stopping")
+        finally:
+            await process.close()
+            manager.close()
     return 0
 
 
 class OnboardProcess:
-    """Everything that one onboard process holds open."""
+    """Everything that the main process of the clock host holds open."""
 
-    def __init__(self, options: ProcessOptions, platform: Platform, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(
+        self, options: ProcessOptions, platform: Platform, loop: asyncio.AbstractEventLoop, shared: Shared | None = None
+    ) -> None:
         self._options, self._platform, self._loop = options, platform, loop
+        shared = shared or alone()
+        self._place = Place(choose_host(platform, options.host))
         self._clock = Clock(loop)
-        self._topics = TopicTable.installed()
-        self.exchange: Final = LocalExchange()
-        """What its components say to each other."""
+        self._topics = shared.topics
+        self.exchange: Final[Exchange] = shared.exchange
+        """What the components say to each other."""
+        self._endpoint = shared.endpoint
         self._narrator = Narrator()
         self._random = SystemRandom()
-        self._out = options.out or Path(f"gloc3-{platform.platform}")
+        self._out = options.folder(platform)
         self._logs = options.logs or self._out
         self._endpoints: list[Endpoint] = []
         self._routed: list[RoutedLink] = []
@@ -160,13 +184,28 @@ class OnboardProcess:
         self._rig = PlatformRig(platform, folder)
         for warning in self._rig.warnings:
             self.say(Severity.WARNING, str(warning))
-        used = sorted({device for row in platform.components for device in row.devices.values()})
-        urls = source_urls(platform, used, options.devices)
-        host = SourceHost(loop, folder, self._autopilot.t_s_of_boot, self._autopilot.sensors, self._autopilot)
-        self._sources = make_sources(urls, host)
-        watch = SensorWatch(urls, self._sources, self._rig, self._clock.now_s)
+        self._rows = rows_at(platform, self._place)
+        used = sorted({device for row in self._rows for device in row.devices.values()})
+        asked = [
+            each for each in options.devices if each.partition("=")[0] in used or not _is_elsewhere(platform, each)
+        ]
+        urls = source_urls(platform, used, asked)
+        source_host = SourceHost(loop, folder, self._autopilot.t_s_of_boot, self._autopilot.sensors, self._autopilot)
+        self._sources = make_sources(urls, source_host)
+        self._watch = SensorWatch(urls, self._sources, self._rig, self._clock.now_s)
         self._computer = HostComputer(
-            self._logs, self._clock, self._log_problem, self._link_conditions, watch.conditions
+            self._logs, self._clock, self._log_problem, self._link_conditions, self._sensor_conditions
+        )
+        context = HostContext(platform.platform, self.exchange, self._clock, loop, shared.topics, self._random)
+        self._context = context
+        self._keeper = HostKeeper(
+            platform,
+            self._place.host,
+            context,
+            self._order,
+            lambda text: self.say(Severity.WARNING, text),
+            sensors=self._watch.conditions,
+            vehicle_boot_s=lambda: self._autopilot.t_s_of_boot(0.0),
         )
         self._onboard: Onboard | None = None
         self._links: dict[str, str] = {}
@@ -203,23 +242,26 @@ class OnboardProcess:
         await self._loop.run_in_executor(None, self._computer.measure)
         log = self._open_log()
         self._share()
-        context = HostContext(platform.platform, self.exchange, self._clock, self._loop, self._topics, self._random)
-        self._onboard = Onboard(platform, context, self._devices(log))
+        self._keeper.begin()
+        devices = self._devices(log)
+        self._onboard = Onboard(platform, self._context, devices, rows=self._rows, led=self._keeper.led)
         self._onboard.begin()
         self.say(Severity.INFO, f"{platform.platform}: {len(platform.components)} components; log in {log}")
         self._timer = self._loop.call_later(LOOK_AFTER_S, self._look_at_links)
 
     def is_beginning(self) -> bool:
         """Whether some component has not reached the state yet that its row asks for."""
-        return self._onboard is None or self._onboard.is_beginning
+        return self._onboard is None or self._onboard.is_beginning or self._keeper.is_beginning
 
     async def close(self) -> None:
         """Stops the components, then closes what they used."""
         if self._timer is not None:
             self._timer.cancel()
+        self._keeper.give_up_beginning()
         if self._onboard is not None:
             await self._onboard.stop(lambda text: self.say(Severity.WARNING, text))
             self._onboard.close()
+        await self._keeper.end()
         self._herald.close()
         self._companion.close()
         if refused := self._companion.reasons.said:
@@ -288,11 +330,11 @@ class OnboardProcess:
                 folder.mkdir(parents=True, exist_ok=True)
             file = find_platform(self._options.platform).read_bytes()
             log = self._log = RunLog(
-                LogFiles(self._logs),
+                LogFiles(self._logs, log_stem(self._platform, self._place)),
                 self._options.log_limits,
                 self._clock,
                 self._topics,
-                self.exchange,
+                self.exchange.here,
                 self._loop,
                 {"platform": self._platform.platform},
                 file,
@@ -304,7 +346,25 @@ class OnboardProcess:
         return log.path
 
     def _log_problem(self) -> str:
-        return self._log.problem if self._log is not None else ""
+        return (self._log.problem if self._log is not None else "") or self._keeper.log_problem()
+
+    def _sensor_conditions(self) -> list[SensorCondition]:
+        return [*self._watch.conditions(), *self._keeper.child_sensors()]
+
+    def _order(self, process: str, lives: dict[str, str | None] | None) -> Order:
+        """What a child process is told."""
+        return Order(
+            platform=self._options.platform,
+            host=self._place.host,
+            process=process,
+            endpoint=self._endpoint,
+            logs=str(self._logs),
+            devices=self._options.devices,
+            parent=os.getpid(),
+            offset_s=0.0,
+            log_limits=self._options.log_limits,
+            lives=lives,
+        )
 
     def _link_conditions(self) -> list[LinkCondition]:
         return [routed.condition() for routed in self._routed]
@@ -370,3 +430,8 @@ class OnboardProcess:
 def _all_of_them(_: Frame) -> bool:
     """What observers send reaches nobody but our own command interface, which tells looking from commanding."""
     return True
+
+
+def _is_elsewhere(platform: Platform, device: str) -> bool:
+    """Whether a source that was asked for, as NAME=URL, is one of another process's."""
+    return any(device.partition("=")[0] in row.devices.values() for row in platform.components)

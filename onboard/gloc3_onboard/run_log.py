@@ -47,6 +47,7 @@ class RunLog:
         platform_file: put into each.
         path: the path that was requested so far, put into each when it ends.
         say: takes what a person should know.
+        has_links: whether the process has MAVLink links, whose frames are kept.
 
     Raises:
         Refused: the folder cannot be written.
@@ -64,10 +65,12 @@ class RunLog:
         platform_file: bytes,
         path: Callable[[], Sequence[Vector3]],
         say: Callable[[Severity, str], None],
+        *,
+        has_links: bool = True,
     ) -> None:
         self._files, self._limits, self._clock, self._topics = files, limits, clock, topics
         self._exchange, self._loop, self._metadata, self._requested, self._say = exchange, loop, metadata, path, say
-        self._platform_file = platform_file
+        self._platform_file, self._has_links = platform_file, has_links
         self._closing: asyncio.Future[None] | None = None
         self.path = files.next()
         """Of the file that is written now."""
@@ -82,22 +85,25 @@ class RunLog:
 
     def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
         """Keeps a MAVLink frame."""
-        self._traffic.keep(link, direction, frame)
+        if self._traffic is not None:
+            self._traffic.keep(link, direction, frame)
 
     async def close(self) -> None:
         """Finishes the last file."""
         self._timer.cancel()
         if self._closing is not None:
             await self._closing
-        self._traffic.close()
+        if self._traffic is not None:
+            self._traffic.close()
         self._recorder.detach()
         self._finish(self._recorder, list(self._requested()))
 
-    def _begin(self, path: Path, before: str) -> tuple[Recorder, Traffic]:
+    def _begin(self, path: Path, before: str) -> tuple[Recorder, Traffic | None]:
         metadata = {**self._metadata, CONTINUES: before} if before else self._metadata
         recorder = Recorder(path, self._clock, self._topics, metadata)
         try:
-            traffic = Traffic(path.with_suffix(".tlog"), recorder, self._clock, self._loop, self._warn)
+            tlog = path.with_suffix(".tlog")
+            traffic = Traffic(tlog, recorder, self._clock, self._loop, self._warn) if self._has_links else None
         except Refused:
             recorder.close()
             raise
@@ -114,7 +120,8 @@ class RunLog:
         self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
         limit = self._limits.file_mb * MEGABYTE
         try:
-            size = max(path.stat().st_size for path in (self.path, self.path.with_suffix(".tlog")))
+            paths = (self.path, self.path.with_suffix(".tlog")) if self._has_links else (self.path,)
+            size = max(path.stat().st_size for path in paths)
         except OSError:  # somebody has deleted it: what is still written goes nowhere
             size = int(limit) + 1
         if limit and size > limit and not self.problem and (self._closing is None or self._closing.done()):
@@ -132,7 +139,8 @@ class RunLog:
             return
         self.path = path
         recorder.detach()
-        traffic.close()
+        if traffic is not None:
+            traffic.close()
         self._closing = self._loop.run_in_executor(None, self._finish, recorder, list(self._requested()))
         self._prune()
 

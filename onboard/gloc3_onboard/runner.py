@@ -1,10 +1,10 @@
 """The onboard companion process: hosts the components of a platform and brings them up and down."""
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from random import Random
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from gloc3.clock import Clock
 from gloc3.component import Component
@@ -34,14 +34,32 @@ Create = Callable[[ComponentRow, Mapping[str, Any]], Component[Any]]
 """Makes the component of a row, given the host's devices."""
 
 
+class Member(Protocol):
+    """A component of this host, in whichever of its processes."""
+
+    @property
+    def row(self) -> ComponentRow:
+        """Its row of the platform file."""
+
+    @property
+    def kind(self) -> Kind:
+        """The type of component."""
+
+    @property
+    def state(self) -> State | None:
+        """The state; None is *absent*."""
+
+
 class Onboard:
-    """The components of one host of a platform.
+    """The components of one process of a platform; the main process of a host also leads those of its child processes.
 
     Args:
         platform: the platform file.
         context: what the hosts share.
         devices: by name, as the rows refer to them.
         create: makes the component of a row.
+        rows: those of this process; None for all of the platform.
+        led: the components of child processes.
     """
 
     def __init__(
@@ -50,13 +68,17 @@ class Onboard:
         context: HostContext,
         devices: Mapping[str, Any],
         create: Create = ComponentRow.create,
+        rows: Sequence[ComponentRow] | None = None,
+        led: Sequence[Member] = (),
     ) -> None:
         self.platform = platform
         self.context = context
         self.devices: Final = devices
         self.hosts: Final = {
-            row.name: ComponentHost(row, partial(create, row, devices), context) for row in platform.components
+            row.name: ComponentHost(row, partial(create, row, devices), context)
+            for row in (platform.components if rows is None else rows)
         }
+        self._led = tuple(led)
         self._caretaker: Caretaker | None = None
 
     @classmethod
@@ -78,6 +100,11 @@ class Onboard:
         for host in self.hosts.values():
             host.begin()
 
+    def begin_again(self, lives: Mapping[str, str | None]) -> None:
+        """Has every component back after the process has ended: faulty with that cause, or absent (None)."""
+        for name, host in self.hosts.items():
+            host.begin_again(lives.get(name))
+
     @property
     def is_beginning(self) -> bool:
         """Whether some component has not reached that state yet."""
@@ -96,12 +123,13 @@ class Onboard:
         self._dismiss_caretaker()
         context = self.context
         publisher = Publisher(context.exchange, context.platform, "runner", context.random.getrandbits(32))
-        for host in sorted(self.hosts.values(), key=lambda host: LEAVES.get(host.status().kind, len(LEAVES))):
-            reason = await self._shut_down(host, publisher)
+        members: list[Member] = [*self.hosts.values(), *self._led]
+        for member in sorted(members, key=lambda member: LEAVES.get(member.kind, len(LEAVES))):
+            reason = await self._shut_down(member, publisher)
             if reason:
-                tell(f"{host.row.name} has not left: {reason}")
+                tell(f"{member.row.name} has not left: {reason}")
 
-    async def _shut_down(self, host: ComponentHost, publisher: Publisher) -> str:
+    async def _shut_down(self, host: Member, publisher: Publisher) -> str:
         """Has one component leave; returns why it has not, or an empty text."""
         context = self.context
         until_s = context.loop.time() + STOP_PATIENCE_S

@@ -17,6 +17,7 @@ FROM_ELSEWHERE: Final = {
     "ci/request": "the stations, through their links",
     "ci/heard": "the links to the stations",
     "sim/*": "the flight harness",
+    "hosts/**": "the main process of each host",
     "imu": "the inertial unit of a platform that moves by its own sensors",
     "laser": "the range scanner of a platform that has one",
     "features/*": "the feature processor of a platform that has a stereo pair",

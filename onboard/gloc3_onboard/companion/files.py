@@ -19,7 +19,7 @@ ALIASES: Final = {"@MAV_LOG": LOGS}
 LARGEST_MISSION_BYTES: Final = 1 << 20
 MOST_MISSIONS: Final = 200
 _MISSION: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
-_LOG: Final = re.compile(r"log(-\d+)?\.(mcap|tlog)|images(-\d+)?")
+_LOG: Final = re.compile(r"log(-[a-z0-9_-]+)?\.(mcap|tlog)|images(-[a-z0-9_-]+)?")
 
 
 def shared_files(folder: Path, logs: Path, metadata: Mapping[str, bytes]) -> Files:

@@ -36,9 +36,9 @@ class SourceHost(NamedTuple):
     """To which files are relative."""
     t_s_of_boot: Callable[[float], float | None]
     """Maps the vehicle's time since boot to ours."""
-    sensors: AutopilotSensors
-    height: HeightSensor
-    """The autopilot's own."""
+    sensors: AutopilotSensors | None = None
+    height: HeightSensor | None = None
+    """The autopilot's own; None in a process without its link."""
 
 
 def camera_name(device: str) -> str:
@@ -106,6 +106,8 @@ class _Maker:
 
     def _autopilot(self, name: str, url: SourceUrl, sensor: Sensor | None) -> Any:
         sensors = self._host.sensors
+        if sensors is None:
+            raise Refused(f"{name}: {url.text!r}: the autopilot's link is in the main process of the clock host alone")
         if sensor is Sensor.IMU:
             return AutopilotImu(sensors, url.number("rate_hz", IMU_HZ))
         if sensor is Sensor.HEIGHT:

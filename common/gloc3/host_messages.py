@@ -1,0 +1,68 @@
+"""What the hosts of a platform tell of themselves."""
+
+from typing import Final
+
+import msgspec
+
+from gloc3.messages import Message
+from gloc3.readiness import SensorCondition
+
+HOSTS: Final = "hosts"
+"""Below the platform's name: each host's status is `hosts/NAME`, its questions for the time `hosts/NAME/clock`."""
+
+
+class ProcessLine(msgspec.Struct, frozen=True, array_like=True):
+    """A process of a host."""
+
+    name: str
+    """Empty for the main one."""
+    pid: int
+    """0 while it is away."""
+    phase: str
+    """`beginning`, `up`, `away` (it has ended by itself) or `left`."""
+    components: list[str]
+    restarts: int = 0
+    last_words: str = ""
+    """Why it ended last."""
+    log_problem: str = ""
+    """Why its log is not written any more."""
+
+
+class HostStatus(Message, frozen=True):
+    """One host of a platform, once a second and on every change."""
+
+    host: str
+    is_clock_host: bool
+    processes: list[ProcessLine]
+    version: str = ""
+    """Of the software."""
+    protocol: str = ""
+    """A hash over all types of messages; ends with different ones may not understand each other."""
+    clock_offset_s: float = 0.0
+    """The platform's time minus this computer's monotonic clock."""
+    clock_bound_s: float = 0.0
+    """How wrong the offset may be at most; infinite before the first measurement."""
+    clock_round_trip_s: float = 0.0
+    clock_age_s: float = 0.0
+    """Since the measurement that counts."""
+    load: float = 0.0
+    """Processes that want to run, for each of the computer's cores, over the last minute."""
+    vehicle_boot_s: float | None = None
+    """The platform's time when the autopilot began to count its own; None where it is not known here."""
+    sensors: list[SensorCondition] = []
+    """Of all processes of the host."""
+
+
+class ClockQuestion(Message, frozen=True):
+    """A host asks the clock host what time it is."""
+
+    number: int
+    """Random, so that an answer belongs to one question of one life."""
+
+
+class ClockAnswer(Message, frozen=True):
+    """What time it was on the clock host."""
+
+    number: int
+    received_s: float
+    answered_s: float

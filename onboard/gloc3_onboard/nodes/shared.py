@@ -1,0 +1,84 @@
+"""The exchange that a host's main process opens: local where it is alone, else joined with its children and other hosts."""
+
+import asyncio
+import os
+import stat
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from hashlib import blake2s
+from pathlib import Path
+from typing import NamedTuple
+
+from gloc3.errors import Refused
+from gloc3.exchange import LocalExchange
+from gloc3.exchange.base import Exchange
+from gloc3.places import child_processes
+from gloc3.platform import Platform
+from gloc3.topics import TopicTable
+
+
+class Shared(NamedTuple):
+    """The exchange of a main process."""
+
+    exchange: Exchange
+    endpoint: str
+    """Where its children find it; empty where it has none."""
+    topics: TopicTable
+
+
+def alone() -> Shared:
+    """The exchange of a platform that is one process."""
+    return Shared(LocalExchange(), "", TopicTable.installed())
+
+
+@contextmanager
+def open_shared(
+    platform: Platform,
+    host: str,
+    out: Path,
+    loop: asyncio.AbstractEventLoop,
+    troubled: Callable[[str, str], None],
+) -> Iterator[Shared]:
+    """The exchange of a host's main process, for as long as the block lasts.
+
+    Args:
+        platform: whose.
+        host: which of its hosts.
+        out: the folder of log and state: two processes with the same one would be in each other's way.
+        loop: of the process.
+        troubled: is told of messages that were not taken.
+
+    Raises:
+        Refused: the socket's folder is somebody else's.
+        Gloc3Error: another process has this one's place.
+    """
+    if not child_processes(platform, host):
+        yield alone()
+        return
+    from gloc3.exchange.zenoh import open_exchange
+    from gloc3.exchange.zenoh_session import Node
+
+    topics = TopicTable.installed()
+    endpoint = f"unixsock-stream/{socket_folder() / socket_name(out, host)}"
+    with open_exchange(Node(name=host, listen=(endpoint,)), loop, topics, troubled) as exchange:
+        yield Shared(exchange, endpoint, topics)
+
+
+def socket_folder() -> Path:
+    """A folder for sockets that nobody else may enter; its path is short, as sockets need it.
+
+    Raises:
+        Refused: somebody else has made it.
+    """
+    folder = Path(tempfile.gettempdir()) / f"gloc3-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise Refused(f"{folder} must be a folder of this user that nobody else may enter; remove it")
+    return folder
+
+
+def socket_name(out: Path, host: str) -> str:
+    """The name of the socket of a host's main process, the same in each of its lives."""
+    return blake2s(f"{out.resolve()}\0{host}".encode(), digest_size=8).hexdigest()

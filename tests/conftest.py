@@ -1,7 +1,8 @@
 """What holds for all tests: searches by hypothesis and whatever looks at pictures or scans count as thorough, and may
-take their time on a busy machine; stations record into a folder of the tests' own.
+take their time on a busy machine; stations record into a folder of the tests' own; Ctrl-C works.
 """
 
+import signal
 from collections.abc import Iterator
 
 import pytest
@@ -16,6 +17,13 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _is_interruptible() -> None:
+    """A shell that starts a job in the background has it ignore Ctrl-C, and all programs that it starts."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 PERCEPTION = ("onboard/vision/", "onboard/scan_matching/", "onboard/fusion/", "pose_fusion", "odometry", "stereo")

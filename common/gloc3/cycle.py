@@ -18,6 +18,8 @@ from gloc3.workers import Worker
 
 HUNG_PERIODS: Final = 5.0
 HUNG_FLOOR_S: Final = 0.2
+HUNG_LOOKS: Final = 5
+"""In so many pieces it is waited for the end of a cycle, in wall time."""
 SILENT_PERIODS: Final = 1.5
 """After a cycle that something else has begun, the periodic ones come back after so many periods without another."""
 REST_PERIODS: Final = 0.5
@@ -237,7 +239,7 @@ class Cycler:
         job.items = self.items
         self._worker.run(job.run, self._done, self._model_cost_s(job, now_s) if self._is_modelled else 0.0)
         if self._is_running:
-            self._deadline = self._loop.call_later(self._limit_s, self._expired)
+            self._await_end(1 if self._context.clock.is_virtual else HUNG_LOOKS)
 
     def _model_cost_s(self, job: CycleJob, now_s: float) -> float:
         """What the cycle costs in virtual time; one that hangs never ends."""
@@ -257,6 +259,16 @@ class Cycler:
         self.statistics.add(job.cost_s)
         self._ended(job)
 
-    def _expired(self) -> None:
+    def _await_end(self, pieces: int) -> None:
+        """Waits so long as a cycle may take, in pieces.
+
+        Of a time in which the whole process stood still one piece counts: the component had not the time either.
+        """
+        self._deadline = self._loop.call_later(self._limit_s / pieces, self._expired, self._limit_s / pieces, pieces)
+
+    def _expired(self, piece_s: float, left: int) -> None:
         self._deadline = None
-        self._hung(self._limit_s)
+        if left > 1:
+            self._deadline = self._loop.call_later(piece_s, self._expired, piece_s, left - 1)
+        else:
+            self._hung(self._limit_s)

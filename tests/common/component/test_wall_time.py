@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from random import Random
@@ -106,6 +107,30 @@ def test_a_stuck_cycle_is_hung_while_others_run_on_and_its_thread_does_nothing_w
             assert diary.made == 2
             await here.until(lambda: len(diary.writes) > writes + 3)
             assert all(b > a for a, b in zip(diary.writes, diary.writes[1:], strict=False))
+
+    in_wall_time(main)
+
+
+def test_a_process_that_stands_still_for_a_moment_makes_nothing_hung() -> None:
+    async def main() -> None:
+        begun, release = threading.Event(), threading.Event()
+        diary = Diary()
+        with site() as here:
+            host = here.host(lambda: Driver(diary))
+            await here.until(lambda: len(diary.writes) > 3)
+
+            def work() -> None:
+                begun.set()
+                release.wait()
+
+            diary.acts["work"] = work
+            while not begun.is_set():
+                await asyncio.sleep(0.001)
+            time.sleep(0.6)  # neither this thread nor the component's gets on
+            asyncio.get_running_loop().call_later(0.02, release.set)
+            writes = len(diary.writes)
+            await here.until(lambda: host.state is State.FAULTY or len(diary.writes) > writes)
+            assert host.state is State.WORKING
 
     in_wall_time(main)
 

@@ -60,6 +60,8 @@ class ComponentHost:
             InputError: the row does not fit the component's class.
         """
         self.row: Final = row
+        self.settings: Mapping[str, Any] = row.settings
+        """What it is initialized with, unless a command brings others: the row's, or what was read again since."""
         self._create = create
         self._context = context
         self._loop = context.loop
@@ -212,7 +214,7 @@ class ComponentHost:
             state = transition(state, command).to
 
     def _check_settings(self, settings: Mapping[str, Any] | None) -> Any:
-        values = {**self.row.settings, **(settings or {})}
+        values = {**self.settings, **(settings or {})}
         return load_settings(type(self._hosted.component).settings_type, values, self.row.name)
 
     def _next(self) -> None:

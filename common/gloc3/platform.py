@@ -158,6 +158,8 @@ class Platform(_Row, frozen=True, kw_only=True):
     vehicle: Vehicle
     arm: bool = False
     """Whether `take_off` may arm the vehicle."""
+    on_stop: Literal["hold", "land"] = "hold"
+    """What is done when the onboard process is told to end in flight: the autopilot's hold is confirmed, or it lands."""
     frames: dict[Name, FrameRow] = {}
     limits: Limits = Limits()
     power: Power | None = None

@@ -3,8 +3,7 @@
 import asyncio
 import faulthandler
 import os
-import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from random import SystemRandom
@@ -19,6 +18,7 @@ from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
 from gloc3.exchange.link_budget import budget_of
+from gloc3.host import ComponentHost
 from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.link.message import MavlinkMessage
 from gloc3.link.parser import Frame
@@ -51,7 +51,7 @@ from gloc3_onboard.run_log import LogLimits, RunLog
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.service.manager import ServiceManager
-from gloc3_onboard.service.report import ServiceReport
+from gloc3_onboard.service.service import Service
 from gloc3_onboard.signing_memory import SigningMemory
 from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.factory import SourceHost, make_sources
@@ -110,9 +110,6 @@ async def run(options: ProcessOptions) -> int:
     warn = None if options.is_quiet else lambda found: narrate(str(found), Severity.WARNING)
     platform = load_platform(options.platform, is_loading_classes=True, devices=DEVICES, warn=warn)
     loop = asyncio.get_running_loop()
-    stopped = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stopped.set)
     manager = ServiceManager.of_this_process(os.environ, lambda text: narrate(text, Severity.WARNING))
     if manager.is_there:
         faulthandler.enable()  # its watchdog ends us by SIGABRT: then the journal says where we hung
@@ -120,13 +117,10 @@ async def run(options: ProcessOptions) -> int:
     troubled = partial(_lament, options)
     with open_shared(platform, host, options.folder(platform), loop, troubled) as shared:
         process = OnboardProcess(options, platform, loop, shared)
+        service = Service(manager, process, loop)
         try:
             await process.open()
-            report = ServiceReport(manager, process.exchange, platform.platform, process.is_beginning)
-            await stopped.wait()
-            manager.stopping()
-            report.end("stopping")
-            process.say(Severity.NOTICE, "stopping")
+            await service.run()
         finally:
             await process.close()
             manager.close()
@@ -248,6 +242,28 @@ class OnboardProcess:
         self._onboard.begin()
         self.say(Severity.INFO, f"{platform.platform}: {len(platform.components)} components; log in {log}")
         self._timer = self._loop.call_later(LOOK_AFTER_S, self._look_at_links)
+
+    @property
+    def platform(self) -> Platform:
+        """Which it is, as it was begun."""
+        return self._platform
+
+    @property
+    def hosts(self) -> Mapping[str, ComponentHost]:
+        """Its components, once it is open."""
+        return {} if self._onboard is None else self._onboard.hosts
+
+    def read_platform(self) -> Platform:
+        """The platform file as it is now.
+
+        Raises:
+            InputError: it is wrong.
+        """
+        return load_platform(self._options.platform, is_loading_classes=True, devices=DEVICES)
+
+    def new_boot(self) -> int:
+        """A random number for something that begins."""
+        return self._random.getrandbits(32)
 
     def is_beginning(self) -> bool:
         """Whether some component has not reached the state yet that its row asks for."""

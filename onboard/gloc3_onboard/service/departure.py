@@ -1,0 +1,130 @@
+"""The end of the process in flight, by the platform's policy: a landing first, or the autopilot's hold."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from gloc3.ci import CiReply, CiRequest, Emergency, EmergencyVerb, MissionSummary, Outcome, VehicleSummary
+from gloc3.exchange import Publisher
+from gloc3.exchange.base import Exchange
+from gloc3.messages import Envelope, Severity
+from gloc3.mission.states import ActionState
+from gloc3.platform import Platform
+from gloc3.vehicle import LandedState
+
+LAND: Final = "land"
+SENDER: Final = "service"
+"""As whom the process asks its own command interface."""
+LOOK_EVERY_S: Final = 0.2
+SILENT_S: Final = 2.0
+"""A vehicle that nothing has been told of for so long is not waited for."""
+EXTEND_S: Final = 10.0
+"""What the service manager is asked for, again and again: it ends what falls silent."""
+LONGEST_S: Final = 300.0
+"""A landing that takes longer is left to the autopilot too."""
+DISARMS_S: Final = 10.0
+"""So long the autopilot may take to disarm what has landed."""
+
+
+class Departure:
+    """Knows whether the vehicle flies, and lands it before the process leaves.
+
+    Args:
+        exchange: of the process.
+        platform: its file says what is to be done.
+        loop: of the process.
+        boot: a random number for this start of the process.
+        extend: asks the service manager for more seconds.
+        say: takes what a person should know.
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        platform: Platform,
+        loop: asyncio.AbstractEventLoop,
+        boot: int,
+        extend: Callable[[float], None],
+        say: Callable[[Severity, str], None],
+    ) -> None:
+        self._platform, self._loop, self._boot, self._extend, self._say = platform, loop, boot, extend, say
+        self._topic = f"{platform.platform}/ci/"
+        self._publisher = Publisher(exchange, platform.platform, SENDER, boot)
+        self._vehicle: VehicleSummary | None = None
+        self._heard_s = float("-inf")
+        self._is_on_mission = False
+        self._refusal = ""
+        self._unsubscribes = [
+            exchange.subscribe(f"{self._topic}vehicle", self._see),
+            exchange.subscribe(f"{self._topic}mission", self._follow),
+            exchange.subscribe(f"{self._topic}reply", self._hear),
+        ]
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it is known that the vehicle is not armed and no mission runs."""
+        vehicle = self._vehicle
+        return vehicle is not None and not (vehicle.is_armed or self._is_silent or self._is_on_mission)
+
+    async def land(self, give_up: asyncio.Event) -> None:
+        """Lands where that is the policy and the vehicle flies by us; what then still flies is left to the autopilot.
+
+        Args:
+            give_up: set when a person does not want to wait.
+        """
+        if self._platform.on_stop != LAND or not self._is_flying or self._why_not():
+            return
+        request = CiRequest(
+            sender=SENDER,
+            boot=self._boot,
+            sequence=0,
+            body=Emergency(verb=EmergencyVerb.LAND, author="service manager"),
+        )
+        self._publisher.publish(f"{self._topic}request", request, self._loop.time())
+        self._say(Severity.NOTICE, "the vehicle lands first; told to stop once more, it is left to its autopilot")
+        end_s, down_s = self._loop.time() + LONGEST_S, self._loop.time()
+        while not (reason := self._why_not()):
+            now_s = self._loop.time()
+            down_s = now_s if self._is_flying else down_s
+            if give_up.is_set() or now_s > end_s or now_s - down_s > DISARMS_S:
+                reason = "told to" if give_up.is_set() else f"it has not landed within {LONGEST_S:g} s"
+                break
+            self._extend(EXTEND_S)
+            await asyncio.sleep(LOOK_EVERY_S)
+        if self._is_flying:
+            self._say(Severity.WARNING, f"leaves the vehicle in the air: {reason}")
+
+    def close(self) -> None:
+        """Listens no more."""
+        for unsubscribe in self._unsubscribes:
+            unsubscribe()
+        self._unsubscribes.clear()
+
+    def _see(self, envelope: Envelope[VehicleSummary]) -> None:
+        self._vehicle, self._heard_s = envelope.payload, self._loop.time()
+
+    def _follow(self, envelope: Envelope[MissionSummary]) -> None:
+        self._is_on_mission = envelope.payload.state == ActionState.RUNNING
+
+    def _hear(self, envelope: Envelope[CiReply]) -> None:
+        reply = envelope.payload
+        if (reply.sender, reply.boot) == (SENDER, self._boot) and reply.outcome is not Outcome.ACCEPTED:
+            self._refusal = reply.reason or str(reply.outcome)
+
+    @property
+    def _is_silent(self) -> bool:
+        return self._loop.time() - self._heard_s > SILENT_S
+
+    @property
+    def _is_flying(self) -> bool:
+        vehicle = self._vehicle
+        return vehicle is not None and vehicle.is_armed and vehicle.landed != LandedState.ON_GROUND
+
+    def _why_not(self) -> str:
+        """Why nothing is to be landed, or waited for."""
+        vehicle = self._vehicle
+        if vehicle is None or self._is_silent:
+            return "nothing is told of it"
+        if not vehicle.is_armed:
+            return "it is disarmed"
+        return "a pilot has control" if vehicle.has_pilot_control else self._refusal

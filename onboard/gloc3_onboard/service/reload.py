@@ -1,0 +1,157 @@
+"""A platform file that is read again while its platform runs: settings that may change do, the rest is told."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.deployment import ComponentRow
+from gloc3.errors import Gloc3Error, InputError
+from gloc3.exchange import Publisher, request
+from gloc3.exchange.base import Exchange
+from gloc3.host import ComponentHost
+from gloc3.lci import OPERATING, Command, State
+from gloc3.messages import CommandRequest, ComponentStatus, Envelope, FunctionRequest, Severity
+from gloc3.platform import Platform
+from gloc3.settings import load_settings
+
+REPLY_S: Final = 12.0
+"""A component may take 5 s for each of its methods."""
+NEXT_START: Final = "counts from the next start"
+
+Say = Callable[[Severity, str], None]
+
+
+class PlatformReload:
+    """Compares the file with what runs, and has the components adopt what they may.
+
+    A working component is stopped for new settings, initialized and started anew, so that happens on the ground only;
+    in flight it is told, and the next reload on the ground makes up for it.
+
+    Args:
+        platform: as it runs.
+        read: reads the file again, in a thread.
+        hosts: the components of this process.
+        exchange: reaches all of them.
+        loop: of the process.
+        boot: a random number for this start of the process.
+        may_stop: whether a component that works may be stopped now.
+        say: takes what a person should know.
+    """
+
+    def __init__(
+        self,
+        platform: Platform,
+        read: Callable[[], Platform],
+        hosts: Mapping[str, ComponentHost],
+        exchange: Exchange,
+        loop: asyncio.AbstractEventLoop,
+        boot: int,
+        may_stop: Callable[[], bool],
+        say: Say,
+    ) -> None:
+        self._begun, self._read, self._hosts, self._exchange, self._loop = platform, read, hosts, exchange, loop
+        self._may_stop, self._say = may_stop, say
+        self._rows = {row.name: row for row in platform.components}
+        """As they are kept now."""
+        self._states: dict[str, State | None] = {}
+        self._publisher = Publisher(exchange, platform.platform, "reload", boot)
+        self._count = 0
+        self._base = f"{platform.platform}/components"
+        self._unsubscribe = exchange.subscribe(f"{self._base}/*/status", self._see)
+
+    def close(self) -> None:
+        """Listens no more."""
+        self._unsubscribe()
+
+    async def read_again(self) -> None:
+        """Reads the file and adopts what may be; where something is wrong in it, nothing changes."""
+        try:
+            platform = await self._loop.run_in_executor(None, self._read)  # the loop has a vehicle to fly meanwhile
+        except Gloc3Error as error:
+            found = error.findings if isinstance(error, InputError) else ()
+            for finding in found:
+                self._say(Severity.WARNING if finding.is_warning else Severity.ERROR, str(finding))
+            if not found:
+                self._say(Severity.ERROR, str(error))
+            self._say(Severity.ERROR, "the platform file cannot be used: nothing was changed")
+            return
+        changed = [name for name in _fields(platform, self._begun) if name != "components"]
+        rows = {row.name: row for row in platform.components}
+        lines = [f"{name}: {NEXT_START}" for name in changed]
+        lines += [f"component {name}: {NEXT_START}" for name in sorted(rows.keys() ^ self._rows.keys())]
+        for name, row in rows.items():
+            if name in self._rows:
+                lines += [f"{name}: {text}" for text in await self._adopt(row, self._rows[name])]
+        for line in lines:
+            self._say(Severity.NOTICE, f"read again: {line}")
+        if not lines:
+            self._say(Severity.NOTICE, "read again: nothing has changed")
+
+    def _see(self, envelope: Envelope[ComponentStatus]) -> None:
+        self._states[envelope.payload.name] = envelope.payload.state
+
+    async def _adopt(self, new: ComponentRow, old: ComponentRow) -> list[str]:
+        """What became of the changes of one row."""
+        said = []
+        for field in _fields(new, old):
+            value = getattr(new, field)
+            match field:
+                case "settings":
+                    text = await self._adopt_settings(new, old)
+                case "rate_hz" if new.rate_hz is not None and old.rate_hz is not None:
+                    text = await self._ask(new.name, "set_rate", {"rate_hz": new.rate_hz})
+                case "log":
+                    text = await self._ask(new.name, "set_logging", {"items": new.log, "is_enabled": bool(new.log)})
+                case _:
+                    text = NEXT_START
+            if not text:
+                self._rows[new.name] = msgspec.structs.replace(self._rows[new.name], **{field: value})
+            said.append(f"{field}: {text or 'adopted'}")
+        return said
+
+    async def _adopt_settings(self, new: ComponentRow, old: ComponentRow) -> str:
+        """Has the component initialized with its new settings; an empty text, or why not."""
+        state = self._states.get(new.name)
+        if state in OPERATING and not self._may_stop():
+            return f"it is {state}, and the vehicle is armed or on a mission: reload again on the ground"
+        if (host := self._hosts.get(new.name)) is not None:
+            host.settings = new.settings
+        if state in (None, State.IDLE, State.FAULTY):
+            return ""  # its next `initialize` takes them
+        commands: tuple[Command, ...] = (Command.INITIALIZE,)
+        if state in OPERATING:
+            commands = (Command.STOP, Command.INITIALIZE, Command.START)
+        if state is State.QUIET:
+            commands = (*commands, Command.GOQUIET)
+        first, *then = commands
+        settings = msgspec.to_builtins(load_settings(new.load_class().settings_type, new.settings, new.name))
+        order = partial(CommandRequest, command=first, then=tuple(then), settings=settings)
+        text = await self._order(f"{self._base}/{new.name}/command", order)
+        if text and host is not None:
+            host.settings = old.settings
+        return text
+
+    async def _ask(self, name: str, function: str, arguments: dict[str, Any]) -> str:
+        """Has a component do one of its functions; an empty text, or why not."""
+        if self._states.get(name) not in OPERATING:
+            return f"it is {self._states.get(name) or 'absent'}: {NEXT_START}"
+        order = partial(FunctionRequest, function=function, arguments=arguments)
+        return await self._order(f"{self._base}/{name}/function", order)
+
+    async def _order(self, topic: str, order: Callable[..., CommandRequest | FunctionRequest]) -> str:
+        self._count += 1
+        try:
+            reply = await request(
+                self._exchange, self._publisher, topic, order(request_id=f"reload-{self._count}"), REPLY_S
+            )
+        except TimeoutError:
+            return f"it has not answered within {REPLY_S:g} s"
+        return "" if reply.is_accepted else f"refused: {reply.reason}"
+
+
+def _fields(new: msgspec.Struct, old: msgspec.Struct) -> list[str]:
+    """The names of the fields that differ."""
+    return [name for name in new.__struct_fields__ if getattr(new, name) != getattr(old, name)]

@@ -1,0 +1,116 @@
+"""The service is told to end, or to read its file again, while the vehicle flies."""
+
+import asyncio
+
+import msgspec
+from tests.flight.card import ONE_STYLE, Card
+from tests.flight.missions import mission
+
+from gloc3.messages import Severity
+from gloc3.platform import Platform
+from gloc3.vehicle import FlightMode
+from gloc3_onboard.service.departure import Departure
+from gloc3_onboard.service.reload import PlatformReload
+
+
+class Ending:
+    """What a service does at its end, and what it asks and says meanwhile."""
+
+    def __init__(self, flight: Card, on_stop: str) -> None:
+        self.extended: list[float] = []
+        self.said: list[str] = []
+        self.hurried = asyncio.Event()
+        platform = msgspec.structs.replace(flight.flight.platform, on_stop=on_stop)
+        self.departure = Departure(
+            flight.flight.exchange, platform, flight.flight.loop, 7, self.extended.append, self._say
+        )
+        flight.wait(1.0)
+
+    def _say(self, _: Severity, text: str) -> None:
+        self.said.append(text)
+
+
+def test_a_vehicle_whose_file_says_so_lands_before_the_service_ends(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    ending = Ending(flight, "land")
+    begin_s = flight.now_s
+    flight.run(ending.departure.land(ending.hurried))
+    assert flight.height_m < 0.2
+    assert not flight.autopilot.is_armed
+    assert flight.now_s - begin_s < 15.0
+    assert len(ending.extended) > 20, "all the while the manager is asked for time"
+    assert ending.said == ["the vehicle lands first; told to stop once more, it is left to its autopilot"]
+    onboard = flight.flight.onboard
+    assert onboard is not None
+    flight.run(onboard.stop())
+    assert all(state is None for state in (onboard.state(name) for name in onboard.hosts))
+
+
+@ONE_STYLE
+def test_who_is_told_twice_leaves_the_landing_to_the_autopilot(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    ending = Ending(flight, "land")
+
+    async def twice() -> None:
+        flight.flight.loop.call_later(1.0, ending.hurried.set)
+        await ending.departure.land(ending.hurried)
+        onboard = flight.flight.onboard
+        assert onboard is not None
+        await onboard.stop()
+
+    flight.run(twice())
+    assert ending.said[-1] == "leaves the vehicle in the air: told to"
+    assert flight.autopilot.is_armed
+    assert flight.heard["autopilot"][-1].payload.mode is FlightMode.LAND
+    assert flight.height_m > 0.5
+
+
+@ONE_STYLE
+def test_by_default_and_on_the_ground_nothing_is_landed(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    ending = Ending(flight, "hold")
+    begin_s = flight.now_s
+    flight.run(ending.departure.land(ending.hurried))
+    assert (flight.now_s, ending.said, ending.extended) == (begin_s, [], [])
+
+
+@ONE_STYLE
+def test_a_component_that_works_in_flight_gets_its_settings_on_the_ground(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    ending = Ending(flight, "hold")
+    begun, onboard = flight.flight.platform, flight.flight.onboard
+    assert onboard is not None
+    rows = [
+        msgspec.structs.replace(row, settings={**row.settings, "acceleration_m_s2": 0.9})
+        if row.name == "waypoints"
+        else row
+        for row in begun.components
+    ]
+    changed: Platform = msgspec.structs.replace(begun, components=tuple(rows))
+    reload = PlatformReload(
+        begun,
+        lambda: changed,
+        onboard.hosts,
+        flight.flight.exchange,
+        flight.flight.loop,
+        8,
+        lambda: ending.departure.is_at_rest,
+        lambda _, text: ending.said.append(text),
+    )
+    flight.wait(2.0)
+    flight.run(reload.read_again())
+    flight.await_landed()
+    flight.await_state("mission", "done", 60.0)
+    flight.wait(2.0)
+    flight.run(reload.read_again())
+    flight.run(reload.read_again())
+    assert ending.said == [
+        "read again: waypoints: settings: it is working, and the vehicle is armed or on a mission: reload again on the ground",
+        "read again: waypoints: settings: adopted",
+        "read again: nothing has changed",
+    ]
+    assert onboard.hosts["waypoints"].settings["acceleration_m_s2"] == 0.9

@@ -219,13 +219,19 @@ def find_platform(name: str) -> Path:
     path = Path(name)
     if path.suffix or path.exists():
         return path
+    known = platform_files()
+    if name not in known:
+        raise InputError([Finding(file=name, message="no such platform", hint=nearest(name, sorted(known)))])
+    return known[name]
+
+
+def platform_files() -> dict[str, Path]:
+    """The files of all platforms that installed packages bring, by the files' names."""
     known: dict[str, Path] = {}
     for point in sorted(entry_points(group="gloc3.platforms"), key=lambda p: (p.name, p.value)):
         for folder in point.load().__path__:
             known.update({file.stem: file for file in sorted(Path(folder).glob("*.yaml"))})
-    if name not in known:
-        raise InputError([Finding(file=name, message="no such platform", hint=nearest(name, sorted(known)))])
-    return known[name]
+    return known
 
 
 def read_platform(

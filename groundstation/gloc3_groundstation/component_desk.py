@@ -42,7 +42,7 @@ class ComponentDesk:
         self._station = desk.station
         self._answers: dict[tuple[str, str], Answer] = {}
         self._functions: dict[tuple[str, str], tuple[FunctionEntry, ...]] = {}
-        self._wirings: dict[str, Wiring | None] = {}
+        self._wirings: dict[tuple[str, tuple[str, ...]], Wiring | None] = {}
 
     def answer(self, platform: str, component: str) -> Answer | None:
         """What became of what was asked of a component last."""
@@ -93,18 +93,22 @@ class ComponentDesk:
 
     def wiring(self, platform: str) -> Wiring | None:
         """Who hands what to whom; None where the platform's file is not installed here."""
-        if platform not in self._wirings:
+        key = platform, self._names(platform)
+        if key not in self._wirings:
             try:
-                known = known_platform(platform)
+                known = known_platform(*key)
             except Gloc3Error:
                 known = None
-            self._wirings[platform] = None if known is None else Wiring.of(known)
-        return self._wirings[platform]
+            self._wirings[key] = None if known is None else Wiring.of(known)
+        return self._wirings[key]
 
-    @staticmethod
-    def _own_functions(platform: str, component: str) -> tuple[FunctionEntry, ...]:
+    def _names(self, platform: str) -> tuple[str, ...]:
+        heard = self._station.fleet.get(platform)
+        return heard.component_names if heard is not None else ()
+
+    def _own_functions(self, platform: str, component: str) -> tuple[FunctionEntry, ...]:
         try:
-            known = known_platform(platform)
+            known = known_platform(platform, self._names(platform))
             row = next((row for row in known.components if row.name == component), None) if known is not None else None
             own = row.load_class().functions.values() if row is not None else ()
         except Gloc3Error:

@@ -119,7 +119,8 @@ async def stream(station: Station, platform: str, plan: Plan) -> None:
     Raises:
         InputError: it may not fly there; otherwise as `CommandClient.upload`.
     """
-    plan = recheck(plan, platform)
+    heard = station.fleet.get(platform)
+    plan = recheck(plan, platform, heard.component_names if heard is not None else ())
     for warning in plan.warnings:
         station.note(platform, Severity.WARNING, warning)
     await take_control(station, platform)

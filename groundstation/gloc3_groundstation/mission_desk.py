@@ -46,7 +46,7 @@ class MissionDesk:
         self._plan = plan
         self._outlines: dict[str, Outline] = {}
         self._asked_s: dict[tuple[str, str], float] = {}
-        self._platforms: dict[str, Platform | None] = {}
+        self._platforms: dict[tuple[str, tuple[str, ...]], Platform | None] = {}
         if plan is not None:
             self.draft = drafts.checked(
                 Draft(
@@ -178,13 +178,15 @@ class MissionDesk:
         """The platform's file, if it is installed here and sound."""
         if name is None:
             return None
-        if name not in self._platforms:
+        heard = self.station.fleet.get(name)
+        key = name, heard.component_names if heard is not None else ()
+        if key not in self._platforms:
             try:
-                self._platforms[name] = known_platform(name)
+                self._platforms[key] = known_platform(*key)
             except InputError as error:
-                self._platforms[name] = None
+                self._platforms[key] = None
                 self._note(name, Severity.WARNING, f"its platform file cannot be used here: {error.findings[0]}")
-        return self._platforms[name]
+        return self._platforms[key]
 
     def outline(self, mission: MissionSummary) -> Outline:
         """The order of what a platform tells the states of, as far as it is known."""

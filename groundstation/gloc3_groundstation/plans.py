@@ -1,6 +1,7 @@
 """A mission file before it goes anywhere: read, and checked as far as the platform is known here."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -9,7 +10,7 @@ from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform, find_platform, load_platform, platform_files
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
@@ -30,12 +31,13 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """Found against the platform's file; nothing where that is not installed here."""
 
 
-def read_plan(name: str, platform: str | None = None) -> Plan:
+def read_plan(name: str, platform: str | None = None, components: Collection[str] = ()) -> Plan:
     """Reads and checks a mission.
 
     Args:
         name: a mission file, a `.plan` or a file of waypoints (these are converted), or the name of an example.
         platform: the platform's name; where its file is installed here too the check is as strict as onboard.
+        components: that it has, where that is known.
 
     Raises:
         Refused: there is no such file.
@@ -44,7 +46,7 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
     path = find_mission(name)
     if not path.is_file():
         raise Refused(f"there is no mission file {name!r}")
-    known = known_platform(platform)
+    known = known_platform(platform, components)
     file, text, left_out = mission_text(str(path), known.limits.speed_m_s if known is not None else None)
     plan = _plan(check_text(text, file, Circumstances(platform=known, known=known_platform)), left_out)
     if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
@@ -54,7 +56,7 @@ def read_plan(name: str, platform: str | None = None) -> Plan:
     return plan if known is not None else msgspec.structs.replace(plan, warnings=())
 
 
-def recheck(plan: Plan, platform: str) -> Plan:
+def recheck(plan: Plan, platform: str, components: Collection[str] = ()) -> Plan:
     """Checks a mission again for the platform that it goes to, if that one's file is installed here.
 
     A plan of another program is converted again, at the platform's speed.
@@ -62,23 +64,44 @@ def recheck(plan: Plan, platform: str) -> Plan:
     Raises:
         InputError: it may not fly there; with everything that is wrong.
     """
-    known = known_platform(platform)
+    known = known_platform(platform, components)
     if known is None:
         return plan
     if plan.converted_from:
-        return read_plan(plan.converted_from, platform)
+        return read_plan(plan.converted_from, platform, components)
     return _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
 
 
-def known_platform(name: str | None) -> Platform | None:
-    """The platform of that name, if its file is installed here."""
+def known_platform(name: str | None, components: Collection[str] = ()) -> Platform | None:
+    """The platform of that name, if its file is installed here.
+
+    Args:
+        name: of the platform, or of its file.
+        components: that it has, where that is known: two files may be of one vehicle, with other sensors.
+
+    Raises:
+        InputError: its file has mistakes.
+    """
     if name is None:
         return None
     try:
         find_platform(name)
     except InputError:
-        return None
-    return load_platform(name)
+        found = None
+    else:
+        found = load_platform(name)
+    if not components or (found is not None and _has(found, components)):
+        return found
+    for file in platform_files().values():
+        with suppress(InputError):
+            other = load_platform(str(file))
+            if other.platform == name and _has(other, components):
+                return other
+    return found
+
+
+def _has(platform: Platform, components: Collection[str]) -> bool:
+    return {row.name for row in platform.components} == set(components)
 
 
 def _plan(report: Report, left_out: Iterable[Finding] = ()) -> Plan:

@@ -187,6 +187,11 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
             if index < len(rows)
         )
 
+    @property
+    def component_names(self) -> tuple[str, ...]:
+        """Of all its components; empty while they are not known."""
+        return tuple(row.name for row in self.table.rows) if self.table is not None else ()
+
     def components(self, now_s: float) -> tuple[ComponentSnapshot, ...]:
         """Its components in the order of the data: SS, DP, CC, AD, CI, each as in the platform file."""
         if self.table is None:

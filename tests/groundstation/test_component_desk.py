@@ -12,8 +12,10 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.functions import GENERIC
 from gloc3.lci import CREATE, TABLE
+from gloc3.platform import load_platform
 from gloc3_groundstation.component_desk import arguments
 from gloc3_groundstation.desk import Desk
+from gloc3_groundstation.plans import known_platform
 from gloc3_groundstation.snapshots import ComponentSnapshot
 from gloc3_groundstation.station import Station
 
@@ -117,3 +119,17 @@ def test_what_is_typed_becomes_arguments_and_what_is_empty_is_left_out(
 def test_what_does_not_fit_is_refused_before_it_is_sent(texts: dict[str, str], reason: str) -> None:
     with pytest.raises(Refused, match=reason):
         arguments(GENERIC["set_rate"], texts)
+
+
+def test_of_two_files_for_one_vehicle_the_one_counts_whose_components_it_has() -> None:
+    by_name, by_parts = known_platform("pelican"), known_platform("pelican", names_of("pelican_rtk"))
+    assert by_name is not None
+    assert by_parts is not None
+    assert {row.name for row in by_parts.components} == set(names_of("pelican_rtk"))
+    assert "vision_pose" in {row.name for row in by_name.components}
+    assert known_platform("pelican", ["nothing", "of", "ours"]) == by_name
+    assert known_platform("nosuch", names_of("pelican_rtk")) is None
+
+
+def names_of(file: str) -> list[str]:
+    return [row.name for row in load_platform(file).components]

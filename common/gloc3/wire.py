@@ -10,7 +10,7 @@ import typing
 from enum import Enum
 from functools import cache
 from hashlib import blake2s
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
@@ -55,6 +55,9 @@ class TypeRegistry:
 
     def __init__(self) -> None:
         self._types: dict[str, type[Message]] = {}
+        self._forms: dict[str, _Form] = {}
+        """By `Name#hash`."""
+        self._sources: dict[tuple[str, str, int], Source] = {}
 
     def add(self, message_type: type[Message]) -> None:
         """Makes a type known. Two types of one name are a mistake of ours."""
@@ -82,35 +85,117 @@ class TypeRegistry:
 
     def encode(self, envelope: Envelope[Any]) -> bytes:
         """An envelope as msgpack."""
-        source = envelope.source
-        return msgspec.msgpack.encode(
-            (
-                envelope.topic,
-                (source.platform, source.component, source.boot),
-                envelope.sequence,
-                envelope.t_s,
-                envelope.frame,
-                envelope.type,
-                to_array(envelope.payload),
-            )
-        )
+        return _encode(envelope, envelope.payload)
 
-    def decode(self, data: bytes) -> Envelope[Any]:
+    def encode_apart(self, envelope: Envelope[Any]) -> tuple[bytes, bytes] | None:
+        """An envelope as msgpack without its one field of many bytes, and these; None where it is not worth it."""
+        message: Message = envelope.payload
+        name = _form(type(message)).bulk
+        if name is None:
+            return None
+        body: bytes = getattr(message, name)
+        if len(body) < APART:
+            return None
+        return _encode(envelope, msgspec.structs.replace(message, **{name: b""})), body
+
+    def decode(self, data: bytes, body: bytes | None = None) -> Envelope[Any]:
         """The envelope in some bytes.
+
+        Args:
+            data: what `encode` gave, or the first of what `encode_apart` gave.
+            body: the second of that.
 
         Raises:
             WireError: the bytes are damaged, or of a type that is not known here.
         """
         try:
-            parts = msgspec.msgpack.decode(data, type=_ENVELOPE)
+            topic, source, sequence, t_s, frame, type_text, payload = _ENVELOPE.decode(data)
         except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError, RecursionError) as error:
             raise WireError(f"damaged envelope: {error}") from error
-        topic, source, sequence, t_s, frame, type_text, payload = parts
-        message = from_array(payload, self.find(type_text))
-        return Envelope(topic, Source(*source), sequence, t_s, frame, type_text, message)
+        form = self._forms.get(type_text)
+        if form is None:
+            form = self._forms[type_text] = _form(self.find(type_text))
+        message = form.read(payload)
+        if body is not None:
+            if form.bulk is None:
+                raise WireError(f"{type_text} has no field of many bytes")
+            message = msgspec.structs.replace(message, **{form.bulk: body})
+        known = self._sources.get(source)
+        if known is None:
+            if len(self._sources) >= REMEMBERED_SOURCES:
+                self._sources.clear()
+            known = self._sources[source] = Source(*source)
+        return Envelope(topic, known, sequence, t_s, frame, form.type_text, message)
 
 
-_ENVELOPE = tuple[str, tuple[str, str, int], int, float, str, str, list[Any]]
+APART: Final = 16_384
+"""A field of so many bytes travels beside its message, so that it is copied less often."""
+REMEMBERED_SOURCES: Final = 1000
+
+_ENVELOPE = msgspec.msgpack.Decoder(tuple[str, tuple[str, str, int], int, float, str, str, msgspec.Raw])
+_ENCODER = msgspec.msgpack.Encoder()
+
+
+def _encode(envelope: Envelope[Any], message: Message) -> bytes:
+    source = envelope.source
+    return _ENCODER.encode(
+        (
+            envelope.topic,
+            (source.platform, source.component, source.boot),
+            envelope.sequence,
+            envelope.t_s,
+            envelope.frame,
+            envelope.type,
+            _form(type(message)).arrange(message),
+        )
+    )
+
+
+class _Form:
+    """How one type of message becomes an array and is read from one, made once a type."""
+
+    def __init__(self, message_type: type[Message]) -> None:
+        self.type_text = type_name(message_type)
+        fields = msgspec.structs.fields(message_type)
+        twin = _twin(message_type)
+        bulky = [field.name for field in fields if field.type is bytes and field.required]
+        self.bulk = bulky[0] if len(bulky) == 1 else None
+        self._type = message_type
+        self._twin = twin
+        self._decoder = msgspec.msgpack.Decoder(twin, strict=False)
+        is_flat = not any(_holds_named(field.type) for field in fields)
+        self.arrange = msgspec.structs.astuple if is_flat else self._convert
+        """The message as something that is written as an array."""
+        self._is_flat = is_flat
+
+    def _convert(self, message: Message) -> Any:
+        return msgspec.convert(message, self._twin, from_attributes=True)
+
+    def read(self, array: bytes | msgspec.Raw) -> Any:
+        """The message in a msgpack array.
+
+        Raises:
+            WireError: the array does not fit the type.
+        """
+        try:
+            twin = self._decoder.decode(array)
+            if self._is_flat:
+                return self._type(**msgspec.structs.asdict(twin))
+            return msgspec.convert(twin, self._type, from_attributes=True)
+        except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError, RecursionError) as error:
+            raise WireError(f"{self._type.__name__}: {error}") from error
+
+
+@cache
+def _form(message_type: type[Message]) -> _Form:
+    return _Form(message_type)
+
+
+def _holds_named(annotation: Any) -> bool:
+    """Whether a structure that is written with names, and so has a twin, is somewhere in a type."""
+    if isinstance(annotation, type) and issubclass(annotation, msgspec.Struct):
+        return _twin(annotation) is not annotation
+    return any(_holds_named(argument) for argument in typing.get_args(annotation))
 
 
 def to_array(message: Message) -> Any:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gloc3.errors import Misuse
 from gloc3.messages import CommandRequest, ComponentStatus, Envelope, Kind, Message, Source
 from gloc3.topics import TopicTable
+from gloc3.vehicle import Image
 from gloc3.wire import TypeRegistry, VersionsDiffer, WireError, from_array, to_array, type_name
 
 from .any_message import TEXTS, structures
@@ -48,7 +49,9 @@ def test_every_registered_message_comes_back_as_it_was(kind: type[Message]) -> N
     )
     def check(message: Message, t_s: float, text: str, sequence: int) -> None:
         sent = envelope_of(message, t_s=t_s, frame=text, sequence=sequence, source=Source(text, "c", 2**32 - 1))
-        assert repr(REGISTRY.decode(REGISTRY.encode(sent))) == repr(sent)  # repr, because NaN is not equal to itself
+        data = REGISTRY.encode(sent)
+        assert repr(REGISTRY.decode(data)) == repr(sent)  # repr, because NaN is not equal to itself
+        assert data.endswith(msgspec.msgpack.encode(to_array(message)))
 
     check()
 
@@ -90,6 +93,22 @@ def test_well_formed_bytes_that_do_not_fit_their_type_are_refused(kind: type[Mes
     parts = ("p/t", ("p", "c", 1), 0, 0.0, "", type_name(kind), [payload] if not isinstance(payload, list) else payload)
     found = decode(msgspec.msgpack.encode(parts))
     assert found is None or isinstance(found.payload, kind)
+
+
+def test_many_bytes_travel_beside_their_message_by_reference() -> None:
+    picture = Image(camera="front", width=200, height=100, data=bytes(range(200)) * 100, reason="dark")
+    sent = envelope_of(picture)
+    apart = REGISTRY.encode_apart(sent)
+    assert apart is not None
+    head, body = apart
+    assert len(head) < 100
+    assert body is picture.data
+    assert REGISTRY.decode(head, body) == sent
+    small = envelope_of(msgspec.structs.replace(picture, data=b"few"))
+    assert REGISTRY.encode_apart(small) is None
+    assert REGISTRY.encode_apart(envelope_of(status())) is None
+    with pytest.raises(WireError, match="no field of many bytes"):
+        REGISTRY.decode(REGISTRY.encode(envelope_of(status())), body)
 
 
 def test_deeply_nested_bytes_are_refused() -> None:

@@ -51,6 +51,8 @@ class TopicRow(msgspec.Struct, frozen=True):
     """The topic is *silent* when nothing came for so many nominal periods."""
     service: Service | None = None
     """None is a stream for topics with a rate, and a report for others."""
+    is_latched: bool = False
+    """It says what is, not what happens: who asks for it late gets the last message."""
 
     @property
     def travels(self) -> Service:

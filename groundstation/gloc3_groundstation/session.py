@@ -191,7 +191,8 @@ class Session:
 
     @asynccontextmanager
     async def _station(self) -> AsyncIterator[Station]:
-        exchange, topics = LocalExchange(), TopicTable.installed()
+        topics = TopicTable.installed()
+        exchange = LocalExchange(topics)
         boot = secrets.randbits(32)
         loop = asyncio.get_running_loop()
         station = Station(exchange, loop, str(self._system), boot)

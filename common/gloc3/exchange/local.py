@@ -2,22 +2,28 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from gloc3.exchange.base import Deliver, Unsubscribe
 from gloc3.guard import guard
 from gloc3.messages import Envelope
-from gloc3.topics import matches
+from gloc3.topics import TopicTable, matches
 
 
 class LocalExchange:
     """Delivers in the order of publishing, to the subscribers in the order of their subscription.
 
     A subscriber that raises harms neither the publisher nor the other subscribers: the loop's exception handler is told.
+
+    Args:
+        topics: tells which topics are latched; without it none is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, topics: TopicTable | None = None) -> None:
+        self._topics = topics
+        self._last: dict[str, Envelope[Any]] = {}
+        """The last message of each latched topic."""
         self._subscribers: list[tuple[str, Deliver]] = []
         self._routes: dict[str, tuple[Deliver, ...]] = {}
         self._tokens: dict[str, int] = {}
@@ -50,16 +56,32 @@ class LocalExchange:
         route = self._routes.get(envelope.topic)
         if route is None:
             route = tuple(deliver for pattern, deliver in self._subscribers if matches(pattern, envelope.topic))
+            row = None if self._topics is None else self._topics.row(envelope.topic)
+            if row is not None and row.is_latched:
+                route = (self._keep, *route)
             self._routes[envelope.topic] = route
+        self._hand_over(route, envelope)
+
+    def _hand_over(self, route: Iterable[Deliver], envelope: Envelope[Any]) -> None:
         rest = iter(route)
         while (error := guard(_hand, rest, envelope)[1]) is not None:  # goes on behind the one that failed
             _complain(f"a subscriber of {envelope.topic} failed", error)
 
+    def _keep(self, envelope: Envelope[Any]) -> None:
+        self._last[envelope.topic] = envelope
+
+    def last(self, topic: str) -> Envelope[Any] | None:
+        """The last message of a latched topic; None where there was none."""
+        return self._last.get(topic)
+
     def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
-        """Asks for a topic or a pattern of topics."""
+        """Asks for a topic or a pattern of topics; of latched ones the last message comes at once."""
         entry = (pattern, deliver)
         self._subscribers.append(entry)
         self._routes.clear()
+        for topic, envelope in list(self._last.items()):
+            if matches(pattern, topic):
+                self._hand_over((deliver,), envelope)
 
         def unsubscribe() -> None:
             if entry in self._subscribers:

@@ -47,7 +47,7 @@ class MavlinkExchange:
         self.endpoint: Final = endpoint
         self._loop = loop
         self._send = send
-        self.here: Final = LocalExchange()
+        self.here: Final = LocalExchange(endpoint.topics)
         """What passes at this end."""
         self._own_tokens: dict[str, int] = {}
         self._peer_tokens: dict[str, list[Unsubscribe]] = {}

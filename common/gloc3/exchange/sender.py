@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from threading import Condition, Thread
 from typing import Any, Final
 
@@ -14,7 +15,7 @@ WAITING: Final = 4096
 LEAVE_S: Final = 1.0
 """What waits may take so long to leave when everything ends."""
 
-Send = Callable[[Any], None]
+Send = Callable[..., None]
 
 
 class Sender:
@@ -26,22 +27,19 @@ class Sender:
     """
 
     def __init__(self, name: str, failed: Callable[[BaseException], None]) -> None:
-        self.dropped = 0
-        """Messages that found the queue full."""
         self._failed = failed
-        self._waiting: deque[tuple[Send, Any]] = deque()
+        self._waiting: deque[tuple[Send, Any, Any]] = deque()
         self._changed = Condition()
         self._is_open = True
         self._thread = Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def give(self, send: Send, data: Any) -> bool:
+    def give(self, send: Send, payload: Any, attachment: Any) -> bool:
         """Takes a message over, unless the queue is full; never waits."""
         if len(self._waiting) >= WAITING:
-            self.dropped += 1
             return False
         with self._changed:
-            self._waiting.append((send, data))
+            self._waiting.append((send, payload, attachment))
             self._changed.notify()
         return True
 
@@ -59,7 +57,7 @@ class Sender:
                     if not self._is_open:
                         return
                     self._changed.wait()
-                send, data = self._waiting.popleft()
-            _, error = guard(send, data)
+                send, payload, attachment = self._waiting.popleft()
+            _, error = guard(partial(send, payload, attachment=attachment))
             if error is not None:
                 self._failed(error)

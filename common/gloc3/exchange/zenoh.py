@@ -9,40 +9,33 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import zenoh
 
 from gloc3.exchange.base import Deliver, Unsubscribe
-from gloc3.exchange.inbound import Arrivals, Inbound
+from gloc3.exchange.inbound import DEPTH, Arrivals, Inbound
 from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.outlet import LATCHED, SERVICES, UNKNOWN, Means, Outlet, latched_token
 from gloc3.exchange.sender import Sender
+from gloc3.exchange.shared_memory import SharedMemory
 from gloc3.exchange.zenoh_session import Node, open_session, plain
-from gloc3.messages import Envelope
+from gloc3.messages import Envelope, Source
 from gloc3.topics import Service, TopicTable, matches
-from gloc3.wire import WireError
+from gloc3.wire import VersionsDiffer, WireError
 
-SERVICES: Final[Mapping[Service, tuple[zenoh.Priority, zenoh.CongestionControl, zenoh.Reliability]]] = {
-    Service.COMMAND: (
-        zenoh.Priority.INTERACTIVE_HIGH,
-        zenoh.CongestionControl.BLOCK,
-        zenoh.Reliability.RELIABLE,
-    ),
-    Service.REPORT: (zenoh.Priority.DATA, zenoh.CongestionControl.BLOCK, zenoh.Reliability.RELIABLE),
-    Service.CONTROL: (zenoh.Priority.REAL_TIME, zenoh.CongestionControl.DROP, zenoh.Reliability.BEST_EFFORT),
-    Service.STREAM: (zenoh.Priority.DATA_HIGH, zenoh.CongestionControl.DROP, zenoh.Reliability.BEST_EFFORT),
-    Service.BULK: (zenoh.Priority.DATA_LOW, zenoh.CongestionControl.DROP, zenoh.Reliability.BEST_EFFORT),
-}
-"""What Zenoh is told for each service. What blocks is sent by a thread of its own."""
-SETTLE_S: Final = 1.0
-"""After so long a node knows who asks for a topic that it has begun to publish."""
+BULK_DEPTH: Final = 8
+"""So many large messages of one subscription wait for a loop that is busy: they hold shared memory."""
+ANSWER_S: Final = 5.0
+"""How long the last message of a latched topic may take."""
+COUNTED_PLACES: Final = 200
 PART: Final = re.compile(r"\*|\?|\[[^]]*\]")
 """What stands for some characters in a level of a pattern."""
 
 Troubled = Callable[[str, str], None]
-"""Takes what was counted, such as `damaged`, and a line for people."""
+"""Takes what has happened in a word, such as `damaged`, and a line for people."""
 
 
 @contextmanager
@@ -69,7 +62,7 @@ class ZenohExchange:
         session: an open session, as `zenoh_session.open_session` gives.
         loop: calls the subscribers.
         topics: the types that may travel.
-        troubled: is told, in the loop, of each message that was not taken.
+        troubled: is told, in the loop, of what was lost or refused: at the first, the tenth, the hundredth time…
     """
 
     def __init__(
@@ -79,26 +72,24 @@ class ZenohExchange:
         topics: TopicTable,
         troubled: Troubled = lambda *_: None,
     ) -> None:
-        self.here: Final = LocalExchange()
+        self.here: Final = LocalExchange(topics)
         """What passes inside this process: what it published, and what came in because somebody here asked for it."""
-        self.counts: Final[dict[str, int]] = {}
-        """How many messages were not taken or not sent, by the reason in a word."""
+        self._counts: dict[str, int] = {}
         self._session = session
         self._loop = loop
         self._topics = topics
         self._troubled = troubled
-        self._outlets: dict[str, _Outlet | None] = {}
+        self._outlets: dict[str, Outlet | None] = {}
         self._sources: dict[str, _Subscription] = {}
         self._tokens: set[zenoh.LivelinessToken] = set()
         self._watches: dict[str, _Watch] = {}
         self._owners: dict[str, _Subscription | None] = {}
         """By topic: through which of several fitting subscriptions its messages are taken, so that each comes once."""
         self._arrivals = Arrivals(loop, self._take)
-        self._senders = {
-            service: Sender(f"zenoh {service}", self._fail)
-            for service, (_, congestion, _) in SERVICES.items()
-            if congestion is zenoh.CongestionControl.BLOCK
-        }
+        self._sequences: dict[tuple[str, Source], int] = {}
+        """The last number of each topic and source, to tell losses by."""
+        senders = {service: Sender(f"zenoh {service}", self._fail) for service, how in SERVICES.items() if how.may_wait}
+        self._means = Means(session, loop, self._arrivals, topics.types, SharedMemory(), senders)
         self._is_open = True
 
     # --- the exchange ---
@@ -110,22 +101,17 @@ class ZenohExchange:
             outlet = self._outlets[envelope.topic]
         except KeyError:
             outlet = self._open_outlet(envelope.topic)
-        if outlet is None or not outlet.is_wanted or not self._is_open:
-            return
-        if not outlet.put(self._topics.types.encode(envelope)):
-            self._count("unsent", f"{envelope.topic}: too many messages wait for a link")
+        if outlet is not None and self._is_open:
+            reason = outlet.send(envelope)
+            if reason:
+                self._count("unsent", envelope.topic, reason)
 
     def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
         """Asks for a topic or a pattern of topics, here and elsewhere."""
         subscription = self._sources.get(pattern)
         if subscription is None:
-            subscription = self._sources[pattern] = _Subscription(pattern)
+            subscription = self._sources[pattern] = self._declare(pattern)
             self._owners.clear()
-            subscription.declared = self._session.declare_subscriber(
-                key_expression(pattern),
-                self._arrivals.taker(subscription.inbound),
-                allowed_origin=zenoh.Locality.REMOTE,
-            )
         subscription.users += 1
         end_here = self.here.subscribe(pattern, deliver)
         is_open = True
@@ -140,7 +126,9 @@ class ZenohExchange:
             if not subscription.users:
                 del self._sources[pattern]
                 self._owners.clear()
-                subscription.declared.undeclare()  # type: ignore[no-untyped-call]
+                self._sequences.clear()  # what is not asked for is not lost
+                for declared in subscription.declared:
+                    declared.undeclare()  # type: ignore[no-untyped-call]
 
         return unsubscribe
 
@@ -189,56 +177,124 @@ class ZenohExchange:
         """Sends and hears nothing from now on."""
         self._is_open = False
         self._arrivals.close()
-        for sender in self._senders.values():
+        for outlet in self._outlets.values():
+            if outlet is not None:
+                outlet.close()
+        for sender in self._means.senders.values():
             sender.close()
+
+    # --- what only this middleware has ---
+
+    def troubles(self) -> dict[str, int]:
+        """How many messages were lost or refused so far, by the reason in a word and the topic, `WORD TOPIC`.
+
+        `unsent`: dropped here, because a link or receiver was too slow; `lost`: missing in what came; `late`: dropped
+        here, because the loop was too slow (part of the lost); `damaged`, `versions`, `misplaced`: not taken.
+        """
+        late = {f"late {p}": s.inbound.dropped for p, s in self._sources.items() if s.inbound.dropped}
+        return {**self._counts, **late}
 
     # --- out ---
 
-    def _open_outlet(self, topic: str) -> _Outlet | None:
+    def _open_outlet(self, topic: str) -> Outlet | None:
         """What sends a topic; none for one whose name cannot travel."""
-        row = self._topics.row(topic)
-        service = Service.REPORT if row is None else row.travels
         outlet = None
         try:
-            outlet = _Outlet(self._session, self._loop, self._arrivals, topic, service, self._senders.get(service))
+            outlet = Outlet(self._means, topic, self._topics.row(topic) or UNKNOWN)
         except zenoh.ZError as error:
-            self._count("unsendable", f"{topic} cannot leave this process: {plain(error)}")
+            self._count("unsent", topic, plain(error))
         self._outlets[topic] = outlet
         return outlet
 
     def _fail(self, error: BaseException) -> None:
         """In a thread: something could not be sent."""
-        self._loop.call_soon_threadsafe(self._count, "unsent", f"not sent: {error}")
+        self._loop.call_soon_threadsafe(self._count, "unsent", "", str(error))
 
     # --- in ---
 
-    def _take(self, inbound: Inbound, sample: Any) -> None:
-        """In the loop: a sample of a subscription or of a watch, or a change of who wants a topic."""
-        source = inbound.source
-        if isinstance(source, _Subscription):
-            self._take_message(source, sample)
-        elif isinstance(source, _Watch):
-            self._take_token(source, str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
-        elif isinstance(source, _Outlet) and self._is_open:
-            source.look()
+    def _declare(self, pattern: str) -> _Subscription:
+        """Asks the others for a pattern, and for the last messages of the latched topics that fit it."""
+        row = self._topics.row(pattern)
+        is_bulk = row is not None and row.travels is Service.BULK
+        subscription = _Subscription(BULK_DEPTH if is_bulk else DEPTH)
+        key = key_expression(pattern)
+        subscription.declared.append(
+            self._session.declare_subscriber(
+                key, self._arrivals.taker(subscription.inbound), allowed_origin=zenoh.Locality.REMOTE
+            )
+        )
+        if any(row.is_latched and key.intersects(f"*/{name}") for name, row in self._topics):
+            subscription.declared.append(
+                self._session.liveliness().declare_subscriber(
+                    key_expression(latched_token(pattern)),
+                    self._arrivals.taker(Inbound(_Latched(subscription))),
+                    history=True,
+                )
+            )
+        return subscription
 
-    def _take_message(self, source: _Subscription, sample: zenoh.Sample) -> None:
-        key = str(sample.key_expr)
+    def _take(self, inbound: Inbound, thing: Any) -> None:
+        """In the loop: a sample of a subscription or of a watch, or a change of who wants a topic."""
+        match inbound.source:
+            case _Subscription() as subscription:
+                self._take_message(subscription, thing)
+            case _Watch() as watch:
+                self._take_token(watch, str(thing.key_expr), thing.kind == zenoh.SampleKind.PUT)
+            case _Latched(subscription=subscription):
+                self._ask_for_last(subscription, str(thing.key_expr), thing)
+            case Outlet() as outlet if self._is_open:
+                outlet.look()
+
+    def _take_message(self, subscription: _Subscription, sample: Any) -> None:
+        if isinstance(sample, zenoh.Reply):
+            if sample.ok is None:
+                return
+            sample = sample.ok
+        topic = str(sample.key_expr)
         try:
-            owner = self._owners[key]
+            owner = self._owners[topic]
         except KeyError:
-            owner = self._owners[key] = next((s for p, s in self._sources.items() if matches(p, key)), None)
-        if owner is not source:
+            owner = self._owners[topic] = next((s for p, s in self._sources.items() if matches(p, topic)), None)
+        if owner is not subscription:
             return
         try:
-            envelope = self._topics.types.decode(sample.payload.to_bytes())
+            head, body = sample.attachment, sample.payload.to_bytes()
+            types = self._topics.types
+            envelope = types.decode(body) if head is None else types.decode(head.to_bytes(), body)
         except WireError as error:
-            self._count("damaged", f"{key}: {error}")
+            self._count("versions" if isinstance(error, VersionsDiffer) else "damaged", topic, str(error))
             return
-        if envelope.topic != key:
-            self._count("misplaced", f"a message of {envelope.topic} came on {key}")
+        if envelope.topic != topic:
+            self._count("misplaced", topic, f"it says that it is of {envelope.topic}")
             return
+        row = self._topics.row(topic)
+        if row is not None and row.is_latched:
+            last = self.here.last(topic)
+            if last is not None and not _is_newer(envelope, last):
+                return
+        else:
+            self._count_losses(envelope)
         self.here.publish(envelope)
+
+    def _count_losses(self, envelope: Envelope[Any]) -> None:
+        key = (envelope.topic, envelope.source)
+        before = self._sequences.get(key)
+        self._sequences[key] = envelope.sequence
+        if before is not None and envelope.sequence > before + 1:
+            self._count("lost", envelope.topic, "messages are missing", envelope.sequence - before - 1)
+
+    def _ask_for_last(self, subscription: _Subscription, token: str, sample: zenoh.Sample) -> None:
+        """Somebody has the last message of a latched topic: what came before we met it."""
+        if sample.kind == zenoh.SampleKind.PUT and self._is_open:
+            topic = token.replace(f"/{LATCHED}/", "/", 1)
+            self._session.get(
+                topic,
+                self._arrivals.taker(subscription.inbound),
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                allowed_destination=zenoh.Locality.REMOTE,
+                timeout=ANSWER_S,
+            )
 
     def _take_token(self, watch: _Watch, token: str, is_alive: bool) -> None:
         if is_alive and token not in watch.tokens:
@@ -246,64 +302,36 @@ class ZenohExchange:
         elif not is_alive and token in watch.tokens:
             watch.tokens.pop(token)()
 
-    def _count(self, kind: str, text: str) -> None:
-        self.counts[kind] = self.counts.get(kind, 0) + 1
-        self._troubled(kind, text)
+    def _count(self, kind: str, topic: str, reason: str, number: int = 1) -> None:
+        place = f"{kind} {topic}"
+        if place not in self._counts and len(self._counts) >= COUNTED_PLACES:
+            place = f"{kind} others"
+        before = self._counts.get(place, 0)
+        self._counts[place] = before + number
+        if len(str(before + number)) > len(str(before)) or not before:  # 1, 10, 100, …
+            self._troubled(kind, f"{place}: {reason} ({before + number} so far)")
 
 
-class _Outlet:
-    """Sends one topic while somebody elsewhere asks for it, or while that is not known yet."""
-
-    def __init__(
-        self,
-        session: zenoh.Session,
-        loop: asyncio.AbstractEventLoop,
-        arrivals: Arrivals,
-        topic: str,
-        service: Service,
-        sender: Sender | None,
-    ) -> None:
-        priority, congestion, reliability = SERVICES[service]
-        self._publisher = session.declare_publisher(
-            topic,
-            allowed_destination=zenoh.Locality.REMOTE,
-            priority=priority,
-            congestion_control=congestion,
-            reliability=reliability,
-        )
-        self._sender = sender
-        self.is_wanted = True
-        self._is_settled = False
-        self._listener = self._publisher.declare_matching_listener(arrivals.taker(Inbound(self)))
-        loop.call_later(SETTLE_S, self._settle)
-
-    def put(self, data: bytes) -> bool:
-        """Sends a message, or gives it to who does; False where that has too many already."""
-        if self._sender is not None:
-            return self._sender.give(self._publisher.put, data)
-        self._publisher.put(data)
-        return True
-
-    def look(self) -> None:
-        """In the loop: who asks for it has changed."""
-        if self._is_settled:
-            status: Any = self._publisher.matching_status  # the stub says bool
-            self.is_wanted = status.matching
-
-    def _settle(self) -> None:
-        self._is_settled = True
-        self.look()
+def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:
+    """Whether a message says more of now: in one life of its source by its number, else by its time."""
+    if one.source == other.source:
+        return one.sequence > other.sequence
+    return one.t_s > other.t_s
 
 
 class _Subscription:
     """One pattern that somebody here asks others for."""
 
-    declared: zenoh.Subscriber[None]
-
-    def __init__(self, pattern: str) -> None:
-        self.pattern = pattern
-        self.inbound = Inbound(self)
+    def __init__(self, depth: int) -> None:
+        self.inbound = Inbound(self, depth)
         self.users = 0
+        self.declared: list[zenoh.Subscriber[None]] = []
+
+
+class _Latched(NamedTuple):
+    """Waits for those who have last messages for a subscription."""
+
+    subscription: _Subscription
 
 
 class _Watch:

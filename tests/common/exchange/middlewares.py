@@ -19,6 +19,7 @@ from gloc3.messages import Envelope, Severity
 
 PLATFORM = "minoas"
 EVENT = f"{PLATFORM}/ci/event"
+TABLE = f"{PLATFORM}/ci/table"
 PATIENCE_S = 20.0
 QUICK = replace(RADIO_CONDITIONS, latency_s=0.001, loss=0.0, bandwidth_bit_s=10e6, queue_bytes=1_000_000)
 
@@ -59,7 +60,7 @@ def hear(exchange: Exchange, pattern: str) -> tuple[list[str], Unsubscribe]:
 @asynccontextmanager
 async def local(folder: Path) -> AsyncIterator[Ends]:
     """One process."""
-    exchange = LocalExchange()
+    exchange = LocalExchange(standard_topics())
     yield Ends(exchange, exchange)
 
 

@@ -1,11 +1,14 @@
 """What holds on every middleware alike: a component does not see which one it is on."""
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.common.exchange.middlewares import ALL, EVENT, PLATFORM, event, hear, until
+from tests.common.exchange.middlewares import ALL, EVENT, PLATFORM, TABLE, event, hear, until
 
+from gloc3.ci import ComponentTable
+from gloc3.exchange import Publisher
 from gloc3.messages import Envelope
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60), pytest.mark.parametrize("middleware", ALL)]
@@ -66,6 +69,33 @@ async def test_who_listens_to_a_process_draws_nothing_into_it(middleware: str, t
         await until(lambda: asked)
         assert recorded[-1:] == asked == ["asked for"]
         assert (len(recorded) == 1) == (ends.station is not ends.platform)
+
+
+async def test_who_asks_late_gets_the_last_message_of_what_is_and_then_each_once(
+    middleware: str, tmp_path: Path
+) -> None:
+    async with ALL[middleware](tmp_path) as ends:
+        heard, _ = hear(ends.station, EVENT)
+        await ends.reach(heard)
+        tables: list[list[int]] = []
+
+        def ask(pattern: str) -> list[int]:
+            seen: list[int] = []
+            tables.append(seen)
+            ends.station.subscribe(pattern, lambda e: seen.append(e.payload.table) if e.topic == TABLE else None)
+            return seen
+
+        publisher = Publisher(ends.platform, PLATFORM, "ci", 7)
+        for number in (1, 2):
+            publisher.publish(TABLE, ComponentTable(table=number, rows=[]), 0.25)
+        await asyncio.sleep(0.2)
+        first = ask(TABLE)
+        await until(lambda: first == [2])
+        for pattern in (f"{PLATFORM}/ci/*", "**"):
+            ask(pattern)
+        await until(lambda: tables == [[2], [2], [2]])
+        publisher.publish(TABLE, ComponentTable(table=3, rows=[]), 0.25)
+        await until(lambda: tables == [[2, 3], [2, 3], [2, 3]])
 
 
 async def test_liveliness_tells_who_comes_who_is_here_and_who_goes(middleware: str, tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ class TunnelEndpoint:
         self.own: Final = own
         self.boot: Final = boot & 0xFFFFFFFF
         self.counters: Final = Counters()
-        self._topics = topics
+        self.topics: Final = topics
         self._gate = Gate(role, name, topics)
         self._pacer = Pacer(budget)
         self._table = OwnTable()
@@ -107,7 +107,7 @@ class TunnelEndpoint:
     def publish(self, envelope: Envelope[Any], now_s: float) -> None:
         """Sends a message if its topic crosses the link in this direction; others are none of its business."""
         platform, _, name = envelope.topic.partition("/")
-        way = route(name, self._topics.row(envelope.topic))
+        way = route(name, self.topics.row(envelope.topic))
         if way is None or way.sender is not self.role or (self.role is Role.PLATFORM and platform != self.name):
             return
         if way.is_reliable:

@@ -1,0 +1,153 @@
+"""The zenoh middleware: late joiners, large messages, what is dropped and where, and bytes from strangers."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from tests.common.exchange.middlewares import EVENT, PLATFORM, TABLE, Ends, event, hear, until, zenoh
+
+from gloc3.ci import ComponentTable
+from gloc3.exchange import Publisher
+from gloc3.exchange.zenoh import ZenohExchange, open_exchange
+from gloc3.exchange.zenoh_session import UNIX, Node, open_session
+from gloc3.messages import Envelope, Source
+from gloc3.topics import TopicTable
+from gloc3.vehicle import Image
+from gloc3.wire import type_name
+
+pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
+CAMERA = f"{PLATFORM}/camera/front"
+
+
+@contextmanager
+def node(folder: Path, name: str, **entries: Any) -> Iterator[ZenohExchange]:
+    """A node of its own, in this process."""
+    place = f"{UNIX}/{folder}/z"
+    where = {"listen": (place,), "accepts": ("one", "other")} if name == "main" else {"connect": (place,)}
+    with open_exchange(
+        Node(name=name, **where), asyncio.get_running_loop(), TopicTable.installed(), **entries
+    ) as exchange:
+        yield exchange
+
+
+async def test_nodes_that_meet_late_get_the_last_message_of_what_is_once(tmp_path: Path) -> None:
+    with node(tmp_path, "one") as one, node(tmp_path, "other") as other:
+        tables: list[int] = []
+        other.subscribe(f"{PLATFORM}/ci/*", lambda e: tables.append(e.payload.table))
+        publisher = Publisher(one, PLATFORM, "ci", 7)
+        for number in (1, 2):
+            publisher.publish(TABLE, ComponentTable(table=number, rows=[]), 0.25)
+        assert not tables
+        with node(tmp_path, "main"):
+            await until(lambda: tables)
+            publisher.publish(TABLE, ComponentTable(table=3, rows=[]), 0.5)
+            await until(lambda: tables[-1] == 3)
+        await asyncio.sleep(0.3)
+        with node(tmp_path, "main") as main:
+            seen: list[int] = []
+            main.subscribe(TABLE, lambda e: seen.append(e.payload.table))
+            await until(lambda: seen)
+        assert (tables, seen) == ([2, 3], [3])
+
+
+async def test_a_picture_arrives_as_it_was_and_what_is_lost_of_many_is_counted(tmp_path: Path) -> None:
+    async with zenoh(tmp_path) as ends:
+        publisher = Publisher(ends.platform, PLATFORM, "camera", 7)
+        picture = Image(camera="front", width=640, height=480, data=bytes(range(256)) * 1200, reason="dark")
+        came: list[Envelope[Image]] = []
+        ends.station.subscribe(CAMERA, came.append)
+
+        def show(number: int) -> bool:
+            publisher.publish(CAMERA, replace(picture, reason=str(number)), 0.25)
+            return False
+
+        await until(lambda: came or show(0))
+        assert came[0].payload == replace(picture, reason="0")
+        assert came[0].type == type_name(Image)
+        first = len(came)
+        for number in range(1, 61):  # faster than a loop takes them that is busy with this
+            show(number)
+        await until(lambda: came[-1].payload.reason == "60")
+        assert isinstance(ends.station, ZenohExchange)
+        missing = came[-1].sequence + 1 - len(came)
+        assert first + 60 - len(came) >= 0
+        assert ends.station.troubles().get(f"lost {CAMERA}", 0) == missing > 0
+        assert ends.station.troubles().get(f"late {CAMERA}", 0) <= missing
+
+
+async def test_bytes_from_strangers_are_counted_and_told_never_raised(tmp_path: Path) -> None:
+    told: list[str] = []
+    with (
+        node(tmp_path, "main", troubled=lambda _, text: told.append(text)) as main,
+        open_session(Node(name="one", connect=(f"{UNIX}/{tmp_path}/z",))) as stranger,
+    ):
+        heard, _ = hear(main, EVENT)
+        types = TopicTable.installed().types
+        good = Envelope(EVENT, Source("p", "c", 1), 0, 0.25, "", type_name(type(event("x"))), event("x"))
+        bad = [
+            b"",
+            b"\xc1 no msgpack",
+            types.encode(good)[:-3],
+            types.encode(replace(good, type="Stranger#000000")),
+            types.encode(replace(good, type=good.type[:-6] + "000000")),
+            types.encode(replace(good, topic=f"{PLATFORM}/motion/grant")),
+        ]
+
+        def put() -> bool:
+            for data in bad:
+                stranger.put(EVENT, data)
+            stranger.put(EVENT, types.encode(good), attachment=b"odd")
+            stranger.put(EVENT, types.encode(good))
+            return False
+
+        await until(lambda: heard or put())
+        counted = main.troubles()
+        assert counted[f"damaged {EVENT}"] >= 5
+        assert counted[f"versions {EVENT}"] >= 1
+        assert counted[f"misplaced {EVENT}"] >= 1
+        assert any("versions differ" in text for text in told)
+        assert any("it says that it is of minoas/motion/grant" in text for text in told)
+
+
+STOPPED = """
+import asyncio, sys
+from gloc3.exchange.zenoh import open_exchange
+from gloc3.exchange.zenoh_session import Node
+from gloc3.topics import TopicTable
+async def live():
+    node = Node(name="one", connect=(sys.argv[1],))
+    with open_exchange(node, asyncio.get_running_loop(), TopicTable.installed()) as exchange:
+        exchange.subscribe("**", lambda envelope: None)
+        exchange.declare_alive("one")
+        await asyncio.sleep(60)
+asyncio.run(live())
+"""
+
+
+async def test_a_receiver_that_stands_still_holds_up_no_loop_and_goes_by_its_lease(tmp_path: Path) -> None:
+    with node(tmp_path, "main") as main:
+        loop = asyncio.get_running_loop()
+        alive: list[bool] = []
+        main.watch("one", lambda _, is_alive: alive.append(is_alive))
+        process = await asyncio.create_subprocess_exec(sys.executable, "-c", STOPPED, f"{UNIX}/{tmp_path}/z")
+        await until(lambda: alive == [True], within_s=60.0)
+        process.send_signal(signal.SIGSTOP)
+        ends = Ends(main, main)
+        worst_s = 0.0
+        for _ in range(100):
+            begin_s = loop.time()
+            for _ in range(60):
+                ends.say("x" * 2000)
+            worst_s = max(worst_s, loop.time() - begin_s)
+            await asyncio.sleep(0)
+        assert worst_s < 0.5, "publishing waited for a link"
+        assert main.troubles()[f"unsent {EVENT}"] > 0
+        await until(lambda: alive == [True, False])
+        process.kill()
+        await process.wait()

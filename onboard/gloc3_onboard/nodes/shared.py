@@ -29,7 +29,8 @@ class Shared(NamedTuple):
 
 def alone() -> Shared:
     """The exchange of a platform that is one process."""
-    return Shared(LocalExchange(), "", TopicTable.installed())
+    topics = TopicTable.installed()
+    return Shared(LocalExchange(topics), "", topics)
 
 
 @contextmanager

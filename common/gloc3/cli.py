@@ -15,6 +15,7 @@ from gloc3.narrate import ERROR, narrate
 SUMMARIES: Final = {
     "sitl": "Run the simulated vehicle: physics, world and autopilot, on real sockets.",
     "onboard": "Run the onboard companion process of a platform.",
+    "platform": "Make a platform file from an autopilot; check and show platform files.",
     "doctor": "Check a vehicle's computer and autopilot before a flight, without flying.",
     "preset": "Compare an autopilot's parameters with a preset's, and set them when told to.",
     "signing": "Make the key of signed MAVLink links, and give it to an autopilot.",

@@ -35,7 +35,7 @@ def failsafe_checks(readings: Readings) -> Iterator[Check]:
             yield Check(GROUP, name, Verdict.WARNING, f"{value:g}: it {what}", f"set {name} to another value")
 
 
-def _action(setup: AutopilotSetup, failsafe: Failsafe) -> str | None:
+def action_of(setup: AutopilotSetup, failsafe: Failsafe) -> str | None:
     """What the autopilot would do while it follows our setpoints; None where that is not known."""
     if not failsafe.parameter:
         return failsafe.actions[0]
@@ -55,7 +55,7 @@ def _compared(
     setup: AutopilotSetup, name: str, failsafe: Failsafe, wanted: str, wanted_limit: float | None, unit: str
 ) -> Check:
     """Compares with the platform file, which says `wanted`, and when."""
-    action = _action(setup, failsafe)
+    action = action_of(setup, failsafe)
     if action is None:
         return Check(GROUP, name, Verdict.UNKNOWN, f"{failsafe.parameter} could not be read")
     limit = failsafe.limit(setup.parameters.get)
@@ -95,7 +95,7 @@ def _when(limit: float | None, unit: str) -> str:
 
 def _pose_lost(readings: Readings, setup: AutopilotSetup, failsafe: Failsafe) -> Check:
     """Compares with the platform file, or where that says nothing with the loaded mission."""
-    name, action = "position lost", _action(setup, failsafe)
+    name, action = "position lost", action_of(setup, failsafe)
     if action is None:
         return Check(GROUP, name, Verdict.UNKNOWN, f"{failsafe.parameter} could not be read")
     source = f" ({failsafe.parameter} {setup.parameters[failsafe.parameter]:g})" if failsafe.parameter else ""
@@ -117,7 +117,7 @@ def _pose_lost(readings: Readings, setup: AutopilotSetup, failsafe: Failsafe) ->
 
 def _setpoints_lost(setup: AutopilotSetup, failsafe: Failsafe) -> Check:
     """What becomes of the vehicle when this computer dies in flight."""
-    name, action = "setpoints lost", _action(setup, failsafe)
+    name, action = "setpoints lost", action_of(setup, failsafe)
     if action is None:
         return Check(GROUP, name, Verdict.UNKNOWN, f"{failsafe.parameter} could not be read")
     source = f" ({failsafe.parameter} {setup.parameters[failsafe.parameter]:g})" if failsafe.parameter else ""

@@ -7,7 +7,8 @@ from typing import Any
 from tests.flight.card import Card
 
 from gloc3.link.codec import Encoder, MavlinkMessage, Parser, message
-from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
 from gloc3.link.ftp_client import FtpClient
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.memory import Conditions, MemoryLink

@@ -4,7 +4,8 @@ from typing import Any
 
 from gloc3.clock import VirtualLoop
 from gloc3.link import codec
-from gloc3.link.command import CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_server import CommandRequest, CommandServer
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.interval import STREAM_COMMANDS, StreamScheduler
 from gloc3.link.memory import MemoryEnd

@@ -16,7 +16,9 @@ from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.tunnel.pacing import RADIO
 from gloc3.link.codec import Frame, MavlinkMessage, message, shape
-from gloc3.link.command import CommandCall, CommandClient, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
+from gloc3.link.command_server import CommandServer
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.link.message import Address

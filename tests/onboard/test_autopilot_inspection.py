@@ -5,7 +5,9 @@ from typing import Any
 import pytest
 
 from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.command import CommandClient, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandClient
+from gloc3.link.command_server import CommandServer
 from gloc3.link.message import Address
 from gloc3.link.node import Node
 from gloc3.link.parameter import ParameterEncoding, ParameterType, parameter

@@ -10,7 +10,8 @@ from typing import Any, Final
 from gloc3.clock import VirtualLoop
 from gloc3.frames import from_yaw, wrap_pi
 from gloc3.link import codec
-from gloc3.link.command import CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_server import CommandRequest, CommandServer
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.interval import STREAM_COMMANDS, StreamScheduler
 from gloc3.link.memory import MemoryEnd

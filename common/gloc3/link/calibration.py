@@ -15,7 +15,8 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.service import Service, earliest
 

@@ -7,7 +7,8 @@ from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.link.calibration import PREFLIGHT_CALIBRATION, Calibration, CalibrationKind, Phase, Side, SideState
-from gloc3.link.command import CommandCall, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall
 from gloc3.link.message import Address, MavlinkMessage
 
 ACCELEROMETER_POSITION: Final = 42429

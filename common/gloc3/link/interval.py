@@ -9,7 +9,9 @@ from typing import Final, Never
 
 from gloc3.errors import Refused
 from gloc3.link import codec
-from gloc3.link.command import CommandClient, CommandRequest, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandClient
+from gloc3.link.command_server import CommandRequest
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.service import Service
 

@@ -14,6 +14,17 @@ import msgspec
 from gloc3.link.codec import message as make
 from gloc3.link.item_receiver import ItemReceiver, Need
 from gloc3.link.message import Address, MavlinkMessage
+from gloc3.link.mission_transfers import (
+    PATIENCE_S,
+    Answer,
+    Finished,
+    Pending,
+    PlanOffered,
+    PlanReceived,
+    Reader,
+    SetCurrentRequested,
+    Upload,
+)
 from gloc3.link.plan import ALL_TYPES, Plan, PlanResult, PlanType, read_item
 from gloc3.link.round_trip import RoundTrip
 from gloc3.link.service import Service
@@ -21,13 +32,6 @@ from gloc3.link.service import Service
 MOST_ITEMS: Final = 5000
 READER_EXPIRES_S: Final = 60.0
 MOST_READERS: Final = 16
-REMEMBERED_S: Final = 30.0
-REMINDERS: Final = 8
-"""How often a silent uploader is asked for its last item once more, in case it has missed the acknowledgement."""
-REMINDER_S: Final = 0.25
-"""At least so much lies between two of them."""
-PATIENCE_S: Final = 0.7
-"""Stations wait 1.5 s for what comes behind the last item."""
 FLOAT_AFTER: Final = 3
 """Who asks so often with MISSION_REQUEST for the same item cannot read MISSION_ITEM_INT."""
 CURRENT_PERIOD_S: Final = 1.0
@@ -46,111 +50,6 @@ def serve_all(_sender: Address) -> bool:
 def admit_all(_sender: Address) -> bool:
     """Lets everybody change plans."""
     return True
-
-
-class PlanReceived(msgspec.Struct, frozen=True):
-    """A plan was replaced, by an empty one when it was cleared."""
-
-    kind: PlanType
-    items: Plan
-    sender: Address
-
-
-class PlanOffered(msgspec.Struct, frozen=True):
-    """All of a plan is there (nothing, to clear it) and `check` has left it to the owner, who ends it with `conclude`."""
-
-    kind: PlanType
-    items: Plan
-    sender: Address
-
-
-class SetCurrentRequested(msgspec.Struct, frozen=True):
-    """Somebody wants the mission to go on at another item; the owner does it with `set_current`, or not."""
-
-    number: int
-    sender: Address
-
-
-class _Upload:
-    """A plan that is coming in."""
-
-    __slots__ = ("items", "sender")
-
-    def __init__(self, sender: Address, items: ItemReceiver) -> None:
-        self.sender = sender
-        self.items = items
-
-
-class _Answer:
-    """The one acknowledgement of an upload, or of clearing one type of plan or all."""
-
-    __slots__ = ("named", "result", "waiting")
-
-    def __init__(self, named: int) -> None:
-        self.named = named
-        """The type of plan that it names."""
-        self.waiting = 0
-        """Plans that it waits for."""
-        self.result = PlanResult.ACCEPTED
-
-
-class _Pending:
-    """A plan whose owner has not decided yet."""
-
-    __slots__ = ("answer", "last", "next_s", "offered")
-
-    def __init__(self, offered: PlanOffered, answer: _Answer, last: MavlinkMessage | None, now_s: float) -> None:
-        self.offered = offered
-        self.answer = answer
-        self.last = last
-        """The message with the last item; None where there is none."""
-        self.next_s = now_s + PATIENCE_S
-        """When its sender is asked for that item once more, so that he goes on waiting."""
-
-
-class _Finished:
-    """An upload that is over; its sender may not know yet."""
-
-    __slots__ = ("ended_s", "last", "reminders", "result", "sender", "timeout_s")
-
-    def __init__(
-        self, sender: Address, last: MavlinkMessage, result: PlanResult, timeout_s: float, now_s: float
-    ) -> None:
-        self.sender = sender
-        self.last = last
-        """The message with the last item."""
-        self.result = result
-        self.timeout_s = timeout_s
-        self.ended_s = now_s
-        self.reminders = REMINDERS
-
-    @property
-    def next_s(self) -> float | None:
-        """When the sender is reminded again."""
-        if not self.reminders:
-            return None
-        return self.ended_s + max(self.timeout_s, REMINDER_S) * (REMINDERS - self.reminders + 1)
-
-    def is_asked_by(self, message: MavlinkMessage, sender: Address, now_s: float) -> bool:
-        """Whether an item is this upload's last one once more, and not one of another plan."""
-        return (
-            sender == self.sender
-            and now_s - self.ended_s < REMEMBERED_S
-            and message.id == self.last.id
-            and message.shape.encode(message) == self.last.shape.encode(self.last)  # as bytes, since NaN is no equal
-        )
-
-
-class _Reader:
-    """Somebody who reads a plan, with the plan as it was when it began."""
-
-    __slots__ = ("items", "last_s", "repeats")
-
-    def __init__(self, items: Plan, now_s: float) -> None:
-        self.items = items
-        self.last_s = now_s
-        self.repeats: tuple[int, int] = (-1, 0)
-        """The item that was asked for last in the old way, and how often."""
 
 
 class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
@@ -207,10 +106,10 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         self._serves, self._admits = serves, admits
         self._tells_ids = tells_ids
         self._ids: dict[PlanType, tuple[Plan, int]] = {}
-        self._uploads: dict[PlanType, _Upload] = {}
-        self._pending: dict[PlanType, _Pending] = {}
-        self._finished: dict[PlanType, _Finished] = {}
-        self._readers: dict[tuple[Address, PlanType], _Reader] = {}
+        self._uploads: dict[PlanType, Upload] = {}
+        self._pending: dict[PlanType, Pending] = {}
+        self._finished: dict[PlanType, Finished] = {}
+        self._readers: dict[tuple[Address, PlanType], Reader] = {}
         self._round_trips: dict[Address, RoundTrip] = {}
         self._tell_s: float | None = 0.0 if tells_current else None
 
@@ -338,12 +237,12 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
             self._acknowledge(sender, kind, PlanResult.NO_SPACE)
         elif count == 0:
             self._uploads.pop(kind, None)
-            self._judge(kind, (), sender, _Answer(kind), None, now_s)
+            self._judge(kind, (), sender, Answer(kind), None, now_s)
         elif active is not None and not active.items.items and active.items.count == count:
             self._request(kind, sender, active.items.ask(now_s))  # our first request was lost
         else:
             receiver = ItemReceiver(count, self._round_trip(sender), now_s)
-            self._uploads[kind] = _Upload(sender, receiver)
+            self._uploads[kind] = Upload(sender, receiver)
             self._request(kind, sender, receiver.ask(now_s))
 
     def _take(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
@@ -357,7 +256,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
             return  # one that we have, or one ahead: the next is on its way, or will be asked for
         if upload.items.is_complete:
             del self._uploads[kind]
-            self._judge(kind, tuple(upload.items.items), sender, _Answer(kind), message, now_s)
+            self._judge(kind, tuple(upload.items.items), sender, Answer(kind), message, now_s)
         else:
             self._request(kind, sender, upload.items.ask(now_s))
 
@@ -366,7 +265,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         kind: PlanType,
         items: Plan,
         sender: Address,
-        answer: _Answer,
+        answer: Answer,
         last: MavlinkMessage | None,
         now_s: float,
     ) -> None:
@@ -375,13 +274,13 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         result = self._check(kind, items)
         answer.waiting += 1
         if result is None:
-            self._pending[kind] = _Pending(offered, answer, last, now_s)
+            self._pending[kind] = Pending(offered, answer, last, now_s)
             self._events.append(offered)
         else:
             self._end(offered, answer, last, result, now_s)
 
     def _end(
-        self, offered: PlanOffered, answer: _Answer, last: MavlinkMessage | None, result: PlanResult, now_s: float
+        self, offered: PlanOffered, answer: Answer, last: MavlinkMessage | None, result: PlanResult, now_s: float
     ) -> None:
         kind, sender = offered.kind, offered.sender
         if result is PlanResult.ACCEPTED:
@@ -392,7 +291,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         if not answer.waiting:
             self._acknowledge(sender, answer.named, answer.result)
         if last is not None:
-            self._finished[kind] = _Finished(sender, last, result, self._round_trip(sender).timeout_s, now_s)
+            self._finished[kind] = Finished(sender, last, result, self._round_trip(sender).timeout_s, now_s)
 
     def _replace(self, kind: PlanType, items: Plan, sender: Address) -> None:
         self.plans[kind] = items
@@ -409,7 +308,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         if any(one.answer.named == named and not one.offered.items for one in pending):
             return  # asked again while it is being decided
         self._stop_reminding(sender)
-        answer = _Answer(named)
+        answer = Answer(named)
         answer.waiting = 1  # so that nothing is said before all have been judged
         for kind in kinds:
             self._judge(kind, (), sender, answer, None, now_s)
@@ -428,7 +327,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
             oldest = min(self._readers, key=lambda key: self._readers[key].last_s)
             del self._readers[oldest]
         items = self.plans[kind]
-        self._readers[sender, kind] = _Reader(items, now_s)
+        self._readers[sender, kind] = Reader(items, now_s)
         self._send_to(sender, "MISSION_COUNT", count=len(items), mission_type=kind, opaque_id=self.plan_id(kind))
 
     def _give(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:

@@ -9,7 +9,9 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.link.codec import message as make
-from gloc3.link.command import CommandClient, CommandRequest, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandClient
+from gloc3.link.command_server import CommandRequest
 from gloc3.link.interval import REQUEST_MESSAGE
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.service import Service

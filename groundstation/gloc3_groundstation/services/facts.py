@@ -7,7 +7,8 @@ from typing import Final, Never
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
 from gloc3.link.heartbeat import ARMED
 from gloc3.link.interval import REQUEST_MESSAGE
 from gloc3.link.message import Address, MavlinkMessage

@@ -7,7 +7,8 @@ import msgspec
 
 from gloc3.errors import Misuse, Refused
 from gloc3.link import codec
-from gloc3.link.command import CommandClient, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandClient
 from gloc3.link.interval import FASTEST_HZ, SET_MESSAGE_INTERVAL
 from gloc3.link.message import Address
 from gloc3.link.parser import Frame

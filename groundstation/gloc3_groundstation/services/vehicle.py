@@ -3,7 +3,7 @@
 from types import TracebackType
 from typing import Final, Self
 
-from gloc3.link.command import CommandClient
+from gloc3.link.command_client import CommandClient
 from gloc3.link.ftp_client import FtpClient
 from gloc3.link.log_client import LogClient
 from gloc3.link.message import Address

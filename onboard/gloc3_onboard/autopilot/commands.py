@@ -4,7 +4,8 @@ import itertools
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
 from gloc3.link.message import Address
 from gloc3_onboard.autopilot.style import Command
 from gloc3_onboard.devices import Answer

@@ -8,7 +8,7 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.link.codec import shape
-from gloc3.link.command import CommandCall, CommandClient
+from gloc3.link.command_client import CommandCall, CommandClient
 from gloc3.link.interval import REQUEST_MESSAGE
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.parameter import Parameter, ParameterEncoding

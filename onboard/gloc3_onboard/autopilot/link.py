@@ -14,7 +14,7 @@ from gloc3.clock import Clock
 from gloc3.frames import Vector3
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, Frame, Parser
-from gloc3.link.command import CommandClient
+from gloc3.link.command_client import CommandClient
 from gloc3.link.heartbeat import PeerChange, Peers
 from gloc3.link.mission_client import MissionClient, Transfer
 from gloc3.link.node import Node

@@ -3,7 +3,8 @@
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
 from gloc3.link.message import Address
 from gloc3.vehicle import AutopilotState
 

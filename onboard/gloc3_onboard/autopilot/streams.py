@@ -6,7 +6,8 @@ from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.link import codec
-from gloc3.link.command import CommandCall, CommandClient, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
 from gloc3.link.interval import SET_MESSAGE_INTERVAL
 from gloc3.link.message import Address
 from gloc3_onboard.autopilot.style import Stream

@@ -10,7 +10,8 @@ from typing import Any, Final
 from gloc3.ci import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
 from gloc3.errors import Refused
 from gloc3.link.codec import enum_name
-from gloc3.link.command import CancelServer, CommandCancel, CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_server import CancelServer, CommandCancel, CommandRequest, CommandServer
 from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamScheduler
 from gloc3.link.message import Address
 from gloc3.link.version import VersionServer

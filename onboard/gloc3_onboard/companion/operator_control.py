@@ -10,7 +10,8 @@ from typing import Final
 from gloc3.ci import CiReply, Control, ControlVerb, Outcome
 from gloc3.errors import Refused
 from gloc3.link.codec import message
-from gloc3.link.command import CommandRequest, CommandResult
+from gloc3.link.command import CommandResult
+from gloc3.link.command_server import CommandRequest
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3_onboard.companion.asking import Asking
 

@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 from gloc3.ci import AnyBody, CiReply, LoadMission, Outcome, ReadMission, Steer, Verb
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.link.message import Address
-from gloc3.link.mission_server import MissionServer, PlanOffered, SetCurrentRequested
+from gloc3.link.mission_server import MissionServer
+from gloc3.link.mission_transfers import PlanOffered, SetCurrentRequested
 from gloc3.link.plan import Plan as Items
 from gloc3.link.plan import PlanResult, PlanType
 from gloc3.mission.formats import from_mission, to_mission

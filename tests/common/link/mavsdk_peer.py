@@ -9,7 +9,8 @@ from typing import Any
 from mavsdk import log_subscribe
 from mavsdk.asyncio import Configuration, ForwardingOption, Mavsdk
 
-from gloc3.link.command import CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_server import CommandServer
 from gloc3.link.endpoints import open_endpoint
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.message import Address

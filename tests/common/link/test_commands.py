@@ -7,16 +7,9 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.link.codec import message
-from gloc3.link.command import (
-    ATTEMPTS,
-    CancelServer,
-    CommandCall,
-    CommandCancel,
-    CommandClient,
-    CommandRequest,
-    CommandResult,
-    CommandServer,
-)
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import ATTEMPTS, CommandCall, CommandClient
+from gloc3.link.command_server import CancelServer, CommandCancel, CommandRequest, CommandServer
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address
 

@@ -8,7 +8,8 @@ from gloc3.link.codec import message
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.mission_client import CurrentItem, ItemReached, MissionClient, Transfer
-from gloc3.link.mission_server import MOST_ITEMS, MissionServer, PlanOffered, PlanReceived, SetCurrentRequested
+from gloc3.link.mission_server import MOST_ITEMS, MissionServer
+from gloc3.link.mission_transfers import PlanOffered, PlanReceived, SetCurrentRequested
 from gloc3.link.plan import Plan, PlanItem, PlanResult, PlanType
 
 from .mission_transfer import plan, transfer

@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 
 from gloc3.link import codec
 from gloc3.link.codec import message
-from gloc3.link.command import CommandClient, CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandClient
+from gloc3.link.command_server import CommandRequest, CommandServer
 from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamKeeper, StreamScheduler
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address, MavlinkMessage

@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.link.codec import Frame, message
-from gloc3.link.command import CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_server import CommandRequest, CommandServer
 from gloc3.link.ftp_files import FolderFiles
 from gloc3.link.ftp_server import FtpServer
 from gloc3.link.heartbeat import Heartbeat

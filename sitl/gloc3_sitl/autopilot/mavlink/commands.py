@@ -5,7 +5,7 @@ from math import isfinite, nan, radians
 from typing import TYPE_CHECKING, Final
 
 from gloc3.frames import GeoPoint, Vector3
-from gloc3.link.command import CommandRequest
+from gloc3.link.command_server import CommandRequest
 from gloc3.messages import Severity
 from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
 from gloc3_sitl.autopilot.mavlink.service_commands import SERVICE_HANDLERS

@@ -5,7 +5,9 @@ from typing import Any, Final
 from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.link import codec
-from gloc3.link.command import CommandCall, CommandClient, CommandRequest, CommandResult, CommandServer
+from gloc3.link.command import CommandResult
+from gloc3.link.command_client import CommandCall, CommandClient
+from gloc3.link.command_server import CommandRequest, CommandServer
 from gloc3.link.ftp_server import FtpServer
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamScheduler

@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING, Final
 
 from gloc3.link.message import Address
-from gloc3.link.mission_server import MissionServer, PlanReceived, SetCurrentRequested
+from gloc3.link.mission_server import MissionServer
+from gloc3.link.mission_transfers import PlanReceived, SetCurrentRequested
 from gloc3.link.plan import Plan, PlanItem, PlanResult, PlanType
 from gloc3.messages import Severity
 from gloc3_sitl.autopilot.plans import (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from math import inf
 from typing import Final
 
 import msgspec
@@ -15,9 +16,11 @@ PERIOD_S: Final = 0.5
 SAMPLES: Final = 20
 CONVERGED_SAMPLES: Final = 5
 JUMP_S: Final = 0.1
-"""Samples that differ by more than this and their round trip come from another clock: the peer has restarted."""
+"""Samples that differ by more than this and their round trip come from a clock that has stood still, or begun anew."""
 JUMPS: Final = 3
 """So many in a row are believed."""
+BACK_S: Final = 0.5
+"""A clock that goes back by more than this has begun anew."""
 _NS: Final = 1_000_000_000
 
 
@@ -28,6 +31,8 @@ class TimeSample(msgspec.Struct, frozen=True):
     """The peer's clock minus ours, if both ways took equally long; wrong by at most half the round trip."""
     round_trip_s: float
     t_s: float
+    is_back: bool = False
+    """Whether the peer tells an earlier time than it had told when it was asked: one that stands still does not."""
 
 
 class TimeSync(Service[TimeSample]):
@@ -58,8 +63,10 @@ class TimeSync(Service[TimeSample]):
         self._asked: deque[int] = deque(maxlen=16)
         self._samples: deque[TimeSample] = deque(maxlen=SAMPLES)
         self._strange: list[TimeSample] = []
-        self.jumps = 0
-        """Times that the peer's clock was believed to be another one."""
+        self._told_s, self._told_at_s = -inf, 0.0
+        """The peer's latest time that was told, and when."""
+        self.restarts = 0
+        """Times that the peer's clock was believed to have begun anew."""
 
     def ask(self, peer: Address | None) -> None:
         """Wants the clock of this one from now on; what is known of another, or of an earlier life of it, is forgotten."""
@@ -67,6 +74,7 @@ class TimeSync(Service[TimeSample]):
         self._asked.clear()
         self._samples.clear()
         self._strange.clear()
+        self._told_s = -inf
 
     @property
     def is_converged(self) -> bool:
@@ -96,9 +104,11 @@ class TimeSync(Service[TimeSample]):
                 self._send("TIMESYNC", tc1=max(1, round(told_s * _NS)), ts1=message.ts1)  # 0 would be a question again
         elif sender == self._peer and message.ts1 in self._asked:  # answers to others name times that we never asked
             self._asked.remove(message.ts1)
-            asked_s = message.ts1 / _NS
-            offset_s = message.tc1 / _NS - (asked_s + now_s) / 2.0
-            self._take(TimeSample(offset_s, now_s - asked_s, now_s))
+            asked_s, told_s = message.ts1 / _NS, message.tc1 / _NS
+            is_back = asked_s >= self._told_at_s and told_s < self._told_s - BACK_S
+            if told_s > self._told_s:
+                self._told_s, self._told_at_s = told_s, now_s
+            self._take(TimeSample(told_s - (asked_s + now_s) / 2.0, now_s - asked_s, now_s, is_back))
 
     def tick(self, now_s: float) -> None:
         """Asks when it is time."""
@@ -119,7 +129,9 @@ class TimeSync(Service[TimeSample]):
             self._strange.append(sample)
             if len(self._strange) < JUMPS:
                 return
-            self.jumps += 1
+            if all(strange.is_back for strange in self._strange):
+                self.restarts += 1
+                self._told_s = -inf
             self._samples.clear()
             self._samples.extend(self._strange)
         else:

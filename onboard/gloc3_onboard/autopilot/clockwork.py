@@ -6,8 +6,6 @@ from gloc3.link.message import Address
 from gloc3.link.timesync import TimeSync
 from gloc3_onboard.autopilot.telemetry import Telemetry
 
-RESTARTED_S: Final = 0.5
-"""An autopilot whose clock has gone back behind what was seen of it by more has restarted."""
 CLOCKS_AGREE_S: Final = 0.25
 """A clock that is told by round trips and differs by more from the stamps of the messages is another one."""
 
@@ -24,16 +22,16 @@ class Clockwork:
         self.service: Final = TimeSync(own, tell_s=telemetry.boot_s)
         """Driven by its owner."""
         self._telemetry = telemetry
-        self._jumps = 0
+        self._restarts = 0
 
     def look(self, now_s: float) -> None:
         """Tells the telemetry of what the round trips show."""
         service = self.service
-        if service.jumps != self._jumps:  # an autopilot that sends nothing unasked shows a restart by its clock alone
-            self._jumps = service.jumps
-            told_s = service.to_peer_s(now_s)
-            if told_s is not None and told_s < self._telemetry.last_boot_s - RESTARTED_S:
-                self._telemetry.restarted()
+        if (
+            service.restarts != self._restarts
+        ):  # an autopilot that sends nothing unasked shows a restart by its clock alone
+            self._restarts = service.restarts
+            self._telemetry.restarted()
         if service.events() and service.is_converged and (best := service.best) is not None:
             self._telemetry.correct_clock(-best.offset_s - best.round_trip_s)
 

@@ -65,11 +65,6 @@ class BootClock:
         """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
         return boot_s + self._offset_s if math.isfinite(self._offset_s) else None
 
-    @property
-    def last_boot_s(self) -> float:
-        """The latest of the autopilot's own times that was seen."""
-        return self._last_boot_ms * 1e-3
-
     def correct(self, least_offset_s: float) -> None:
         """Round trips tell that the clocks lie so far apart, at least: the autopilot has stood still for a moment."""
         if math.isfinite(self._offset_s):
@@ -144,11 +139,6 @@ class Telemetry:
     def boot_s(self, now_s: float) -> float | None:
         """The autopilot's own time of one of ours; None while nothing has been heard of it."""
         return self._clock.boot_s(now_s)
-
-    @property
-    def last_boot_s(self) -> float:
-        """The latest of the autopilot's own times that was seen."""
-        return self._clock.last_boot_s
 
     def correct_clock(self, least_offset_s: float) -> None:
         """Our clock minus the autopilot's is no less than this."""

@@ -195,6 +195,7 @@ def test_answers_meant_for_others_are_ignored_and_a_restart_is_believed() -> Non
             assert clock.best.offset_s == pytest.approx(160, abs=0.1), "two odd samples are not believed"
     assert clock.best is not None
     assert clock.best.offset_s == pytest.approx(10.0, abs=0.1)
+    assert clock.restarts == 1
 
 
 def test_a_version_is_asked_for_until_it_is_told() -> None:

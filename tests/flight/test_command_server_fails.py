@@ -29,6 +29,17 @@ def test_a_server_that_fails_in_flight_comes_back_and_the_mission_goes_on_by_on_
     assert not flight.driver.has_pilot_control
 
 
+def test_who_watches_a_server_that_fails_is_never_told_of_no_mission(flight: Card) -> None:
+    sweep(flight)
+    begin_s = flight.now_s
+    digest = flight.mission.digest
+    flight.fault("crash:command_server")
+    flight.await_component("command_server", "working", 3.0)
+    flight.await_policy("hold", 5.0)
+    assert {message.digest for message in flight.since(begin_s, "ci/mission")} == {digest}
+    assert flight.mission.state == "paused"
+
+
 def test_a_server_that_fails_in_flight_holds_until_an_operator_acts(flight: Card) -> None:
     sweep(flight)
     flight.fault("crash:command_server")

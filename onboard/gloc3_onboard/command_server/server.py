@@ -421,8 +421,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         if self.holder != self._site.holder:
             self._site.keep_holder(self.holder)
         self.policy = self._executor.policy if self._executor is not None else ""
+        is_kept = self._executor is None and self._snapshot is not None and bool(self._snapshot.programs)
         mission = mission_summary(self._executor)
-        if is_slow or mission != self._told_mission:
+        if not is_kept and (is_slow or mission != self._told_mission):  # who is told of none would give it up for lost
             self._told_mission = mission
             results.append(mission)
         control = self._authority.state()
@@ -438,7 +439,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._told_limits = limits
             results.append(limits)
         geofence = geofence_of(self._executor)
-        if is_slow or geofence.digest != self._told_fence:
+        if not is_kept and (is_slow or geofence.digest != self._told_fence):
             self._told_fence = geofence.digest
             results.append(geofence)
         if is_slow and self._facts.home is not None:

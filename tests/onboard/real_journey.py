@@ -84,7 +84,8 @@ async def lead(vehicle: Vehicle, folder: Path) -> Led:
     first, second = free_ports(2, socket.SOCK_DGRAM)
     (folder / "mission.yaml").write_text(mission_for(vehicle))
     camera = f"ground_camera={pictures(folder / 'pictures')}"
-    with simulated(vehicle, folder / "sitl") as link:
+    with simulated(vehicle, folder / "sitl") as lines:
+        link = lines.first
         if vehicle.preset:
             with program("preset", "apply", vehicle.preset, "--autopilot", link, "--yes", folder=folder) as preset:
                 assert await asyncio.to_thread(preset.end) == 0, preset.text

@@ -74,20 +74,29 @@ SUB = Vehicle(
 )
 
 
+class Lines(NamedTuple):
+    """URLs of a vehicle's lines."""
+
+    first: str
+    """On this one ArduPilot also hears what is not signed."""
+    second: str
+
+
 @contextmanager
-def simulated(vehicle: Vehicle, folder: Path) -> Iterator[str]:
-    """The program in a folder of its own, as a user starts it; gives the URL of its link."""
+def simulated(vehicle: Vehicle, folder: Path) -> Iterator[Lines]:
+    """The program in a folder of its own, as a user starts it; gives the URLs of its lines."""
     folder.mkdir()
     (folder / "defaults.parm").write_text(vehicle.defaults)
-    port, rc = free_ports(1, socket.SOCK_STREAM)[0], free_ports(1, socket.SOCK_DGRAM)[0]
+    (first, second), rc = free_ports(2, socket.SOCK_STREAM), free_ports(1, socket.SOCK_DGRAM)[0]
     command = [vehicle.binary, "--model", vehicle.model, "--home", vehicle.home, "--defaults", "defaults.parm"]
-    command += ["--serial0", f"tcp:{port}", "--serial1", "none:0", "--serial2", "none:0", "--rc-in-port", str(rc)]
+    command += ["--serial0", f"tcp:{first}", "--serial1", f"tcp:{second}", "--serial2", "none:0"]
+    command += ["--rc-in-port", str(rc)]
     with (folder / "said.txt").open("wb") as said:
         process = subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
     try:
         time.sleep(1.0)
         assert process.poll() is None, (folder / "said.txt").read_text(errors="replace")
-        yield f"tcpout://127.0.0.1:{port}"
+        yield Lines(f"tcpout://127.0.0.1:{first}", f"tcpout://127.0.0.1:{second}")
     finally:
         process.kill()
         process.wait()

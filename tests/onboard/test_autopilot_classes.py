@@ -180,6 +180,10 @@ def test_a_stream_that_has_paused_for_too_long_is_told(style: str, gap_s: float)
 def test_a_plane_is_sent_to_a_place_ahead_once_a_second() -> None:
     with Rig("ardupilot", vehicle_type=1) as rig:
         rig.run(4.0)
+        rig.link.send_setpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None)
+        rig.autopilot.heartbeat.custom_mode = 15
+        rig.run(1.5)
+        assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_INT"], "only in guided mode"
         for _ in range(40):
             rig.link.send_setpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None)
             rig.run(0.05)

@@ -47,6 +47,7 @@ class VehiclePeer:
     """
 
     vehicle_type = 10
+    autopilot = 3
     guided = 15
     hold = 4
     names: dict[int, str] = {0: "MANUAL"}
@@ -66,7 +67,7 @@ class VehiclePeer:
         self._loop, self._end, self._origin = loop, end, origin
         self._encoder, self._parser = codec.Encoder(*OWN), codec.Parser(is_datagram=True)
         self._commands = CommandServer(OWN, is_autopilot=True)
-        self._heartbeat = Heartbeat(OWN, vehicle_type=self.vehicle_type, autopilot=3)
+        self._heartbeat = Heartbeat(OWN, vehicle_type=self.vehicle_type, autopilot=self.autopilot)
         self._streams = StreamScheduler(OWN, dict.fromkeys(STREAMS, 0.0))
         self._texts = StatusTextSender(OWN)
         whole = [Parameter(name, float(value), ParameterType.INT16) for name, value in parameters.items()]
@@ -203,6 +204,13 @@ class RoverPeer(VehiclePeer):
         most = now_m_s / 1.0 * STEP_S
         self.yaw_rad = wrap_pi(self.yaw_rad + max(-most, min(most, wrap_pi(wanted_rad - self.yaw_rad))))
         self.velocity = [now_m_s * math.cos(self.yaw_rad), now_m_s * math.sin(self.yaw_rad), 0.0]
+
+
+class BoatPeer(RoverPeer):
+    """Steers as a rover does; what holds it is LOITER."""
+
+    vehicle_type = 11
+    hold = 5
 
 
 class SubPeer(VehiclePeer):

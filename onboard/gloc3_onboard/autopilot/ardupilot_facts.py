@@ -137,7 +137,6 @@ PLANE: Final = ClassFacts(
     commanded={_HOLD: 12, _MISSION: 10, _RETURN: 11, _GUIDED: 15, _LAND: 26, _TAKE_OFF: 13},
     manners=Manners(vehicle=VehicleClass.PLANE),
     form=Form.REPOSITION,
-    tells_landed=False,
     timeout_s=float("inf"),
 )
 """AUTOLAND is there from 4.6 on; it takes off in TAKEOFF, to the height of TKOFF_ALT."""

@@ -31,8 +31,9 @@ class Lead:
 
     def message(self, wanted: Wanted, facts: ClassFacts, target: Address, now_s: float) -> MavlinkMessage | None:
         """What is to be sent for a setpoint; None where nothing is now."""
-        if facts.form is Form.REPOSITION and now_s - self._sent_s < REPOSITION_S:
-            return None
+        is_guided = self._telemetry.state.mode is FlightMode.GUIDED
+        if facts.form is Form.REPOSITION and (not is_guided or now_s - self._sent_s < REPOSITION_S):
+            return None  # in other modes it would be denied
         known = self._telemetry.pose
         pose = known.pose if known is not None and now_s - known.t_s < POSE_S else None
         message = setpoint_message(wanted, facts.form, target, self._telemetry.boot_ms(now_s), pose)

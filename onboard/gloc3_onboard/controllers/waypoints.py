@@ -50,6 +50,8 @@ class WaypointsSettings(Settings, frozen=True):
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.2
     """The action is done when the vehicle is at the last waypoint and no faster than this, so that what follows begins
     there; in a wind that never lets it rest it is done after some seconds."""
+    comes_within_m: Annotated[float, Bounds(0.0, 500.0)] = 0.0
+    """So near a vehicle that cannot stop comes to a place, in metres: more than the radius of a plane's circles."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """A pose older than this is lost."""
     keep_m: Annotated[float, Bounds(0.3, 10.0)] = 1.1
@@ -110,6 +112,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         if pose is None or not pose.is_valid:
             raise Refused("there is no valid pose")
         order = arguments if isinstance(arguments, FollowWaypointsOrder) else self._way_home(arguments, pose)
+        order = replace(order, acceptance_m=max(order.acceptance_m, self._settings.comes_within_m))
         count = len(order.waypoints_ned_m)
         if not count:
             raise Refused("there is no waypoint")
@@ -211,7 +214,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             wall.see(seen, at, target.position_ned_m, min(now_s - self._last_s, 0.1))
             target = target._replace(position_ned_m=wall.moved(target.position_ned_m))
         self._is_in_the_way = self._is_blocked(at, target, points)
-        leader.follower.slack_m = DETOUR_M if self._is_in_the_way else 0.0
+        leader.follower.slack_m = self._settings.comes_within_m + (DETOUR_M if self._is_in_the_way else 0.0)
         return target
 
     def _is_blocked(self, at: Vector3, target: Target, points: list[tuple[float, float]]) -> bool:

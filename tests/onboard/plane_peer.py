@@ -11,8 +11,7 @@ from gloc3.clock import VirtualLoop
 from gloc3.frames import GeoPoint, TangentPlane, Vector3, wrap_pi
 from gloc3.link import codec
 from gloc3.link.command import CommandResult
-from gloc3.link.command_server
-gloc3.messages import CommandRequest
+from gloc3.link.command_server import CommandRequest
 from gloc3.link.memory import MemoryEnd
 from gloc3.link.message import MavlinkMessage
 

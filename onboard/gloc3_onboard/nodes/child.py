@@ -22,6 +22,8 @@ from gloc3_onboard.nodes.last_words import FATAL, confession, last_words, manner
 from gloc3_onboard.nodes.pipe import Beat, FromChild, Here, Leave, Order, Pass, Pipe, Tell, ToChild, socket_pair
 from gloc3_onboard.nodes.stand_in import StandIn
 
+PROGRAM: Final = (sys.executable, "-X", "faulthandler", "-m", "gloc3_onboard.nodes.child_main")
+"""What a child runs; the arguments are its end of the pipe, and for people who list processes what it is."""
 LOOK_EVERY_S: Final = 0.5
 STUCK_S: Final = 2.0
 """A child whose loop has not turned for so long is ended."""
@@ -168,7 +170,7 @@ class ChildProcess:
         os.set_blocking(read_end, False)
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-X", "faulthandler", "-m", "gloc3_onboard.nodes.child_main", str(theirs.fileno())],
+                [*PROGRAM, str(theirs.fileno()), f"{self._context.platform}/{self.name}"],
                 stdin=subprocess.DEVNULL,
                 stdout=write_end,
                 stderr=write_end,

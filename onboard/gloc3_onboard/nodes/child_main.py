@@ -1,4 +1,4 @@
-"""A child process of a host: `python -m gloc3_onboard.nodes.child_main FILE`, begun and led by the main process alone."""
+"""A child process of a host: `python -m gloc3_onboard.nodes.child_main FILE NAME`, begun and led by the main process alone."""
 
 import asyncio
 import ctypes

@@ -1,0 +1,267 @@
+"""A flight in which processes of the onboard side are killed at random; who restarts the main one is a few lines here."""
+
+import asyncio
+import os
+import random
+import signal
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from threading import Event, Thread
+from typing import Final
+
+import msgspec
+from tests.commands.programs import Program, program
+from tests.onboard.real_vehicle import flights, station, until
+
+import gloc3_onboard.platforms
+from gloc3.log.reader import LogReader
+from gloc3.topics import TopicTable
+from gloc3_groundstation.command_client import Declined
+from gloc3_groundstation.plans import Plan
+from gloc3_groundstation.station import Station
+from gloc3_sitl.demo import free_ports
+from gloc3_sitl.flight_messages import TOPICS
+
+START_ATTEMPTS: Final = 30
+MAIN: Final = "main"
+CHILDREN: Final = ("one", "two", "looks")
+HEIGHT_M: Final = 1.5
+MISSION: Final = """\
+mission: round and round
+frame: hold
+geofence: {{polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}}
+on_failure: land
+on_link_loss: continue
+on_low_battery: land
+on_pose_lost: continue
+on_restart: continue
+tasks:
+  depart: {{actions: {{up: {{take_off: {{height_m: 1.5}}}}}}}}
+  rounds:
+    after: [depart]
+    actions:
+      way: {{follow_waypoints: {{waypoints_m: [{way}], speed_m_s: 0.8}}}}
+  recover: {{after: [rounds], actions: {{down: {{land: {{}}}}}}}}
+"""
+CORNERS: Final = ((4.0, 0.0), (4.0, 4.0), (0.0, 4.0), (0.0, 0.0))
+
+
+def platform() -> str:
+    """The Pelican's file, with the pose and the limiter twice in processes of their own, and the viewer in a third."""
+    text = (Path(gloc3_onboard.platforms.__path__[0]) / "pelican_rtk.yaml").read_text()
+    lines: list[str] = []
+    for line in text.splitlines():
+        if "{name: pose," in line:
+            spare = line.replace("{name: pose,", "{name: pose_standby, process: two, begin: quiet, standby_for: pose,")
+            spare = spare.replace("required: true, ", "").replace(", then: land", "")
+            lines += [line.replace("on_fault: {", "process: one, on_fault: {standby: pose_standby, "), spare]
+        elif "{name: limiter," in line:
+            lines.append(line.replace("{name: limiter,", "{name: limiter, process: one,"))
+        elif "{name: limiter_standby," in line:
+            lines.append(line.replace("{name: limiter_standby,", "{name: limiter_standby, process: two,"))
+        elif "{name: viewer," in line:
+            lines.append(line.replace("{name: viewer,", "{name: viewer, process: looks,"))
+        else:
+            lines.append(line)
+    return "\n".join(lines).replace("times: 3", "times: 20") + "\n"
+
+
+class Report(msgspec.Struct, frozen=True):
+    """How it went."""
+
+    kills: dict[str, int]
+    """By process."""
+    mission: str
+    """How it ended."""
+    took_s: float
+    lowest_m: float
+    """Height between the end of the take-off and the begin of the landing."""
+    highest_m: float
+    farthest_m: float
+    """From the ways between the corners, over ground."""
+    fastest_m_s: float
+    backwards: int
+    """How often the way's progress fell back, over all lives of the process."""
+    logs: int
+    unreadable: list[str]
+    most_lost_s: float
+    """Longest time before a kill of which the main process's log tells nothing."""
+    longest_away_s: float
+    """Longest time without a summary of the command interface."""
+
+
+class Manager:
+    """Starts the onboard process, and starts it again whenever it ends."""
+
+    def __init__(self, arguments: list[str], folder: Path) -> None:
+        self._arguments, self._folder = arguments, folder
+        self._is_over = Event()
+        self.program = Program(arguments, folder)
+        self.said: list[str] = []
+        self._thread = Thread(target=self._keep, daemon=True)
+        self._thread.start()
+
+    def _keep(self) -> None:
+        while True:
+            code = self.program.end()
+            self.said += self.program.lines
+            if self._is_over.is_set():
+                assert code == 0, self.program.text
+                return
+            self.program = Program(self._arguments, self._folder)
+
+    def end(self) -> None:
+        self._is_over.set()
+        self.program.interrupt(signal.SIGTERM)
+        self._thread.join(30.0)
+
+    def kill(self) -> None:
+        self._is_over.set()
+        if self.program.process.poll() is None:
+            self.program.interrupt(signal.SIGKILL)
+
+
+@contextmanager
+def managed(arguments: list[str], folder: Path) -> Iterator[Manager]:
+    manager = Manager(arguments, folder)
+    try:
+        yield manager
+    finally:
+        manager.kill()
+
+
+def children_of(pid: int) -> dict[str, int]:
+    """The child processes of an onboard process, by name."""
+    found = {}
+    for folder in Path("/proc").iterdir():
+        if not folder.name.isdigit():
+            continue
+        try:
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            arguments = (folder / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if parent == pid and b"gloc3_onboard.nodes.child_main" in arguments:
+            found[arguments[-2].decode().rpartition("/")[2]] = int(folder.name)
+    return found
+
+
+async def begin(operator: Station, name: str) -> None:
+    """Starts the mission as soon as the checks let it."""
+    for _ in range(START_ATTEMPTS):
+        try:
+            await flights.start(operator, name)
+        except Declined:  # the position, say, has only just come
+            await asyncio.sleep(1.0)
+        else:
+            return
+    await flights.start(operator, name)
+
+
+async def fly(folder: Path, kills: int, seed: int, pause_s: tuple[float, float], say: Callable[[str], None]) -> Report:
+    """Flies rounds until so many processes have been killed and the mission has ended.
+
+    Args:
+        folder: for everything that is written.
+        kills: how many.
+        seed: of who is killed when.
+        pause_s: least and longest time between two kills.
+        say: told how far it is.
+    """
+    chance = random.Random(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "platform.yaml").write_text(platform())
+    rounds = max(1, round(kills * sum(pause_s) / 2.0 * 0.4 / 16.0))
+    way = ", ".join(f"[{x}, {y}, {HEIGHT_M}]" for x, y in CORNERS * rounds)
+    mission = MISSION.format(way=way)
+    companion, ground = free_ports(2, socket.SOCK_DGRAM)
+    onboard = ["onboard", "platform.yaml", "--autopilot", f"udpin://127.0.0.1:{companion}", "--out", "out"]
+    onboard += ["--station", f"udpout://127.0.0.1:{ground}"]
+    link = f"companion=udpout://127.0.0.1:{companion}"
+    killed: list[tuple[float, str]] = []
+    with program("sitl", "--link", link, "--out", "truth", folder=folder) as sitl, managed(onboard, folder) as manager:
+        async with station(f"udpin://127.0.0.1:{ground}", 255) as operator:
+            name = await flights.await_platform(operator, None)
+            assert not await flights.await_ready(operator, name)
+            await flights.stream(operator, name, Plan(name="mission.yaml", title="round and round", text=mission))
+            await begin(operator, name)
+
+            def state(target: str) -> str:
+                found = operator.fleet.get(name)
+                told = found.mission if found is not None else None
+                if told is None:
+                    return ""
+                return str(told.value.state if target == "mission" else told.value.tasks.get(target, ""))
+
+            await until(lambda: state("rounds") == "running", 60.0, "it flies")
+            begun_s = time.monotonic()
+            while len(killed) < kills and state("mission") not in ("done", "failed"):
+                await asyncio.sleep(chance.uniform(*pause_s))
+                victim = chance.choice((MAIN, *CHILDREN))
+                main = manager.program.process
+                pid = main.pid if victim == MAIN else children_of(main.pid).get(victim)
+                if pid is None or main.poll() is not None:
+                    continue
+                os.kill(pid, signal.SIGKILL)
+                killed.append((time.monotonic(), victim))
+                say(f"{len(killed)} of {kills}: {victim}")
+            await until(lambda: state("mission") in ("done", "failed"), 600.0, "the mission ends")
+            end, took_s = state("mission"), time.monotonic() - begun_s
+        await asyncio.to_thread(manager.end)
+        sitl.interrupt()
+        await asyncio.to_thread(sitl.end)
+        (folder / "said.txt").write_text("\n".join(manager.said))
+    return _measured(folder, killed, end, took_s)
+
+
+def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: float) -> Report:
+    unreadable, progress, summaries_s, ends_s = [], [], [], []
+    logs = sorted((folder / "out").glob("log*.mcap"), key=lambda path: path.stat().st_mtime)
+    for path in logs:
+        with LogReader(path) as reader:
+            entries = list(reader.entries())
+        if not entries:
+            unreadable.append(path.name)
+            continue
+        ways = [e.envelope.payload for e in entries if e.envelope.topic.endswith("/action_status/waypoints")]
+        progress += [status.progress for status in ways if status.state == "running"]
+        if any(e.envelope.topic.endswith("/ci/summary") for e in entries):
+            summaries_s += [e.envelope.t_s for e in entries if e.envelope.topic.endswith("/ci/summary")]
+            ends_s.append(max(e.envelope.t_s for e in entries))
+    with LogReader(folder / "truth" / "truth.mcap", TopicTable(TOPICS).types) as reader:
+        truth = [(e.envelope.t_s, e.envelope.payload) for e in reader.entries()]
+    truth = [(t_s, one) for t_s, one in truth if hasattr(one, "position_ned_m")]
+    floor_m = -truth[0][1].position_ned_m[2]
+    heights = [-one.position_ned_m[2] - floor_m for _, one in truth]
+    up = next(i for i, height in enumerate(heights) if height > HEIGHT_M - 0.1)
+    down = max(i for i, height in enumerate(heights) if height > HEIGHT_M - 0.2)
+    flown = truth[up : down + 1]
+    mains_s = [t_s for t_s, name in killed if name == MAIN]
+    lost = [t_s - max((end_s for end_s in ends_s if end_s <= t_s), default=t_s) for t_s in mains_s]
+    summaries_s.sort()
+    return Report(
+        kills=dict(Counter(name for _, name in killed)),
+        mission=end,
+        took_s=round(took_s, 1),
+        lowest_m=round(min(heights[up : down + 1]), 2),
+        highest_m=round(max(heights), 2),
+        farthest_m=round(max(_away_m(one.position_ned_m) for _, one in flown), 2),
+        fastest_m_s=round(max(max(abs(v) for v in one.velocity_ned_m_s) for _, one in flown), 2),
+        backwards=sum(b < a - 0.02 for a, b in pairwise(progress)),
+        logs=len(logs),
+        unreadable=unreadable,
+        most_lost_s=round(max(lost, default=0.0), 2),
+        longest_away_s=round(max((b - a for a, b in pairwise(summaries_s)), default=0.0), 2),
+    )
+
+
+def _away_m(place: tuple[float, float, float]) -> float:
+    """How far a place is from the box's sides, over ground; x is north, y to the left of it."""
+    x, y = place[0], -place[1]
+    outside = max(-x, x - 4.0, -y, y - 4.0)
+    return outside if outside > 0.0 else min(x, 4.0 - x, y, 4.0 - y)

@@ -68,6 +68,11 @@ class Program:
         self._reader.join(PATIENCE_S)
         return code
 
+    def close(self) -> None:
+        """Lets go of what it said, after its end."""
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
 
 @contextmanager
 def program(*arguments: str, folder: Path) -> Iterator[Program]:
@@ -79,8 +84,7 @@ def program(*arguments: str, folder: Path) -> Iterator[Program]:
         if running.process.poll() is None:
             os.killpg(running.process.pid, signal.SIGKILL)
         running.end()
-        assert running.process.stdout is not None
-        running.process.stdout.close()
+        running.close()
 
 
 def processes_that_mention(text: str) -> list[str]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, Health, Summary, TableRow, health_of
-from gloc3.deployment import ComponentRow
+from gloc3.deployment import Begin, ComponentRow
 from gloc3.lci import OPERATING, State
 from gloc3.messages import ComponentStatus
 
@@ -24,6 +24,8 @@ class ComponentBook:
         self._heard_s: dict[str, float] = {}
         self._up_s: dict[str, float] = {}
         """Since when a component is working or quiet."""
+        self._has_been_up: dict[str, float] = {}
+        """When a component was first seen working, quiet, faulty, or leaving."""
         self._working: frozenset[str] = frozenset()
         self._down: tuple[str, ...] = ()
         self._until_s = float("-inf")
@@ -51,6 +53,8 @@ class ComponentBook:
                 self.silent = frozenset(others | {(status.name, topic) for topic in status.silent})
             self._status[status.name] = status
             self._heard_s[status.name] = now_s
+            if status.state not in (State.IDLE, State.STANDBY):
+                self._has_been_up.setdefault(status.name, now_s)
             if status.state in OPERATING:
                 self._up_s.setdefault(status.name, now_s)
             else:
@@ -68,6 +72,13 @@ class ComponentBook:
     def is_working(self, name: str, now_s: float) -> bool:
         """Whether a component is there and working, and has been up long enough to have seen its inputs."""
         return name in self.working(now_s)
+
+    def is_coming_up(self, now_s: float) -> bool:
+        """Whether a component that its row brings up has not been up, or has only just come up; faulty ones have been."""
+        return any(
+            row.begin in (Begin.WORKING, Begin.QUIET) and not self._has_been_up.get(name, now_s) + SETTLED_S < now_s
+            for name, row in self.rows.items()
+        )
 
     def working(self, now_s: float) -> frozenset[str]:
         """The components that work, and have been up long enough to have seen their inputs."""

@@ -63,6 +63,8 @@ from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, vehicle_summary
 
+COME_UP_S = 30.0
+"""After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 COMPARE_S = 0.2
 """How often it is looked for changes to tell, when nothing was asked of the server or of its executor."""
 
@@ -279,11 +281,17 @@ class CommandServer(CommandInterface[ServerSettings]):
             return []
         elif waited_s < TAKE_OVER_S and self._flies_for_us(kept):
             return [TakeOver(is_resumed=True)]
+        elif waited_s < COME_UP_S and self._lacks(now_s) and self._book.is_coming_up(now_s):
+            return []
         else:
             read = self._requests.read_again
             self._executor = restore(self._site.platform, kept, read, facts.is_airborne, now_s)
         self._requests.executor = self._executor
         return []
+
+    def _lacks(self, now_s: float) -> bool:
+        """Whether some capability cannot be used."""
+        return bool(self._availability.missing(self._book, self._facts, now_s))
 
     def _flies_for_us(self, kept: Snapshot) -> bool:
         """Whether the vehicle does what a former life of this process had begun, and the driver takes it for a pilot's."""

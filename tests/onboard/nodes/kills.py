@@ -7,7 +7,7 @@ import signal
 import socket
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -85,8 +85,8 @@ class Report(msgspec.Struct, frozen=True):
     farthest_m: float
     """From the ways between the corners, over ground."""
     fastest_m_s: float
-    backwards: int
-    """How often the way's progress fell back, over all lives of the process."""
+    most_back_m: float
+    """How far it flew back along its way at most."""
     logs: int
     unreadable: list[str]
     most_lost_s: float
@@ -103,6 +103,8 @@ class Manager:
         self._is_over = Event()
         self.program = Program(arguments, folder)
         self.said: list[str] = []
+        self.code: int | None = None
+        """Of the last one's end."""
         self._thread = Thread(target=self._keep, daemon=True)
         self._thread.start()
 
@@ -110,8 +112,9 @@ class Manager:
         while True:
             code = self.program.end()
             self.said += self.program.lines
+            self.program.close()
             if self._is_over.is_set():
-                assert code == 0, self.program.text
+                self.code = code
                 return
             self.program = Program(self._arguments, self._folder)
 
@@ -124,6 +127,7 @@ class Manager:
         self._is_over.set()
         if self.program.process.poll() is None:
             self.program.interrupt(signal.SIGKILL)
+        self._thread.join(30.0)
 
 
 @contextmanager
@@ -163,20 +167,22 @@ async def begin(operator: Station, name: str) -> None:
     await flights.start(operator, name)
 
 
-async def fly(folder: Path, kills: int, seed: int, pause_s: tuple[float, float], say: Callable[[str], None]) -> Report:
+async def fly(
+    folder: Path, victims: Sequence[str], seed: int, pause_s: tuple[float, float], say: Callable[[str], None]
+) -> Report:
     """Flies rounds until so many processes have been killed and the mission has ended.
 
     Args:
         folder: for everything that is written.
-        kills: how many.
-        seed: of who is killed when.
+        victims: whose turn it is; one that is away just then is not waited for.
+        seed: of when.
         pause_s: least and longest time between two kills.
         say: told how far it is.
     """
     chance = random.Random(seed)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "platform.yaml").write_text(platform())
-    rounds = max(1, round(kills * sum(pause_s) / 2.0 * 0.4 / 16.0))
+    rounds = max(1, round(len(victims) * sum(pause_s) / 2.0 * 0.4 / 16.0))
     way = ", ".join(f"[{x}, {y}, {HEIGHT_M}]" for x, y in CORNERS * rounds)
     mission = MISSION.format(way=way)
     companion, ground = free_ports(2, socket.SOCK_DGRAM)
@@ -200,19 +206,21 @@ async def fly(folder: Path, kills: int, seed: int, pause_s: tuple[float, float],
 
             await until(lambda: state("rounds") == "running", 60.0, "it flies")
             begun_s = time.monotonic()
-            while len(killed) < kills and state("mission") not in ("done", "failed"):
+            for victim in victims:
                 await asyncio.sleep(chance.uniform(*pause_s))
-                victim = chance.choice((MAIN, *CHILDREN))
+                if state("mission") in ("done", "failed"):
+                    break
                 main = manager.program.process
                 pid = main.pid if victim == MAIN else children_of(main.pid).get(victim)
                 if pid is None or main.poll() is not None:
                     continue
                 os.kill(pid, signal.SIGKILL)
                 killed.append((time.monotonic(), victim))
-                say(f"{len(killed)} of {kills}: {victim}")
+                say(f"{len(killed)} of {len(victims)}: {victim}")
             await until(lambda: state("mission") in ("done", "failed"), 600.0, "the mission ends")
             end, took_s = state("mission"), time.monotonic() - begun_s
         await asyncio.to_thread(manager.end)
+        assert manager.code == 0, manager.said
         sitl.interrupt()
         await asyncio.to_thread(sitl.end)
         (folder / "said.txt").write_text("\n".join(manager.said))
@@ -220,7 +228,7 @@ async def fly(folder: Path, kills: int, seed: int, pause_s: tuple[float, float],
 
 
 def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: float) -> Report:
-    unreadable, progress, summaries_s, ends_s = [], [], [], []
+    unreadable, summaries_s, ends_s = [], [], []
     logs = sorted((folder / "out").glob("log*.mcap"), key=lambda path: path.stat().st_mtime)
     for path in logs:
         with LogReader(path) as reader:
@@ -228,8 +236,6 @@ def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: f
         if not entries:
             unreadable.append(path.name)
             continue
-        ways = [e.envelope.payload for e in entries if e.envelope.topic.endswith("/action_status/waypoints")]
-        progress += [status.progress for status in ways if status.state == "running"]
         if any(e.envelope.topic.endswith("/ci/summary") for e in entries):
             summaries_s += [e.envelope.t_s for e in entries if e.envelope.topic.endswith("/ci/summary")]
             ends_s.append(max(e.envelope.t_s for e in entries))
@@ -252,7 +258,7 @@ def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: f
         highest_m=round(max(heights), 2),
         farthest_m=round(max(_away_m(one.position_ned_m) for _, one in flown), 2),
         fastest_m_s=round(max(max(abs(v) for v in one.velocity_ned_m_s) for _, one in flown), 2),
-        backwards=sum(b < a - 0.02 for a, b in pairwise(progress)),
+        most_back_m=round(_most_back_m([one.position_ned_m for _, one in flown]), 2),
         logs=len(logs),
         unreadable=unreadable,
         most_lost_s=round(max(lost, default=0.0), 2),
@@ -265,3 +271,20 @@ def _away_m(place: tuple[float, float, float]) -> float:
     x, y = place[0], -place[1]
     outside = max(-x, x - 4.0, -y, y - 4.0)
     return outside if outside > 0.0 else min(x, 4.0 - x, y, 4.0 - y)
+
+
+def _along_m(place: tuple[float, float, float]) -> float:
+    """How far along the box's sides a place is, 0 to 16 m."""
+    x, y = min(4.0, max(0.0, place[0])), min(4.0, max(0.0, -place[1]))
+    _, along = min((y, x), (4.0 - x, 4.0 + y), (4.0 - y, 12.0 - x), (x, 16.0 - y))
+    return along
+
+
+def _most_back_m(places: Sequence[tuple[float, float, float]]) -> float:
+    """How far behind the farthest place along the rounds a later one was at most."""
+    total = farthest = most = 0.0
+    for before, after in pairwise(map(_along_m, places)):
+        total += (after - before + 8.0) % 16.0 - 8.0
+        farthest = max(farthest, total)
+        most = max(most, farthest - total)
+    return most

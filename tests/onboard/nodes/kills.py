@@ -19,6 +19,8 @@ from tests.commands.programs import Program, program
 from tests.onboard.real_vehicle import flights, station, until
 
 import gloc3_onboard.platforms
+from gloc3.ci import Verb
+from gloc3.errors import Gloc3Error
 from gloc3.log.reader import LogReader
 from gloc3.topics import TopicTable
 from gloc3_groundstation.command_client import Declined
@@ -87,6 +89,8 @@ class Report(msgspec.Struct, frozen=True):
     fastest_m_s: float
     most_back_m: float
     """How far it flew back along its way at most."""
+    resumed: int
+    """How often the operator had to say resume, since the autopilot had acted by itself on a computer without time."""
     logs: int
     unreadable: list[str]
     most_lost_s: float
@@ -167,6 +171,21 @@ async def begin(operator: Station, name: str) -> None:
     await flights.start(operator, name)
 
 
+async def attend(operator: Station, name: str, is_paused: Callable[[], bool], resumed: list[float]) -> None:
+    """Says resume when the mission has been paused for a while."""
+    while True:
+        await asyncio.sleep(2.0)
+        if not is_paused():
+            continue
+        await asyncio.sleep(2.0)
+        try:
+            if is_paused():
+                await operator.client.steer(name, Verb.RESUME)
+                resumed.append(time.monotonic())
+        except Gloc3Error:  # it is not there, or goes on just now
+            continue
+
+
 async def fly(
     folder: Path, victims: Sequence[str], seed: int, pause_s: tuple[float, float], say: Callable[[str], None]
 ) -> Report:
@@ -190,6 +209,7 @@ async def fly(
     onboard += ["--station", f"udpout://127.0.0.1:{ground}"]
     link = f"companion=udpout://127.0.0.1:{companion}"
     killed: list[tuple[float, str]] = []
+    resumed: list[float] = []
     with program("sitl", "--link", link, "--out", "truth", folder=folder) as sitl, managed(onboard, folder) as manager:
         async with station(f"udpin://127.0.0.1:{ground}", 255) as operator:
             name = await flights.await_platform(operator, None)
@@ -206,6 +226,7 @@ async def fly(
 
             await until(lambda: state("rounds") == "running", 60.0, "it flies")
             begun_s = time.monotonic()
+            attending = asyncio.create_task(attend(operator, name, lambda: state("mission") == "paused", resumed))
             for victim in victims:
                 await asyncio.sleep(chance.uniform(*pause_s))
                 if state("mission") in ("done", "failed"):
@@ -218,16 +239,17 @@ async def fly(
                 killed.append((time.monotonic(), victim))
                 say(f"{len(killed)} of {len(victims)}: {victim}")
             await until(lambda: state("mission") in ("done", "failed"), 600.0, "the mission ends")
+            attending.cancel()
             end, took_s = state("mission"), time.monotonic() - begun_s
         await asyncio.to_thread(manager.end)
         assert manager.code == 0, manager.said
         sitl.interrupt()
         await asyncio.to_thread(sitl.end)
         (folder / "said.txt").write_text("\n".join(manager.said))
-    return _measured(folder, killed, end, took_s)
+    return _measured(folder, killed, end, took_s, len(resumed))
 
 
-def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: float) -> Report:
+def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: float, resumed: int) -> Report:
     unreadable, summaries_s, ends_s = [], [], []
     logs = sorted((folder / "out").glob("log*.mcap"), key=lambda path: path.stat().st_mtime)
     for path in logs:
@@ -259,6 +281,7 @@ def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: f
         farthest_m=round(max(_away_m(one.position_ned_m) for _, one in flown), 2),
         fastest_m_s=round(max(max(abs(v) for v in one.velocity_ned_m_s) for _, one in flown), 2),
         most_back_m=round(_most_back_m([one.position_ned_m for _, one in flown]), 2),
+        resumed=resumed,
         logs=len(logs),
         unreadable=unreadable,
         most_lost_s=round(max(lost, default=0.0), 2),

@@ -3,8 +3,8 @@
 import json
 import queue
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from mavsdk.plugins.param import Param, ParamError, ParamResult, ProtocolVersion
 from mavsdk.plugins.telemetry import Telemetry
 from tests.sitl.mavsdk_client import Client
 
-from .onboard_scene import LATITUDE_DEG, LONGITUDE_DEG, Scene, vehicle
+from .onboard_scene import LATITUDE_DEG, LONGITUDE_DEG, vehicle
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 
@@ -26,15 +26,6 @@ LAND, START, ABORT = 21, 300, 31010
 ACCEPTED, DENIED = 0, 2
 AUTOPILOTS = ("BAT_", "COM_", "EKF2_", "GF_", "MIS_", "MPC_", "NAV_", "RTL_")
 """How names of parameters begin that are the autopilot's."""
-
-
-@contextmanager
-def client_of(scene: Scene) -> Iterator[Client]:
-    client = Client(scene.port)
-    try:
-        yield client
-    finally:
-        client.close()
 
 
 def item(seq: int, command: int, north_m: float = 0.0, height_m: float = 3.0) -> MissionItem:
@@ -115,7 +106,7 @@ def test_it_reaches_the_autopilot_and_the_onboard_computer_each_by_its_id(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     (tmp_path / "station").mkdir()
-    with vehicle(tmp_path) as scene, client_of(scene) as client:
+    with vehicle(tmp_path) as scene, closing(Client(scene.port)) as client:
         client.await_armable()
         of_autopilot, of_companion = Param(client.system), Param(client.system)
         with suppress(ParamError):  # it selects, and says *unknown* all the same
@@ -177,7 +168,7 @@ def test_it_reaches_the_autopilot_and_the_onboard_computer_each_by_its_id(
 
 
 def test_plans_for_the_autopilot_are_missions_of_ours_where_that_is_asked_for(tmp_path: Path) -> None:
-    with vehicle(tmp_path, "--take-plans") as scene, client_of(scene) as client:
+    with vehicle(tmp_path, "--take-plans") as scene, closing(Client(scene.port)) as client:
         client.await_armable()
         direct, telemetry = MavlinkDirect(client.system), Telemetry(client.system)
         texts: queue.SimpleQueue[str] = queue.SimpleQueue()

@@ -1,7 +1,6 @@
 """QGroundControl's sequences, replayed through our router to the autopilot and to the onboard computer."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -32,15 +31,6 @@ CIRCLE = [(5003, 0, (80.0, 0.0, 0.0, 0.0), round(LATITUDE_DEG * 1e7), round(LONG
 RALLY_POINT = [(5100, 3, (0.0, 0.0, 0.0, 0.0), round(LATITUDE_DEG * 1e7), round(LONGITUDE_DEG * 1e7), 10.0)]
 
 
-@contextmanager
-def station_of(scene: Scene) -> Iterator[Station]:
-    station = Station(scene.port)
-    try:
-        yield station
-    finally:
-        station.close()
-
-
 def loaded(scene: Scene) -> set[str]:
     """Names of the missions that were loaded in a run."""
     with LogReader(scene.out / "log.mcap") as log:
@@ -49,7 +39,7 @@ def loaded(scene: Scene) -> set[str]:
 
 @pytest.mark.parametrize("style", ["px4", "ardupilot"])
 def test_it_connects_and_its_plan_goes_where_it_is_sent(style: str, tmp_path: Path) -> None:
-    with vehicle(tmp_path, style=style) as scene, station_of(scene) as qgc:
+    with vehicle(tmp_path, style=style) as scene, closing(Station(scene.port)) as qgc:
         parameters = qgc.connect()
         assert set(parameters) == {AUTOPILOT, COMPANION}, "complete, of both"
         assert "HEIGHT_MAX_M" in parameters[COMPANION]
@@ -73,7 +63,7 @@ def test_it_connects_and_its_plan_goes_where_it_is_sent(style: str, tmp_path: Pa
 
 
 def test_what_it_uploads_to_its_vehicle_becomes_a_mission_where_that_is_asked_for(tmp_path: Path) -> None:
-    with vehicle(tmp_path, "--take-plans") as scene, station_of(scene) as qgc:
+    with vehicle(tmp_path, "--take-plans") as scene, closing(Station(scene.port)) as qgc:
         qgc.connect()
         for kind, items in ((MISSION, PLAN), (FENCE, CIRCLE), (RALLY, [])):
             assert qgc.write_plan(AUTOPILOT, kind, items) == ACCEPTED

@@ -52,7 +52,7 @@ class InputError(Gloc3Error):
 
 def nearest(name: str, known: Sequence[str]) -> str:
     """A hint that names the known word nearest to `name`, or lists what is known."""
-    close = get_close_matches(name, known, n=1, cutoff=0.6)
+    close = get_close_matches(name, known, n=1, cutoff=0.65)
     if close:
         return f"did you mean {close[0]!r}?"
     if not known:

@@ -287,7 +287,8 @@ class OnboardProcess:
             station.close()
         for routed in self._routed:
             routed.close()
-            self.say(Severity.INFO, f"{routed.url}: {routed.condition().traffic.describe()}")
+            if self._onboard is not None:
+                self.say(Severity.INFO, f"{routed.url}: {routed.condition().traffic.describe()}")
         for endpoint in self._endpoints:
             await endpoint.close()
         self._signing_memory.close()

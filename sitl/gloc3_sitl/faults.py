@@ -28,6 +28,7 @@ SHORT: Final = {
 }
 """Words for faults that are often wanted."""
 
+_SPAN: Final = "[@BEGIN[..[END]]]"
 _TEXT: Final = re.compile(
     r"(?P<kind>[a-z_]+)(?::(?P<target>[^=@]+))?(?:=(?P<value>[^@/]*)(?:/(?P<size>[^@]*))?)?(?:@(?P<span>.*))?"
 )
@@ -55,7 +56,7 @@ def read_fault(text: str) -> Fault:
     word, at, span = text.strip().partition("@")
     match = _TEXT.fullmatch(SHORT.get(word, word) + at + span)
     if match is None:
-        raise Refused(f"fault {text!r} cannot be read; it is written KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..END]]")
+        raise Refused(f"fault {text!r} cannot be read; it is written KIND[:TARGET][=VALUE[/SIZE]]{_SPAN}")
     kind = match["kind"]
     if kind not in EFFECTS:
         raise Refused(f"fault {text!r}: there is no fault {kind!r}; {nearest(kind, [*EFFECTS, *SHORT])}")
@@ -64,7 +65,8 @@ def read_fault(text: str) -> Fault:
         given = form.read(match["target"], match["value"], match["size"])
         begin_s, lasts_s = _read_span(match["span"], form)
     except Refused as problem:
-        raise Refused(f"fault {text!r}: {problem}; it is written {form.text}") from None
+        span = "[@TIME]" if form.is_event and not form.may_last else _SPAN
+        raise Refused(f"fault {text!r}: {problem}; it is written {form.text}{span}") from None
     return Fault(text=text.strip(), kind=kind, given=given, begin_s=begin_s, lasts_s=lasts_s)
 
 

@@ -1,5 +1,6 @@
 """A station's terminal with a scripted platform: what Pilot tests and screenshots have in common."""
 
+import asyncio
 import re
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
@@ -46,6 +47,10 @@ tasks:
       down: {land: {}, after: [home]}
 """
 PLAN = Plan(name="hold.yaml", title="cargo hold", text=TEXT)
+
+
+PATIENCE_S = 60.0
+"""So long it is waited for what is to be seen, on a machine that is busy."""
 
 
 class ScriptedLinks:
@@ -114,7 +119,9 @@ class Scene(NamedTuple):
 
     async def wait(self, is_so: Callable[[], bool]) -> None:
         """Waits until something is so."""
-        for _ in range(3000):
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + PATIENCE_S
+        while loop.time() < end_s:
             if is_so():
                 return
             await self.pilot.pause(0.003)

@@ -70,7 +70,7 @@ class Served(NamedTuple):
     async def page(self, columns: int = 100, lines: int = 30, origin: str | None = None) -> AsyncIterator[Page]:
         url = f"{self.url.replace('http', 'ws')}ws?width={columns}&height={lines}"
         headers = {} if origin is None else {"Origin": origin}
-        async with connect(url, additional_headers=headers, compression=None) as websocket:
+        async with connect(url, additional_headers=headers, compression=None, open_timeout=60.0) as websocket:
             yield Page(websocket, columns, lines)
 
 
@@ -102,7 +102,7 @@ def nobody(text: str, is_watched: bool) -> None:
 async def status_of(url: str, **headers: str) -> int:
     def ask() -> int:
         try:
-            with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=5.0) as answer:
+            with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=60.0) as answer:
                 return int(answer.status)
         except HTTPError as error:
             return error.code

@@ -19,6 +19,8 @@ SYSTEM, COMPONENT = 255, 190
 AUTOPILOT, COMPANION, ALL = 1, 191, 0
 ACK_TIMEOUT_S = 1.5
 """Of PlanManager; a command is waited for twice as long."""
+ATTEMPTS = 10
+"""It asks again when nothing has come; here nothing is lost, and a machine that is busy is waited for as long."""
 REQUEST_MESSAGE, REQUEST_OPERATOR_CONTROL = 512, 32100
 AVAILABLE_MODES, COMPONENT_METADATA, COMPONENT_INFORMATION, AUTOPILOT_VERSION = 435, 397, 395, 148
 
@@ -44,7 +46,7 @@ class Station:
 
     def hear(self, is_it: Callable[[Any], bool], within_s: float, what: str) -> Any:
         """The next message that fits; fails when none comes in time."""
-        until_s = time.monotonic() + within_s
+        until_s = time.monotonic() + ATTEMPTS * within_s
         while (now_s := time.monotonic()) < until_s:
             while self._waiting:
                 message = self._waiting.popleft()

@@ -1,5 +1,6 @@
 """An unmodified mavsdk client against `gloc3 sitl` in its own process, over UDP on loopback."""
 
+import ctypes
 import queue
 import re
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk, log_subscribe
+from mavsdk.cmavsdk_loader import _cmavsdk_lib
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.log_files import LogFiles
@@ -24,6 +26,8 @@ P = TypeVar("P")
 log_subscribe(lambda level, text, file, line: True)
 
 PROGRAM = "import sys; from gloc3_sitl.cli import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
+TIMEOUT_S = 1.0
+"""Of each of MAVSDK's four attempts; its own 0.5 s is little where the simulator gets no processor for a second."""
 LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M = 47.3977, 8.5456, 488.0
 
 
@@ -59,9 +63,12 @@ class Client:
 
     def __init__(self, port: int) -> None:
         self.mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+        set_timeout = _cmavsdk_lib.mavsdk_set_timeout_s
+        set_timeout.argtypes = [ctypes.c_void_p, ctypes.c_double]
+        set_timeout(self.mavsdk._handle, TIMEOUT_S)
         result = self.mavsdk.add_any_connection(f"udpout://127.0.0.1:{port}")
         assert result == ConnectionResult.SUCCESS
-        system = self.mavsdk.first_autopilot(timeout_s=10.0)
+        system = self.mavsdk.first_autopilot(timeout_s=60.0)
         assert system is not None, "mavsdk found no autopilot"
         self.system = system
         self.action = Action(system)
@@ -80,7 +87,7 @@ class Client:
             plugin.destroy()
         self.mavsdk.destroy()
 
-    def await_telemetry(self, kind: str, condition: Callable[[Any], bool], within_s: float = 30.0) -> Any:
+    def await_telemetry(self, kind: str, condition: Callable[[Any], bool], within_s: float = 90.0) -> Any:
         """Waits until a kind of telemetry fulfils a condition; gives that value."""
         arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
         handle = getattr(self.telemetry, f"subscribe_{kind}")(lambda value, _: arrived.put(value))
@@ -125,7 +132,7 @@ class Client:
                 return
         raise AssertionError("offboard was refused again and again")
 
-    def told(self, begin: Callable[..., Any], *arguments: Any, within_s: float = 30.0) -> list[Any]:
+    def told(self, begin: Callable[..., Any], *arguments: Any, within_s: float = 90.0) -> list[Any]:
         """Calls what tells its progress; gives everything that it told, the result last."""
         arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
         begin(*arguments, lambda *values: arrived.put(values))
@@ -134,7 +141,7 @@ class Client:
             rows.append(arrived.get(timeout=within_s))
         return rows
 
-    def download(self, logs: LogFiles, entry: Any, path: Path, within_s: float = 30.0) -> None:
+    def download(self, logs: LogFiles, entry: Any, path: Path, within_s: float = 90.0) -> None:
         """Fetches a log by the log protocol."""
         told: queue.SimpleQueue[Any] = queue.SimpleQueue()
         logs.download_log_file_async(entry, str(path), lambda result, progress, _: told.put(result))

@@ -33,7 +33,7 @@ from gloc3_groundstation.services.helper_messages import (
     to_helper,
 )
 
-FIND_S: Final = 6.0
+FIND_S: Final = 12.0
 """How long the vehicle's heartbeat may take to come."""
 _WORDS: Final = {
     "TIMEOUT": "no answer",

@@ -32,7 +32,7 @@ async def test_mavsdk_reads_and_writes_our_files(tmp_path: Path, uses_burst: boo
     server = FtpServer(Address(1, 1), FolderFiles(top))
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with running([server], configuration, loss=0.01) as (_, mavsdk):
-        system = await mavsdk.first_autopilot(timeout_s=10)
+        system = await mavsdk.first_autopilot(timeout_s=60)
         assert system is not None
         ftp = FtpAsync(system)
         await ftp.set_target_compid(1)

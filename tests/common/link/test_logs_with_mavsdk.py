@@ -32,7 +32,7 @@ async def test_mavsdk_lists_and_reads_our_logs(tmp_path: Path) -> None:
     server = LogServer(Address(1, 1), OneLog())
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with running([server], configuration, loss=0.02) as (_, mavsdk):
-        system = await mavsdk.first_autopilot(timeout_s=10)
+        system = await mavsdk.first_autopilot(timeout_s=60)
         assert system is not None
         logs = LogFilesAsync(system)
         (entry,) = await logs.get_entries()

@@ -65,7 +65,7 @@ async def test_mavsdk_uploads_to_our_server_and_reads_back(loss: float, items: i
     server = MissionServer(Address(1, 1))
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with running([server], configuration, loss=loss) as (_, mavsdk):
-        system = await mavsdk.first_autopilot(timeout_s=10)
+        system = await mavsdk.first_autopilot(timeout_s=60)
         assert system is not None
         missions = MissionRawAsync(system)
         wanted = plan(5, items)

@@ -22,7 +22,7 @@ async def test_mavsdk_reads_and_sets_our_parameters() -> None:
     server = ParameterServer(Address(1, 1), [*integers, parameter("SPEED", 2.5)])
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with running([server], configuration, loss=0.02) as (_, mavsdk):
-        system = await mavsdk.first_autopilot(timeout_s=10)
+        system = await mavsdk.first_autopilot(timeout_s=60)
         assert system is not None
         client = ParamAsync(system)
         assert await client.get_param_float("SPEED") == 2.5

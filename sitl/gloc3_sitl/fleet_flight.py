@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Sequence
 from contextlib import AsyncExitStack
+from functools import partial
 from random import Random
 from types import TracebackType
 from typing import Final, Self
@@ -10,9 +11,11 @@ from typing import Final, Self
 import msgspec
 
 from gloc3.exchange import LocalExchange
+from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.link.memory import MemoryEnd
 from gloc3.topics import TopicTable
 from gloc3_groundstation.link import Link
+from gloc3_groundstation.links import UndeliveredEverywhere
 from gloc3_groundstation.station import Station
 from gloc3_sitl.flight import STATION_ID, Flight, FlightPlan
 
@@ -32,10 +35,10 @@ class FleetGround:
         self.exchange: Final = LocalExchange()
         self.station: Final = Station(self.exchange, loop, str(system), boot)
         self._links: list[Link] = []
+        self._given_up = UndeliveredEverywhere()
 
     def join(self, end: MemoryEnd) -> None:
         """Opens a link."""
-        station = self.station
         link = Link(
             end.send,
             loop=self._loop,
@@ -44,10 +47,14 @@ class FleetGround:
             system=self._system,
             boot=self._boot,
             told=lambda _: None,
-            undelivered=station.client.undelivered,
+            undelivered=partial(self._give_up, len(self._links)),
         )
         end.on_data = link.receive
         self._links.append(link)
+
+    def _give_up(self, way: int, lost: Undelivered) -> None:
+        if self._given_up.is_told(way, len(self._links), lost):
+            self.station.client.undelivered(lost)
 
     def close(self) -> None:
         """Falls silent, as when its process ends."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.flight.fleet_trial import run_trial
 
 from gloc3.ci import EmergencyVerb, Verb
 from gloc3.clock import VirtualLoop
@@ -206,3 +207,12 @@ def test_none_starts_where_one_may_not(plan: Plan, tmp_path: Path) -> None:
 
     del tmp_path
     fly(work())
+
+
+def test_no_command_is_executed_twice_or_by_another_vehicle_whoever_takes_control() -> None:
+    found = run_trial(seed=1, platforms=2, stations=3, span_s=40.0)
+    assert found.wrong == []
+    assert found.accepted >= 10
+    assert found.refused >= 10
+    assert found.hand_overs >= 5
+    assert 0.0 < found.late_full_s < 5.0, "who comes late knows everything soon"

@@ -16,14 +16,14 @@ class Relay:
     def __init__(self, client: CommandClient) -> None:
         self._client: Final = client
 
-    def changed(self, before: Fleet, after: Fleet, _: float) -> None:
-        """Looks at what has come."""
-        for platform in after:
-            was = before.get(platform.name)
-            if platform.mission is not None and (was is None or was.mission is not platform.mission):
-                self._pass_on(platform.name, platform.mission.value, after)
+    def pass_on(self, name: str, mission: MissionSummary, fleet: Fleet) -> None:
+        """A platform has told how far it is.
 
-    def _pass_on(self, name: str, mission: MissionSummary, fleet: Fleet) -> None:
+        Args:
+            name: the platform.
+            mission: what it told.
+            fleet: what is known now.
+        """
         if not mission.digest:
             return
         for other in fleet:

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, Final
 
-from gloc3.ci import Hello
+from gloc3.ci import Hello, MissionSummary
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages import Envelope, Severity
 from gloc3.vehicle import ObstacleScan
@@ -36,12 +36,12 @@ class Station:
         self._loop = loop
         self._listeners: list[Listener] = []
         self._tasks: set[asyncio.Task[Any]] = set()
+        self._relay = Relay(self.client)
         self._asked_s: dict[str, float] = {}
         self._unsubscribes: list[Unsubscribe] = [
             exchange.subscribe(f"*/{topic}", self._take) for topic in reducers.HEARD_TOPICS
         ]
         self._unsubscribes.append(self.watcher.listen(self._see))
-        self._listeners.append(Relay(self.client).changed)
 
     @property
     def id(self) -> str:
@@ -82,6 +82,8 @@ class Station:
         now_s = self.now_s()
         name = envelope.topic.partition("/")[0]
         self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
+        if isinstance(envelope.payload, MissionSummary):
+            self._relay.pass_on(name, envelope.payload, self.fleet)
         platform = self.fleet.get(name)
         if platform is not None and platform.is_incomplete and now_s >= self._asked_s.get(name, 0.0):
             self._asked_s[name] = now_s + HELLO_EVERY_S

@@ -217,7 +217,7 @@ def find_platform(name: str) -> Path:
         InputError: there is none of that name.
     """
     path = Path(name)
-    if path.suffix or path.exists():
+    if path.suffix or path.is_file():
         return path
     known = platform_files()
     if name not in known:

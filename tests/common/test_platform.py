@@ -161,3 +161,11 @@ def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> No
     told: list[Finding] = []
     load_platform(str(path), is_loading_classes=True, warn=told.append)
     assert [(finding.line, finding.message) for finding in told] == [(line, "nobody here brings 'camera/ground'")]
+
+
+def test_a_folder_that_is_called_like_a_platform_is_not_taken_for_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pelican").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert find_platform("pelican").name == "pelican.yaml"

@@ -3,7 +3,7 @@ vehicle did.
 """
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from random import Random
 from typing import Any
@@ -13,7 +13,6 @@ import msgspec
 from gloc3.ci import CallFunction, CiReply, Control, ControlState, ControlVerb, Outcome
 from gloc3.clock import VirtualLoop
 from gloc3.link.memory import Conditions
-from gloc3.messages import Envelope, FunctionRequest
 from gloc3_groundstation.station import Station
 from gloc3_sitl.fleet_flight import FleetFlight
 from gloc3_sitl.flight import Flight, FlightPlan
@@ -22,6 +21,9 @@ RADIO = Conditions(latency_s=0.05, jitter_s=0.05, loss=0.1, duplicate=0.05, reor
 COMPONENT = "hold"
 """Whose rate the stations change: each command has a rate of its own, by which it is known again."""
 LEAST_HZ, STEP_HZ = 20.0, 0.001
+CONTROL_SHARE = 0.35
+"""So often an operator asks for something about control."""
+WITNESSED = (f"components/{COMPONENT}/function", "ci/control")
 CRASH_S, LATE_S, KILL_S, BACK_S = 20.0, 24.0, 30.0, 32.0
 FULL_WITHIN_S = 10.0
 
@@ -52,81 +54,107 @@ class Found(msgspec.Struct):
 
 
 class Witness:
-    """Sees what a vehicle really does."""
+    """What a vehicle really did, from what it published."""
 
-    def __init__(self, flight: Flight) -> None:
-        self.name = flight.name
+    def __init__(self) -> None:
         self.executed: list[tuple[float, str]] = []
         """Rates as they reached the component, with the holder of control at that time."""
         self.holders: list[str] = [""]
-        exchange = flight.exchange
-        exchange.subscribe(f"{self.name}/components/{COMPONENT}/function", self._see)
-        exchange.subscribe(f"{self.name}/ci/control", self._control)
 
-    def _see(self, envelope: Envelope[FunctionRequest]) -> None:
-        rate_hz = envelope.payload.arguments.get("rate_hz")
-        if envelope.payload.function == "set_rate" and rate_hz is not None:
-            self.executed.append((rate_hz, self.holders[-1]))
-
-    def _control(self, envelope: Envelope[ControlState]) -> None:
-        if envelope.payload.holder != self.holders[-1]:
-            self.holders.append(envelope.payload.holder)
+    def see(self, payload: Any) -> None:
+        """Takes a message on the component's functions, or of who holds control."""
+        if isinstance(payload, ControlState):
+            if payload.holder != self.holders[-1]:
+                self.holders.append(payload.holder)
+        elif payload.function == "set_rate" and "rate_hz" in payload.arguments:
+            self.executed.append((payload.arguments["rate_hz"], self.holders[-1]))
 
 
-class Trial:
-    """One run: every station asks, grants, takes over, commands; one crashes, one comes late, one vehicle's computer dies."""
+class Operator:
+    """Somebody who cannot make up his mind: asks for control, grants it, takes it, and commands.
 
-    def __init__(self, fleet: FleetFlight, seed: int) -> None:
-        self.fleet = fleet
-        self.random = Random(seed)
+    Args:
+        station: his.
+        platforms: that he commands.
+        random: what he does next.
+        rates: the rates that he may use, each once.
+        told: is given each command when it is sent, and again when it is answered.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        platforms: Sequence[str],
+        random: Random,
+        rates: Iterator[float],
+        told: Callable[[Command], None] = lambda _: None,
+    ) -> None:
         self.commands: list[Command] = []
-        self.witnesses = {name: Witness(flight) for name, flight in fleet.flights.items()}
+        self._station, self._platforms, self._random = station, list(platforms), random
+        self._rates, self._told = rates, told
 
-    async def operate(self, station: Station, until_s: float) -> None:
-        """An operator who cannot make up his mind."""
-        random = Random(self.random.getrandbits(32))
-        names = sorted(self.fleet.flights)
+    async def work(self, until_s: float) -> None:
+        """Goes on until then."""
         while asyncio.get_running_loop().time() < until_s:
-            await asyncio.sleep(random.uniform(0.1, 0.8))
-            name = random.choice(names)
-            if random.random() < 0.35:
-                await self._control(station, name, random)
-            else:
-                await self._command(station, name)
+            await asyncio.sleep(self._random.uniform(0.1, 0.8))
+            name = self._random.choice(self._platforms)
+            await (self._control(name) if self._random.random() < CONTROL_SHARE else self._command(name))
 
-    async def _control(self, station: Station, name: str, random: Random) -> None:
+    async def _control(self, name: str) -> None:
         verbs = (ControlVerb.REQUEST, ControlVerb.TAKE_OVER, ControlVerb.GRANT, ControlVerb.REFUSE, ControlVerb.RELEASE)
-        verb = random.choices(verbs, (4, 2, 2, 1, 1))[0]
-        await station.client.ask(name, Control(verb=verb))
+        verb = self._random.choices(verbs, (4, 2, 2, 1, 1))[0]
+        await self._station.client.ask(name, Control(verb=verb))
 
-    async def _command(self, station: Station, name: str) -> None:
-        command = Command(station.id, name, round(LEAST_HZ + STEP_HZ * len(self.commands), 3))
+    async def _command(self, name: str) -> None:
+        command = Command(self._station.id, name, next(self._rates))
         self.commands.append(command)
+        self._told(command)
         body = CallFunction(component=COMPONENT, function="set_rate", arguments={"rate_hz": command.rate_hz})
-        reply: CiReply = await station.client.ask(name, body)
+        reply: CiReply = await self._station.client.ask(name, body)
         command.outcome, command.reason = str(reply.outcome), reply.reason
+        self._told(command)
 
-    def wrong(self) -> Iterator[str]:
-        """What must not be."""
-        for command in self.commands:
-            what = f"{command.rate_hz} of {command.station} for {command.platform}"
-            for name, witness in self.witnesses.items():
-                times = [holder for rate_hz, holder in witness.executed if rate_hz == command.rate_hz]
-                if name != command.platform and times:
-                    yield f"{what} reached {name}"
-                if len(times) > 1:
-                    yield f"{what} was executed {len(times)} times"
-                if times and times[0] != command.station:
-                    yield f"{what} was executed while {times[0] or 'nobody'} held control"
-                if name == command.platform and command.outcome == Outcome.ACCEPTED and not times:
-                    yield f"{what} was accepted, and not executed"
-                if (
-                    name == command.platform
-                    and command.outcome == Outcome.REFUSED
-                    and times
-                    and "busy" not in command.reason
-                ):
-                    yield f"{what} was refused ({command.reason}), and executed"
+
+def rates_of(number: int) -> Iterator[float]:
+    """The rates of one operator, which nobody else has."""
+    return (round(LEAST_HZ + number + STEP_HZ * step, 3) for step in range(round(1.0 / STEP_HZ)))
+
+
+def wrongs(commands: Iterable[Command], witnesses: Mapping[str, Witness]) -> Iterator[str]:
+    """What must not be."""
+    for command in commands:
+        what = f"{command.rate_hz} of {command.station} for {command.platform}"
+        for name, witness in witnesses.items():
+            times = [holder for rate_hz, holder in witness.executed if rate_hz == command.rate_hz]
+            if name != command.platform and times:
+                yield f"{what} reached {name}"
+            if len(times) > 1:
+                yield f"{what} was executed {len(times)} times"
+            if times and times[0] != command.station:
+                yield f"{what} was executed while {times[0] or 'nobody'} held control"
+            if name == command.platform and command.outcome == Outcome.ACCEPTED and not times:
+                yield f"{what} was accepted, and not executed"
+            if (
+                name == command.platform
+                and command.outcome == Outcome.REFUSED
+                and times
+                and "busy" not in command.reason
+            ):
+                yield f"{what} was refused ({command.reason}), and executed"
+
+
+def knows_everything(station: Station, platforms: Iterable[str]) -> bool:
+    """Whether a station has the full state of these."""
+    known = [station.fleet.get(name) for name in platforms]
+    return all(one is not None and not one.is_incomplete and one.control and one.mission for one in known)
+
+
+def witness_of(flight: Flight) -> Witness:
+    """One who watches a flight."""
+    witness = Witness()
+    for topic in WITNESSED:
+        flight.exchange.subscribe(f"{flight.name}/{topic}", lambda envelope: witness.see(envelope.payload))
+    return witness
 
 
 async def _trial(seed: int, platforms: int, stations: int, span_s: float) -> Found:
@@ -135,12 +163,19 @@ async def _trial(seed: int, platforms: int, stations: int, span_s: float) -> Fou
         for n in range(platforms)
     ]
     async with FleetFlight(plans, stations, seed) as fleet:
-        trial = Trial(fleet, seed)
+        random = Random(seed)
+        witnesses = {name: witness_of(flight) for name, flight in fleet.flights.items()}
+        operators: list[Operator] = []
         loop = asyncio.get_running_loop()
         await asyncio.sleep(8.0)
         began_s = loop.time()
-        crew = [ground.station for ground in fleet.grounds]
-        work = [asyncio.ensure_future(trial.operate(station, began_s + span_s)) for station in crew]
+
+        def put_to_work(station: Station) -> asyncio.Task[None]:
+            chance = Random(random.getrandbits(32))
+            operators.append(Operator(station, sorted(fleet.flights), chance, rates_of(len(operators))))
+            return loop.create_task(operators[-1].work(began_s + span_s))
+
+        work = [put_to_work(ground.station) for ground in fleet.grounds]
 
         async def upsets() -> float:
             await asyncio.sleep(CRASH_S)
@@ -149,12 +184,11 @@ async def _trial(seed: int, platforms: int, stations: int, span_s: float) -> Fou
             await asyncio.sleep(LATE_S - CRASH_S)
             late = fleet.add_station(200).station
             came_s = loop.time()
-            work.append(asyncio.ensure_future(trial.operate(late, began_s + span_s)))
+            work.append(put_to_work(late))
             full_s = -1.0
             while full_s < 0.0 and loop.time() < came_s + FULL_WITHIN_S:
                 await asyncio.sleep(0.1)
-                known = [late.fleet.get(name) for name in fleet.flights]
-                if all(one is not None and not one.is_incomplete and one.control and one.mission for one in known):
+                if knows_everything(late, fleet.flights):
                     full_s = loop.time() - came_s
             await asyncio.sleep(max(0.0, began_s + KILL_S - loop.time()))
             flight = fleet.flights["vehicle0"]
@@ -168,15 +202,16 @@ async def _trial(seed: int, platforms: int, stations: int, span_s: float) -> Fou
         for one in work:
             with suppress(asyncio.CancelledError):
                 await one
-        outcomes = [command.outcome for command in trial.commands]
+        commands = [command for operator in operators for command in operator.commands]
+        outcomes = [command.outcome for command in commands]
         return Found(
             commands=len(outcomes),
             accepted=outcomes.count("accepted"),
             refused=outcomes.count("refused"),
             unknown=len(outcomes) - outcomes.count("accepted") - outcomes.count("refused"),
-            hand_overs=sum(len(witness.holders) - 1 for witness in trial.witnesses.values()),
+            hand_overs=sum(len(witness.holders) - 1 for witness in witnesses.values()),
             late_full_s=round(late_full_s, 1),
-            wrong=list(trial.wrong()),
+            wrong=list(wrongs(commands, witnesses)),
         )
 
 

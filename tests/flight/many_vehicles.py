@@ -2,11 +2,14 @@
 
 import asyncio
 import resource
+import tempfile
 import time
+from pathlib import Path
 
 import msgspec
 
 from gloc3.clock import VirtualLoop
+from gloc3.platform import find_platform
 from gloc3_sitl.fleet_flight import FleetFlight
 from gloc3_sitl.flight import FlightPlan
 
@@ -34,8 +37,16 @@ class Cost(msgspec.Struct):
         return 1e3 * self.cpu_s / self.span_s / self.platforms
 
 
-async def _run(platforms: int, stations: int, span_s: float) -> Cost:
-    plans = [FlightPlan(mission="hop", name=f"vehicle{n}", seed=n) for n in range(platforms)]
+STANDBYS = """\
+  - {name: hold_standby, class: "gloc3_onboard.controllers.hold:HoldController", rate_hz: 20, trigger: pose, begin: quiet, standby_for: hold, ports: {grant: motion/grant, setpoint_wanted: setpoint_wanted/hold, action_status: action_status/hold}}
+  - {name: landing_standby, class: "gloc3_onboard.controllers.landing:LandingController", rate_hz: 10, begin: quiet, standby_for: landing, ports: {setpoint_wanted: setpoint_wanted/landing, manoeuvre_wanted: manoeuvre_wanted/landing, action_status: action_status/landing}}
+"""
+"""Two more components beside the 18 of the platform."""
+
+
+async def _run(platforms: int, stations: int, span_s: float, file: Path) -> Cost:
+    file.write_text(find_platform("pelican_rtk").read_text().rstrip("\n") + "\n" + STANDBYS)
+    plans = [FlightPlan(mission="hop", platform=str(file), name=f"vehicle{n}", seed=n) for n in range(platforms)]
     async with FleetFlight(plans, stations) as fleet:
         await asyncio.sleep(SETTLE_S)
         began_s = time.process_time()
@@ -59,5 +70,5 @@ async def _run(platforms: int, stations: int, span_s: float) -> Cost:
 
 def measure(platforms: int, stations: int, span_s: float) -> Cost:
     """Lets them stand on the ground, all components at work, and measures."""
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_run(platforms, stations, span_s))
+    with tempfile.TemporaryDirectory() as name, asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_run(platforms, stations, span_s, Path(name) / "pelican.yaml"))

@@ -19,6 +19,6 @@ def find_mission(name: str) -> Path:
     path, known = Path(name), example_missions()
     if name in known and not path.is_file():
         return known[name]
-    if path.suffix or path.exists():
+    if path.suffix or path.is_file():
         return path
     raise InputError([Finding(file=name, message="no such mission", hint=nearest(name, list(known)))])

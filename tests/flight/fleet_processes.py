@@ -1,0 +1,198 @@
+"""Three stations and five vehicles as processes: each vehicle a simulator and an onboard process, each station its own.
+
+`python -m tests.flight.fleet_processes SYSTEM SEED SPAN_S NAMES LINKS` is one of the stations: it commands and takes
+control as `fleet_trial.Operator` does, and tells each command on stdout, when it is sent and when it is answered.
+"""
+
+import asyncio
+import contextlib
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import msgspec
+from tests.commands.programs import Program, program
+from tests.flight.fleet_trial import (
+    FULL_WITHIN_S,
+    WITNESSED,
+    Command,
+    Operator,
+    Witness,
+    knows_everything,
+    rates_of,
+    wrongs,
+)
+
+from gloc3.exchange import LocalExchange
+from gloc3.log.reader import LogReader
+from gloc3.platform import find_platform
+from gloc3.topics import TopicTable
+from gloc3_groundstation.links import Links
+from gloc3_groundstation.station import Station
+from gloc3_sitl.demo import free_ports
+
+ROOT = Path(__file__).parents[2]
+SYSTEMS = (255, 254, 253)
+LATE = 252
+TWO = """\
+mission: two of five
+frame: hold
+on_failure: land
+on_link_loss: continue
+tasks:
+  rise: {platform: vehicle0, actions: {climb: {take_off: {height_m: 1.5}}}}
+  follow:
+    platform: vehicle1
+    after: [rise]
+    actions: {climb: {take_off: {height_m: 2}}, down: {land: {}, after: [climb]}}
+  back: {platform: vehicle0, after: [follow], actions: {down: {land: {}}}}
+"""
+
+
+class ProcessesFound(msgspec.Struct):
+    """What came of a run."""
+
+    commands: int
+    accepted: int
+    refused: int
+    unknown: int
+    hand_overs: int
+    late_full_s: float
+    mission: str
+    """How the mission across two of the vehicles ended."""
+    wrong: list[str]
+
+
+async def _operate(system: int, seed: int, span_s: float, names: Sequence[str], urls: Sequence[str]) -> None:
+    """One station: commands for a while, then waits for the rest of the answers."""
+    loop, exchange, topics, links = asyncio.get_running_loop(), LocalExchange(), TopicTable.installed(), Links()
+    boot = Random(f"{system} {seed}").getrandbits(32)
+    station = Station(exchange, loop, str(system), boot)
+    told = station.client.undelivered
+    await links.open(
+        urls, exchange=exchange, topics=topics, system=system, boot=boot, told=lambda _: None, undelivered=told
+    )
+    began_s = loop.time()
+    while not knows_everything(station, names) and loop.time() < began_s + FULL_WITHIN_S:
+        await asyncio.sleep(0.05)
+    full_s = loop.time() - began_s if knows_everything(station, names) else -1.0
+    _say({"full_s": full_s})
+    operator = Operator(station, names, Random(seed * 1000 + system), rates_of(LATE + 3 - system), _say)
+    await operator.work(loop.time() + span_s)
+    station.close()
+    await links.close()
+
+
+def _say(what: Any) -> None:
+    sys.stdout.write(msgspec.json.encode(what).decode() + "\n")
+    sys.stdout.flush()
+
+
+@contextlib.contextmanager
+def _vehicles(folder: Path, count: int, stations: int) -> Iterator[tuple[list[str], list[list[str]], list[Program]]]:
+    """Vehicles on the ground: their names, for each station its links to them, and the onboard processes."""
+    kind = socket.SOCK_DGRAM
+    names = [f"vehicle{number}" for number in range(count)]
+    text = find_platform("pelican_rtk").read_text()
+    ways: list[list[str]] = [[] for _ in range(stations)]
+    with ExitStack() as stack:
+        onboard = []
+        for number, name in enumerate(names):
+            file = folder / f"{name}.yaml"
+            file.write_text(text.replace("platform: pelican", f"platform: {name}"))
+            cable, *ports = free_ports(1 + stations, kind)
+            for way, port in zip(ways, ports, strict=True):
+                way.append(f"udpout://127.0.0.1:{port}")
+            link = f"companion=udpout://127.0.0.1:{cable}"
+            stack.enter_context(program("sitl", "--link", link, "--param", f"MAV_SYS_ID={number + 1}", folder=folder))
+            words = [word for port in ports for word in ("--station", f"udpin://127.0.0.1:{port}")]
+            onboard.append(
+                stack.enter_context(
+                    program(
+                        *("onboard", str(file), "--autopilot", f"udpin://127.0.0.1:{cable}"),
+                        *("--system-id", str(number + 1), "--out", name, *words),
+                        folder=folder,
+                    )
+                )
+            )
+        for one in onboard:
+            one.await_line(lambda line: "components; log in" in line)
+        yield names, ways, onboard
+
+
+def _station(
+    system: int, seed: int, span_s: float, names: Sequence[str], urls: Sequence[str]
+) -> "subprocess.Popen[str]":
+    words = [str(system), str(seed), str(span_s), ",".join(names), ",".join(urls)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "tests.flight.fleet_processes", *words], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
+
+
+def run_processes(seed: int, folder: Path, count: int = 5, span_s: float = 40.0) -> ProcessesFound:
+    """Three stations struggle for all but two of the vehicles, which fly a mission across them; one station is killed, one
+    comes late.
+    """
+    told: list[str] = []
+    with _vehicles(folder, count, len(SYSTEMS) + 2) as (names, ways, onboard):
+        mine = names[2:]
+        crew = [_station(system, seed, span_s, mine, way[2:]) for system, way in zip(SYSTEMS, ways, strict=False)]
+        (folder / "two.yaml").write_text(TWO)
+        links = [word for url in ways[-1][:2] for word in ("--link", url)]
+        words = ("station", "--headless", "--mission", "two.yaml", "--station-id", "251", *links)
+        with program(*words, folder=folder) as flying:
+            time.sleep(span_s / 2.0)
+            crew[0].send_signal(signal.SIGKILL)
+            late = _station(LATE, seed, span_s / 2.0, mine, ways[-2][2:])
+            for one in (*crew, late):
+                told += one.communicate(timeout=span_s + 60.0)[0].splitlines()
+            ended = flying.end()
+            mission = "done" if ended == 0 else flying.text[-400:]
+        for each in onboard:
+            each.interrupt()
+        for each in onboard:
+            each.end()
+    return _judge(told, {name: _witness(folder / name / "log.mcap") for name in names}, mission)
+
+
+def _witness(log: Path) -> Witness:
+    witness = Witness()
+    with LogReader(log, TopicTable.installed().types) as reader:
+        for entry in reader.entries(*WITNESSED):
+            witness.see(entry.envelope.payload)
+    return witness
+
+
+def _judge(told: Sequence[str], witnesses: dict[str, Witness], mission: str) -> ProcessesFound:
+    commands: dict[float, Command] = {}
+    full_s = []
+    for line in told:
+        said = msgspec.json.decode(line)
+        if "full_s" in said:
+            full_s.append(said["full_s"])
+        else:
+            command = msgspec.convert(said, Command)
+            commands[command.rate_hz] = command
+    outcomes = [command.outcome for command in commands.values()]
+    return ProcessesFound(
+        commands=len(outcomes),
+        accepted=outcomes.count("accepted"),
+        refused=outcomes.count("refused"),
+        unknown=len(outcomes) - outcomes.count("accepted") - outcomes.count("refused"),
+        hand_overs=sum(len(witness.holders) - 1 for witness in witnesses.values()),
+        late_full_s=round(full_s[-1], 1),
+        mission=mission,
+        wrong=list(wrongs(commands.values(), witnesses)),
+    )
+
+
+if __name__ == "__main__":
+    own, chance, span, named, links = sys.argv[1:]
+    asyncio.run(_operate(int(own), int(chance), float(span), named.split(","), links.split(",")))

@@ -279,7 +279,7 @@ def test_px4_believes_vision_and_odometry_but_no_motion_capture() -> None:
     with flying("px4", "--no-gps", speed=1.0) as client:
         mocap = client.plugin(Mocap)
         estimate = VisionPositionEstimate(position_body=PositionBody(1.0, 2.0, 0.0), pose_covariance=UNKNOWN)
-        assert is_believed(client, lambda: mocap.set_vision_position_estimate(estimate), 1.0, 2.0, 20.0)
+        assert is_believed(client, lambda: mocap.set_vision_position_estimate(estimate), 1.0, 2.0, 60.0)
         client.action.set_gps_global_origin(LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M)
         odometry = Odometry(
             frame_id=Odometry.MavFrame.LOCAL_FRD,
@@ -290,7 +290,7 @@ def test_px4_believes_vision_and_odometry_but_no_motion_capture() -> None:
             reset_counter=1,
             estimator_type=Odometry.MavEstimatorType.VIO,
         )
-        assert is_believed(client, lambda: mocap.set_odometry(odometry), -1.0, 0.5, 20.0)
+        assert is_believed(client, lambda: mocap.set_odometry(odometry), -1.0, 0.5, 60.0)
         client.await_telemetry("health", lambda health: mocap.set_odometry(odometry) and health.is_local_position_ok)
         capture = AttitudePositionMocap(
             q=Quaternion(1.0, 0.0, 0.0, 0.0), position_body=PositionBody(9.0, 9.0, 0.0), pose_covariance=UNKNOWN
@@ -302,7 +302,7 @@ def test_ardupilot_believes_vision_odometry_and_motion_capture() -> None:
     with flying("ardupilot", "--no-gps", speed=1.0) as client:
         mocap = client.plugin(Mocap)
         estimate = VisionPositionEstimate(position_body=PositionBody(1.0, 2.0, 0.0), pose_covariance=UNKNOWN)
-        assert is_believed(client, lambda: mocap.set_vision_position_estimate(estimate), 1.0, 2.0, 20.0)
+        assert is_believed(client, lambda: mocap.set_vision_position_estimate(estimate), 1.0, 2.0, 60.0)
         capture = AttitudePositionMocap(
             q=Quaternion(1.0, 0.0, 0.0, 0.0), position_body=PositionBody(1.5, 2.5, 0.0), pose_covariance=UNKNOWN
         )

@@ -4,7 +4,9 @@ from tests.evidence.cases.mavsdk_flights import (
     pytestmark,
     test_a_mission_is_paused_goes_on_and_returns_at_its_end,
     test_actions_in_flight,
+    test_ardupilot_believes_vision_odometry_and_motion_capture,
     test_offboard_in_every_form,
+    test_px4_believes_vision_and_odometry_but_no_motion_capture,
 )
 from tests.evidence.cases.px4_led import (
     test_flying_forward_by_hand,
@@ -32,6 +34,7 @@ __all__ = [
     "test_a_square_mission_with_a_return_at_its_end",
     "test_a_waypoint_that_was_missed_is_reached_again_after_home_has_moved",
     "test_actions_in_flight",
+    "test_ardupilot_believes_vision_odometry_and_motion_capture",
     "test_flying_forward_by_hand",
     "test_it_flies_on_when_the_barometer_fails_in_a_mission",
     "test_it_flies_on_when_the_magnetometer_fails_in_a_mission",
@@ -41,5 +44,6 @@ __all__ = [
     "test_offboard_in_every_form",
     "test_offboard_is_refused_without_setpoints_and_a_loss_is_acted_on",
     "test_offboard_position_control",
+    "test_px4_believes_vision_and_odometry_but_no_motion_capture",
     "test_setting_the_current_item_to_a_jump_flies_on",
 ]

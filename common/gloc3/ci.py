@@ -114,6 +114,9 @@ class Control(Body, frozen=True):
     verb: ControlVerb
     station: str = ""
     """With grant and refuse: whose request is answered."""
+    version: str = ""
+    """Of the station's software; told when it asks for control."""
+    protocol: str = ""
 
 
 class EmergencyVerb(StrEnum):
@@ -162,6 +165,11 @@ class Preflight(Body, frozen=True):
 
 class Hello(Body, frozen=True):
     """Asks for the full state: components' table, mission, control; the answer comes on the topics."""
+
+    version: str = ""
+    """Of the station's software."""
+    protocol: str = ""
+    """The hash of what it speaks, `gloc3.software`."""
 
 
 class Watch(Body, frozen=True):
@@ -317,6 +325,10 @@ class ComponentTable(Message, frozen=True):
 
     table: int
     rows: list[TableRow]
+    version: str = ""
+    """Of the platform's software."""
+    protocol: str = ""
+    """The hash of what it speaks, `gloc3.software`."""
 
 
 class ComponentTrouble(Message, frozen=True):

@@ -66,6 +66,8 @@ class PreflightReport(Message, frozen=True):
     """Of the software onboard."""
     utc_s: float | None = None
     """The platform's UTC at that moment, in seconds since 1970."""
+    protocol: str = ""
+    """The hash of what it speaks, `gloc3.software`."""
 
 
 def red(checks: Iterable[Check]) -> list[Check]:

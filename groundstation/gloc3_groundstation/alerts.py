@@ -13,6 +13,8 @@ from msgspec.structs import replace
 
 from gloc3.ci import Health
 from gloc3.messages import Severity
+from gloc3.preflight import Verdict
+from gloc3.software import Software, compared
 from gloc3_groundstation.snapshots import HEALTHS, Fleet, FleetEvent, PlatformSnapshot
 
 BATTERY_LOW_PERCENT: Final = 30
@@ -163,6 +165,11 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
             text = _silence(is_flying=platform.is_armed, has_companion=platform.has_companion)
             yield Cause(platform.name, LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text)
             continue
+        if platform.table is not None and platform.table.version:
+            ends = compared("versions", Software(platform.table.version, platform.table.protocol), "onboard")
+            if ends.verdict in (Verdict.WARNING, Verdict.RED):
+                severity = Severity.ERROR if ends.verdict is Verdict.RED else Severity.WARNING
+                yield Cause(platform.name, "versions", severity, f"versions differ: {ends.finding}; {ends.advice}")
         is_settled = now_s - platform.began_s >= SETTLE_S
         if is_settled and platform.link.loss >= LOSS_BAD:
             yield Cause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")

@@ -22,6 +22,7 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange, Publisher
 from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.messages import Envelope
+from gloc3.software import own_software
 from gloc3_groundstation.requests import SLOWEST_BYTES_S, Requests
 
 TIMEOUT_S: Final = 16.0
@@ -143,7 +144,7 @@ class CommandClient:
     async def take_control(self, platform: str, *, is_take_over: bool = False) -> CiReply:
         """Asks for control, which the holder may have to grant first; a take-over does not wait for its leave."""
         verb = ControlVerb.TAKE_OVER if is_take_over else ControlVerb.REQUEST
-        return await self.carry_out(platform, Control(verb=verb))
+        return await self.carry_out(platform, Control(verb=verb, **own_software()._asdict()))
 
     async def steer(self, platform: str, verb: Verb, target: str = "", *, override: str = "", author: str = "") -> None:
         """Starts, pauses, resumes, skips or aborts the mission, a `TASK` or a `TASK.ACTION`.
@@ -160,7 +161,7 @@ class CommandClient:
 
     async def hello(self, platform: str) -> None:
         """Asks for the full state, which comes on the platform's topics."""
-        await self.carry_out(platform, Hello())
+        await self.carry_out(platform, Hello(**own_software()._asdict()))
 
     # --- the shell around the machine ---
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from gloc3.ci import Control, ControlVerb, EmergencyVerb, Verb
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages import Severity
+from gloc3.software import own_software
 from gloc3_groundstation import flights
 from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
@@ -125,7 +126,9 @@ class FleetDesk:
                 await flights.take_control(self._station, name)
                 return
             station = asks if verb in (ControlVerb.GRANT, ControlVerb.REFUSE) else ""
-            reply = await self._station.client.carry_out(name, Control(verb=verb, station=station))
+            reply = await self._station.client.carry_out(
+                name, Control(verb=verb, station=station, **own_software()._asdict())
+            )
             self._station.note(name, Severity.INFO, f"control: {reply.reason or verb}")
 
         return await self._do(name, f"control: {verb.replace('_', ' ')}", ask())

@@ -6,11 +6,11 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from gloc3 import __version__
 from gloc3.ci import Preflight
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.preflight import Check, Group, PreflightReport, Verdict, in_order
+from gloc3.software import Software, compared
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.wording import duration
@@ -116,11 +116,7 @@ def station_checks(
         yield Check(Group.LINK, "round trip", Verdict.OK, f"{1000.0 * round_trip_s:.0f} ms")
     if told is None:
         return
-    if told.report.version != __version__:
-        finding = f"{told.report.version} onboard, {__version__} here"
-        yield Check(Group.LINK, "versions", Verdict.WARNING, finding, "install the same version at both ends")
-    else:
-        yield Check(Group.LINK, "versions", Verdict.OK, f"{__version__} at both ends")
+    yield compared("versions", Software(told.report.version, told.report.protocol), "onboard")
     if told.report.utc_s is None:
         yield Check(Group.LINK, "clocks", Verdict.UNKNOWN, "the platform has not told its time of day")
         return

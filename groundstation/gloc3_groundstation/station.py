@@ -7,6 +7,7 @@ from typing import Any, Final
 from gloc3.ci import Hello, MissionSummary
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages import Envelope, Severity
+from gloc3.software import own_software
 from gloc3.vehicle import ObstacleScan
 from gloc3_groundstation import fleet as reducers
 from gloc3_groundstation.command_client import CommandClient
@@ -87,7 +88,7 @@ class Station:
         platform = self.fleet.get(name)
         if platform is not None and platform.is_incomplete and now_s >= self._asked_s.get(name, 0.0):
             self._asked_s[name] = now_s + HELLO_EVERY_S
-            self._start(self.client.ask(name, Hello(), HELLO_EVERY_S))
+            self._start(self.client.ask(name, Hello(**own_software()._asdict()), HELLO_EVERY_S))
 
     def _see(self, _: str, envelope: Envelope[Any]) -> None:
         """Keeps obstacles that somebody looks at with what is known of the platform, for the map."""

@@ -6,9 +6,10 @@ import msgspec
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci import Outcome, Preflight, RequestAction, Steer, Verb
+from gloc3.ci import Hello, Outcome, Preflight, RequestAction, Steer, Verb
 from gloc3.link.codec import message
 from gloc3.preflight import Check, PreflightReport, Verdict, red
+from gloc3.software import own_software
 
 LINK_LOSS = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
 RETURNS = {"px4": 2.0, "ardupilot": 1.0}
@@ -31,7 +32,7 @@ def test_a_vehicle_that_is_set_up_like_its_platform_file_has_no_red_or_doubtful_
     found = checks(flight)
     assert [str(check) for check in found.values() if check.verdict is not Verdict.OK] == []
     assert {check.group for check in found.values()} == {
-        "autopilot", "failsafes", "sensors", "components", "mission", "computer"
+        "autopilot", "failsafes", "sensors", "components", "mission", "computer", "link"
     }  # fmt: skip
     assert found["failsafes: low battery"].finding.startswith("return at 10 %")
 
@@ -46,6 +47,23 @@ def test_a_failsafe_that_is_set_otherwise_refuses_the_start_and_says_what_to_do(
     flight.wait(2.0)
     assert not flight.autopilot.is_armed
     assert flight.state("mission") == "waiting"
+
+
+@ONE_STYLE
+def test_a_station_of_another_version_is_seen_before_the_flight_for_as_long_as_it_is_there(flight: Card) -> None:
+    ready(flight)
+    assert checks(flight)["link: station 255"].verdict is Verdict.OK
+    assert (
+        flight.as_station("254", Hello(version="0.0.9", protocol=own_software().protocol)).outcome is Outcome.ACCEPTED
+    )
+    assert checks(flight)["link: station 254"].verdict is Verdict.WARNING
+    flight.as_station("254", Hello(version="0.0.9", protocol="00c0ffee"))
+    reply = flight.ask(Steer(verb=Verb.START))
+    assert reply.outcome is Outcome.REFUSED
+    assert "a check is red: link: station 254 (0.0.9 (00c0ffee) there, " in reply.reason
+    flight.wait(31.0)
+    assert "link: station 254" not in checks(flight)
+    flight.command("start")
 
 
 def test_an_override_starts_and_is_logged_with_its_author_and_what_was_red(flight: Card) -> None:

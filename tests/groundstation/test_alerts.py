@@ -4,6 +4,7 @@ from msgspec.structs import replace
 
 from gloc3.ci import ComponentLine, ComponentTrouble, Health
 from gloc3.messages import Severity
+from gloc3.software import own_software
 from gloc3_groundstation import fleet as reducers
 from gloc3_groundstation.alerts import KEPT, Alerts, acknowledge, began, update
 from gloc3_groundstation.snapshots import Fleet, LinkStatistics, PlatformSnapshot, Timed
@@ -26,6 +27,16 @@ def test_while_all_is_well_there_is_none_and_nothing_is_made_anew() -> None:
     assert none.all == {}
     low = update(none, fleet_of(battery_percent=20), 100.0)
     assert update(low, fleet_of(battery_percent=20), 100.2) is low
+
+
+def test_a_platform_that_speaks_otherwise_is_an_alert() -> None:
+    assert PLATFORM.table is not None
+    same = replace(PLATFORM, table=replace(PLATFORM.table, **own_software()._asdict()))
+    assert update(Alerts(), fleet_of(same), 100.0).all == {}
+    other = replace(PLATFORM, table=replace(PLATFORM.table, version="0.0.9", protocol="00c0ffee"))
+    [(severity, text)] = told(update(Alerts(), fleet_of(other), 100.0))
+    assert severity is Severity.ERROR
+    assert text.startswith("versions differ: 0.0.9 (00c0ffee) onboard, ")
 
 
 def test_a_cause_stays_until_it_is_acknowledged_although_it_is_over() -> None:

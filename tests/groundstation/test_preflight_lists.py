@@ -50,13 +50,15 @@ def test_a_good_link_between_equal_ends_is_all_right() -> None:
         (own(trip_s=2.0), "round trip", Verdict.WARNING),
         (own(trip_s=None), "round trip", Verdict.UNKNOWN),
         (own(told(version="0.0.9")), "versions", Verdict.WARNING),
+        (own(told(protocol="00c0ffee")), "versions", Verdict.RED),
+        (own(told(version="")), "versions", Verdict.UNKNOWN),
         (own(told(utc_s=5060.0)), "clocks", Verdict.WARNING),
         (own(told(utc_s=None)), "clocks", Verdict.UNKNOWN),
     ],
 )
 def test_a_bad_link_or_ends_that_differ_say_what_to_do(checks: dict[str, Check], name: str, verdict: Verdict) -> None:
     assert checks[name].verdict is verdict
-    assert bool(checks[name].advice) is (verdict is not Verdict.UNKNOWN)
+    assert checks[name].advice or verdict is Verdict.UNKNOWN
 
 
 async def test_a_list_is_asked_for_kept_and_forgotten_with_the_platforms_life() -> None:

@@ -1,6 +1,7 @@
 """The whole list of a platform, from everything that is known of it."""
 
 from gloc3.preflight import Check, in_order
+from gloc3.software import compared
 from gloc3_onboard.checks.autopilot import autopilot_checks
 from gloc3_onboard.checks.computer import computer_checks
 from gloc3_onboard.checks.failsafes import failsafe_checks
@@ -21,5 +22,6 @@ def checklist(readings: Readings) -> list[Check]:
             *component_checks(readings),
             *mission_checks(readings),
             *computer_checks(readings),
+            *(compared(f"station {name}", other, "there") for name, other in readings.stations.items()),
         ]
     )

@@ -1,12 +1,13 @@
 """What the checks are made from: everything that is known at one moment."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from gloc3.ci import Health
 from gloc3.mission.model import Mission
 from gloc3.platform import Platform
 from gloc3.readiness import AutopilotSetup, ComputerState
+from gloc3.software import Software
 from gloc3.vehicle import AutopilotState, HeightAboveGround, Pose
 
 
@@ -41,5 +42,7 @@ class Readings:
     mission: Mission | None = None
     fence_problem: str = ""
     """Why the autopilot does not hold the mission's fence."""
+    stations: Mapping[str, Software] = field(default_factory=dict)
+    """What the stations have that are there, by their names."""
     pilot_reason: str = ""
     """Why a pilot has control; empty while none has."""

@@ -7,6 +7,7 @@ from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, Health, Su
 from gloc3.deployment import Begin, ComponentRow
 from gloc3.lci import OPERATING, State
 from gloc3.messages import ComponentStatus
+from gloc3.software import own_software
 
 SILENT_PERIODS: Final = 3.0
 """A component whose status stays away for so many periods counts as absent."""
@@ -125,7 +126,7 @@ class ComponentBook:
             )
             for row in self.rows.values()
         ]
-        return ComponentTable(table=self._table, rows=rows)
+        return ComponentTable(table=self._table, rows=rows, **own_software()._asdict())
 
     def summary(self, health: Health, now_s: float) -> Summary:
         """All components, a short line each."""

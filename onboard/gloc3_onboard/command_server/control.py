@@ -39,6 +39,10 @@ class ControlAuthority:
         if len(self._heard_s) > MOST_HEARD:
             del self._heard_s[next(one for one in self._heard_s if one != self.holder)]
 
+    def is_heard(self, station: str, now_s: float, within_s: float) -> bool:
+        """Whether something has been heard of a station lately."""
+        return now_s - self._heard_s.get(station, float("-inf")) <= within_s
+
     def silent_s(self, now_s: float) -> float:
         """How long nothing has been heard of the holder; 0 while nobody holds control."""
         return now_s - self._heard_s.get(self.holder, now_s) if self.holder else 0.0

@@ -42,6 +42,7 @@ from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.preflight import PreflightReport, summary
+from gloc3.software import Software
 from gloc3.supervision import Supervision
 from gloc3.vehicle import EmergencyDisarm, FenceProgress
 from gloc3_onboard.command_server.book import ComponentBook
@@ -56,6 +57,8 @@ from gloc3_onboard.command_server.summaries import geofence_of
 
 ANSWER_S: Final = 8.0
 """A component that has not answered within this time leaves its request's outcome unknown."""
+THERE_S: Final = 30.0
+"""A station of which nothing was heard for so long is not there."""
 FENCE_S: Final = 12.0
 """So long the loading of a mission waits for its fence to be in the autopilot."""
 OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
@@ -108,6 +111,8 @@ class RequestHandler:
         self._open: dict[str, _Open] = {}
         self._fence_wait: _FenceWait | None = None
         self._emergencies: dict[tuple[str, int], int] = {}
+        self._software: dict[str, Software] = {}
+        """Of the stations that have said hello."""
         self._count = 0
         self._hearsay = Hearsay(authority, say)
         self._watches: dict[tuple[str, int], int] = {}
@@ -127,6 +132,8 @@ class RequestHandler:
                 request, Outcome.REFUSED, f"station {request.sender} may look and not command: it is an observer"
             )
         self._authority.hear(request.sender, now_s)
+        if isinstance(request.body, Hello | Control):
+            self._software[request.sender] = Software(request.body.version, request.body.protocol)
         if doubled := self._senders.hear(request.sender, request.boot, now_s):
             self._say(Severity.WARNING, doubled)
         if isinstance(request.body, Query):
@@ -279,6 +286,9 @@ class RequestHandler:
         is_held = executor is None or self._fence_progress(executor) is FenceProgress.CONFIRMED
         program = executor.mission if executor is not None else None
         mission = program.mission if program is not None else None
+        self.gate.stations = {
+            name: one for name, one in self._software.items() if self._authority.is_heard(name, now_s, THERE_S)
+        }
         return self.gate.report(mission, "" if is_held else self._fence_problem(), now_s)
 
     def _list(self, request: CiRequest, now_s: float) -> CiReply:

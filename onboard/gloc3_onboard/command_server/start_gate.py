@@ -1,14 +1,14 @@
 """The gate before every start: the pre-flight list, made when it is asked for, from what was read anew for it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from gloc3 import __version__
 from gloc3.ci import CiReply, CiRequest, RequestAction, RequestTask, Steer, health_of
 from gloc3.errors import Refused
 from gloc3.mission.model import Mission
 from gloc3.preflight import Check, PreflightReport, red
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
+from gloc3.software import Software, own_software
 from gloc3.vehicle import HeightAboveGround
 from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Condition, Readings
@@ -52,6 +52,8 @@ class StartGate:
         self._outgoing: list[ReadSetup | PreflightReport] = []
         self._held: list[Held] = []
         self._number = 0
+        self.stations: Mapping[str, Software] = {}
+        """What the stations have that are there."""
 
     def see(self, fact: AutopilotSetup | ComputerState | HeightAboveGround) -> None:
         """Takes in what the list is made from, beside the vehicle's facts."""
@@ -91,7 +93,7 @@ class StartGate:
         checks = checklist(self._readings(mission, fence_problem, now_s))
         offset_s = self._computer.utc_minus_t_s if self._computer is not None else None
         utc_s = None if offset_s is None else round(offset_s + now_s, 1)
-        report = PreflightReport(checks=checks, version=__version__, utc_s=utc_s)
+        report = PreflightReport(checks=checks, utc_s=utc_s, **own_software()._asdict())
         self._outgoing.append(report)
         return report
 
@@ -131,6 +133,7 @@ class StartGate:
             height=self._height,
             components=self._conditions(now_s),
             mission=mission,
+            stations=self.stations,
             fence_problem=fence_problem,
             pilot_reason=(driver.pilot_reason or "it says no reason") if driver is not None and has_pilot else "",
         )

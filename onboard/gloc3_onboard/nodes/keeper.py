@@ -4,7 +4,6 @@ import os
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
-from gloc3 import __version__
 from gloc3.context import HostContext
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Unsubscribe
@@ -12,6 +11,7 @@ from gloc3.host_messages import HOSTS, HostStatus, ProcessLine
 from gloc3.places import Place, child_processes, clock_host, rows_at
 from gloc3.platform import Platform
 from gloc3.readiness import SensorCondition
+from gloc3.software import own_software
 from gloc3_onboard.nodes.child import ChildProcess, Lives, Phase
 from gloc3_onboard.nodes.pipe import Order
 from gloc3_onboard.nodes.stand_in import StandIn
@@ -131,7 +131,7 @@ class HostKeeper:
             host=self._host,
             is_clock_host=self._is_clock_host,
             processes=list(self._lines()),
-            version=__version__,
+            **own_software()._asdict(),
             clock_offset_s=clock.offset_s,
             clock_bound_s=clock.bound_s,
             clock_round_trip_s=clock.round_trip_s,

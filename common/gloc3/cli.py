@@ -18,6 +18,7 @@ SUMMARIES: Final = {
     "platform": "Make a platform file from an autopilot; check and show platform files.",
     "doctor": "Check a vehicle's computer and autopilot before a flight, without flying.",
     "preset": "Compare an autopilot's parameters with a preset's, and set them when told to.",
+    "network": "Make the network of platforms and stations: members, certificates, roles.",
     "signing": "Make the key of signed MAVLink links, and give it to an autopilot.",
     "station": "Run the ground station: the terminal, --web for a browser, --headless for scripts.",
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final, NamedTuple
 
@@ -40,14 +40,25 @@ Troubled = Callable[[str, str], None]
 
 @contextmanager
 def open_exchange(
-    node: Node, loop: asyncio.AbstractEventLoop, topics: TopicTable, troubled: Troubled = lambda *_: None
+    node: Node,
+    loop: asyncio.AbstractEventLoop,
+    topics: TopicTable,
+    troubled: Troubled = lambda *_: None,
+    settings: Mapping[str, Any] | None = None,
 ) -> Iterator[ZenohExchange]:
     """A node's exchanger for as long as the block lasts; always closed behind it, since otherwise no process ends.
+
+    Args:
+        node: where it listens and whom it connects to.
+        loop: calls the subscribers.
+        topics: the types that may travel.
+        troubled: as for `ZenohExchange`.
+        settings: more for Zenoh, such as a network file's, by their paths.
 
     Raises:
         Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
     """
-    with open_session(node) as session:
+    with open_session(node, settings) as session:
         exchange = ZenohExchange(session, loop, topics, troubled)
         try:
             yield exchange

@@ -1,0 +1,154 @@
+"""What each role may say and ask: the rules that Zenoh enforces on every link, by the certificate at its other end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Any, Final, Literal, NamedTuple
+
+import msgspec
+
+
+class Role(StrEnum):
+    """What a member is."""
+
+    PLATFORM = "platform"
+    """A host of a platform: `PLATFORM.HOST`."""
+    OPERATOR = "operator"
+    """A station that may command."""
+    OBSERVER = "observer"
+    """A station that looks."""
+
+
+class Accepted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A member that others take for what it is."""
+
+    member: str
+    role: Role
+    certificate: str
+    """The number of its one certificate that counts."""
+
+    @property
+    def common_name(self) -> str:
+        """What its certificate calls it: another certificate of the same member is another name."""
+        return common_name(self.member, self.certificate)
+
+    @property
+    def platform(self) -> str:
+        """Of a platform's host, the platform's name."""
+        return self.member.partition(".")[0]
+
+
+Flow = Literal["ingress", "egress"]
+Speech = Literal["say", "ask"]
+MESSAGES: Final[dict[Speech, tuple[str, ...]]] = {
+    "say": ("put", "delete", "reply", "declare_queryable", "liveliness_token"),
+    "ask": ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"),
+}
+"""Zenoh's messages for what is told, and for what is asked for."""
+READABLE: Final = ("ci/**", "watch/**", "components/*/status", "components/*", "hosts/**", "latched/ci/**")
+"""What stations may read of a platform, below its name: topics and tokens."""
+SEEN_BY_PLATFORMS: Final = ("ci/summary", "ci/mission", "ci/control")
+"""What one platform may read of another."""
+EVERYTHING: Final = "**"
+CHILDREN: Final = "children"
+
+
+class Grant(NamedTuple):
+    """Something that one member lets pass on its links to another."""
+
+    flow: Flow
+    """`ingress`: from the other; `egress`: to it."""
+    speech: Speech
+    keys: tuple[str, ...]
+
+
+def common_name(member: str, certificate: str) -> str:
+    """The common name of a certificate."""
+    return f"{member}/{certificate}"
+
+
+def grants(own: Accepted, other: Accepted) -> list[Grant]:
+    """What a member lets pass between itself and another."""
+    if own.role is Role.PLATFORM and other.role is Role.PLATFORM:
+        return _fellows(own, other) if own.platform != other.platform else _all((EVERYTHING,))
+    if own.role is Role.PLATFORM:
+        return [
+            Grant("ingress", "say", spoken(other, own.platform)),
+            Grant("ingress", "ask", _below("*", READABLE)),
+            Grant("egress", "say", _below(own.platform, READABLE)),
+            Grant("egress", "ask", (EVERYTHING,)),
+        ]
+    if other.role is Role.PLATFORM:
+        return [
+            Grant("ingress", "say", (f"{other.platform}/**", "stations/**")),
+            Grant("ingress", "ask", (EVERYTHING,)),
+            Grant("egress", "say", spoken(own, other.platform)),
+            Grant("egress", "ask", (EVERYTHING,)),
+        ]
+    return []
+
+
+def spoken(station: Accepted, platform: str) -> tuple[str, ...]:
+    """What a station may say to a platform."""
+    keys = (f"{platform}/ci/ask/{station.member}", f"stations/{station.member}/**")
+    return (f"{platform}/ci/request/{station.member}", *keys) if station.role is Role.OPERATOR else keys
+
+
+def access_control(own: Accepted, others: Sequence[Accepted]) -> dict[str, Any]:
+    """Zenoh's `access_control`: whoever is not named is told nothing and taken nothing from.
+
+    Child processes, which reach this one over a socket that only its user may open, may do everything.
+    """
+    rules: list[dict[str, Any]] = []
+    policies = []
+    for other in others:
+        names = []
+        for grant in grants(own, other):
+            names.append(f"{other.member} {grant.speech} {grant.flow}")
+            rules.append(_rule(names[-1], grant))
+        if names:
+            policies.append({"rules": names, "subjects": [other.member]})
+    children = [(f"{CHILDREN} {grant.speech} {grant.flow}", grant) for grant in _all((EVERYTHING,))]
+    rules += [_rule(name, grant) for name, grant in children]
+    policies.append({"rules": [name for name, _ in children], "subjects": [CHILDREN]})
+    subjects: list[dict[str, Any]] = [
+        {"id": other.member, "cert_common_names": [other.common_name]} for other in others if grants(own, other)
+    ]
+    subjects.append({"id": CHILDREN, "link_protocols": ["unixsock-stream"]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _rule(name: str, grant: Grant) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": [grant.flow],
+        "messages": list(MESSAGES[grant.speech]),
+        "key_exprs": list(grant.keys),
+    }
+
+
+def _all(keys: tuple[str, ...]) -> list[Grant]:
+    flows: tuple[Flow, ...] = ("ingress", "egress")
+    return [Grant(flow, speech, keys) for flow in flows for speech in MESSAGES]
+
+
+def _fellows(own: Accepted, other: Accepted) -> list[Grant]:
+    """Between hosts of two platforms."""
+    return [
+        Grant("ingress", "say", _below(other.platform, SEEN_BY_PLATFORMS)),
+        Grant("ingress", "ask", _below("*", SEEN_BY_PLATFORMS)),
+        Grant("egress", "say", _below(own.platform, SEEN_BY_PLATFORMS)),
+        Grant("egress", "ask", (EVERYTHING,)),
+    ]
+
+
+def _below(platform: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{platform}/{name}" for name in names)

@@ -1,0 +1,211 @@
+"""The network's own certificate authority, and the certificates of its members (X.509, ECDSA P-256)."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from gloc3.errors import Finding, InputError, Refused
+from gloc3.network.access import common_name
+
+CERTIFICATE: Final = "certificate.pem"
+KEY: Final = "key.pem"
+AUTHORITY: Final = "authority.pem"
+AUTHORITY_KEY: Final = "authority.key"
+NUMBER_DIGITS: Final = 8
+BACKDATED: Final = timedelta(days=1)
+"""Certificates are valid since so long ago, for computers whose clocks are behind."""
+
+
+def make_authority(folder: Path, network: str, now: datetime, valid: timedelta) -> None:
+    """Writes the authority's certificate and key, which stays where it is made."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"{network} authority")])
+    certificate = (
+        _builder(name, name, key.public_key(), x509.random_serial_number(), now, valid)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(is_authority=True), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    write_secret(folder / AUTHORITY_KEY, _key_bytes(key))
+    (folder / AUTHORITY).write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+
+
+def issue(folder: Path, into: Path, member: str, hosts: Sequence[str], now: datetime, valid: timedelta) -> str:
+    """Makes a member's key and certificate.
+
+    Args:
+        folder: where the authority is.
+        into: where they go, beside the authority's certificate.
+        member: whose.
+        hosts: names and addresses at which it is reached.
+        now: valid from a little before.
+        valid: so long.
+
+    Returns:
+        The certificate's number.
+
+    Raises:
+        InputError: the authority's key cannot be used.
+    """
+    authority = read_certificate(folder / AUTHORITY)
+    signer = _read_key(folder / AUTHORITY_KEY)
+    key = ec.generate_private_key(ec.SECP256R1())
+    serial = x509.random_serial_number()
+    number = f"{serial:0{NUMBER_DIGITS}x}"[-NUMBER_DIGITS:]
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name(member, number))])
+    certificate = (
+        _builder(subject, authority.subject, key.public_key(), serial, now, valid)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(is_authority=False), critical=True)
+        .add_extension(
+            x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]), critical=False
+        )
+        .add_extension(x509.SubjectAlternativeName([_place(host) for host in (member, *hosts)]), critical=False)
+        .sign(signer, hashes.SHA256())
+    )
+    into.mkdir(mode=0o700, parents=True, exist_ok=True)
+    write_secret(into / KEY, _key_bytes(key))
+    (into / CERTIFICATE).write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+    (into / AUTHORITY).write_bytes((folder / AUTHORITY).read_bytes())
+    return number
+
+
+def read_certificate(path: Path) -> x509.Certificate:
+    """A certificate.
+
+    Raises:
+        InputError: there is none.
+    """
+    try:
+        return x509.load_pem_x509_certificate(path.read_bytes())
+    except OSError as error:
+        raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror or error}")]) from error
+    except ValueError as error:
+        raise InputError([Finding(file=str(path), message="this is no certificate (PEM)")]) from error
+
+
+def name_of(certificate: x509.Certificate) -> str:
+    """The certificate's common name; empty where it has none."""
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""
+
+
+def findings(certificate: Path, key: Path, authority: Path, wanted: str, now: datetime) -> list[Finding]:
+    """What is wrong with a member's certificate and key."""
+    found = []
+    try:
+        own, root = read_certificate(certificate), read_certificate(authority)
+        private = _read_key(key)
+    except InputError as error:
+        return list(error.findings)
+    try:
+        own.verify_directly_issued_by(root)
+    except (ValueError, TypeError, InvalidSignature):
+        found.append(Finding(file=str(certificate), message=f"{authority.name} has not signed this certificate"))
+    if own.public_key() != private.public_key():
+        found.append(Finding(file=str(key), message=f"this is not the key of {certificate.name}"))
+    if name_of(own) != wanted:
+        found.append(Finding(file=str(certificate), message=f"it is of {name_of(own)!r}, not of {wanted!r}"))
+    for path, each in ((certificate, own), (authority, root)):
+        if now > each.not_valid_after_utc:
+            found.append(
+                Finding(
+                    file=str(path),
+                    message=f"it has expired on {each.not_valid_after_utc:%Y-%m-%d}",
+                    hint="renew it: gloc3 network add --renew",
+                )
+            )
+        elif now < each.not_valid_before_utc:
+            found.append(
+                Finding(
+                    file=str(path),
+                    message=f"it is valid only from {each.not_valid_before_utc:%Y-%m-%d}",
+                    hint="is this computer's clock right?",
+                )
+            )
+    return found
+
+
+def write_secret(path: Path, data: bytes) -> None:
+    """Writes a new file that nobody else may read.
+
+    Raises:
+        Refused: it is there already.
+    """
+    try:
+        number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise Refused(f"{path} is there already; a key that is in use is not overwritten") from None
+    with os.fdopen(number, "wb") as file:
+        file.write(data)
+
+
+def _read_key(path: Path) -> ec.EllipticCurvePrivateKey:
+    try:
+        mode = path.stat().st_mode
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror or error}")]) from error
+    if mode & 0o077:
+        message = f"others than its owner may use this key (mode {mode & 0o7777:04o})"
+        hint = f"chmod 600 {path}; if others had a look, revoke it and make another"
+        raise InputError([Finding(file=str(path), message=message, hint=hint)])
+    try:
+        key = serialization.load_pem_private_key(data, None)
+    except (ValueError, TypeError) as error:
+        raise InputError([Finding(file=str(path), message="this is no private key (PEM)")]) from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise InputError([Finding(file=str(path), message="this key is of another kind than ours (ECDSA)")])
+    return key
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, serial: int, now: datetime, valid: timedelta
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key)
+        .serial_number(serial)
+        .not_valid_before(min(now, now + valid) - BACKDATED)
+        .not_valid_after(now + valid)
+    )
+
+
+def _usage(*, is_authority: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not is_authority,
+        key_cert_sign=is_authority,
+        crl_sign=is_authority,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _key_bytes(key: ec.EllipticCurvePrivateKey) -> bytes:
+    return key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+
+
+def _place(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)

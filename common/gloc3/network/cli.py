@@ -1,0 +1,167 @@
+"""The command `gloc3 network`: makes and checks the network of platforms and stations."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import App, Parameter
+
+from gloc3.narrate import narrate
+from gloc3.network import register
+from gloc3.network.access import Role, access_control, grants
+from gloc3.network.file import Membership, read_network
+
+app = App(
+    name="gloc3 network",
+    help="""Make the network of platforms and stations: who is on it, and what each may do. Every link is encrypted, and
+    both ends show a certificate of the network's own authority; the rules follow from the role that it stands for.
+
+    For example, for a vehicle with two computers, an operator and somebody who looks on:
+
+    - `gloc3 network init yard`
+    - `gloc3 network add yard pelican.main --role platform --listen 192.168.1.10:7447`
+    - `gloc3 network add yard pelican.vision --role platform`
+    - `gloc3 network add yard alice --role operator`
+    - `gloc3 network add yard bob --role observer`
+    - copy the folder yard/pelican.main to that computer, yard/alice to hers, and so on
+    - `gloc3 onboard pelican.yaml --host main --network pelican.main/network.yaml`
+    - `gloc3 network revoke yard bob`
+
+    Exit codes: 0 done; 2 wrong use, or a file with mistakes.""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+Days = Annotated[int, Parameter(help="How long the certificate is valid.")]
+AUTHORITY_DAYS = 3650
+MEMBER_DAYS = 365
+
+
+@app.command
+def init(folder: Path, /, *, name: str | None = None, days: Days = AUTHORITY_DAYS) -> int:
+    """Make a network without members: its authority, whose key stays in this folder.
+
+    Args:
+        folder: Where it goes; its name is the network's.
+        name: Another name for the network.
+        days: How long the authority is valid.
+    """
+    folder = folder.expanduser()
+    register.found(folder, name or folder.absolute().name, _now(), timedelta(days=days))
+    narrate(f"{folder} holds a network; keep authority.key secret: who has it can make members")
+    return 0
+
+
+@app.command
+def add(
+    folder: Path,
+    member: str,
+    /,
+    *,
+    role: Role,
+    listen: Annotated[list[str] | None, Parameter(negative=())] = None,
+    reached_at: Annotated[list[str] | None, Parameter(negative=())] = None,
+    to: Annotated[list[str] | None, Parameter(negative=())] = None,
+    days: Days = MEMBER_DAYS,
+    renew: Annotated[bool, Parameter(negative=())] = False,
+) -> int:
+    """Take a member in: make its folder with key, certificate and network file, and write the others' files anew.
+
+    Args:
+        folder: The network.
+        member: PLATFORM.HOST for a computer of a platform, a name without a dot for a station.
+        role: What it may do: platform, operator or observer.
+        listen: HOST:PORT that it opens for others; may be given again. The first host of a platform that listens is
+            the one to which its other hosts and the stations connect.
+        reached_at: HOST:PORT at which others reach that, where it is another (0.0.0.0, or behind a router).
+        to: The member that it connects to, where it is another; may be given again.
+        days: How long its certificate is valid.
+        renew: It is a member already, and gets a new key and certificate; the old ones count no more.
+    """
+    folder = folder.expanduser()
+    entry = register.Member(
+        role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
+    )
+    changed = register.add(folder, member, entry, _now(), timedelta(days=days), is_renewed=renew)
+    narrate(f"{folder / member} is for {member} alone; its certificate is valid for {days} days")
+    if not entry.listen and not register.read_register(folder).connections(member):
+        narrate(f"nobody listens yet to whom {member} could connect: add a platform with --listen")
+    _tell(name for name in changed if name != member)
+    return 0
+
+
+@app.command
+def revoke(folder: Path, member: str, /) -> int:
+    """Take a member's certificate off all lists: nothing of it is read or taken any more.
+
+    Args:
+        folder: The network.
+        member: Whose.
+    """
+    folder = folder.expanduser()
+    changed = register.revoke(folder, member)
+    narrate(f"{member} is on no list any more")
+    _tell(changed)
+    return 0
+
+
+@app.command
+def check(file: Path, /) -> int:
+    """Check a network file, its certificate and its key, and tell until when it is good.
+
+    Args:
+        file: A member's network.yaml.
+    """
+    membership = read_network(file.expanduser(), _now())
+    narrate(f"{file} is right: {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
+    return 0
+
+
+@app.command
+def show(file: Path, /, *, json: Annotated[bool, Parameter(negative=())] = False) -> int:
+    """Tell what a network file lets pass, member by member.
+
+    Args:
+        file: A member's network.yaml.
+        json: As the rules that Zenoh gets.
+    """
+    membership = read_network(file.expanduser(), _now())
+    own = membership.file
+    if json:
+        rules = msgspec.json.format(msgspec.json.encode(access_control(own.own, own.others)), indent=2)
+        sys.stdout.write(f"{rules.decode()}\n")
+    else:
+        sys.stdout.write("\n".join(_words(membership)) + "\n")
+    return 0
+
+
+def _words(membership: Membership) -> list[str]:
+    own = membership.file
+    lines = [f"{own.member}, {own.own.role} of the network {own.network}, certificate {own.own.certificate}"]
+    lines += [f"  listens at {address}" for address in own.listen]
+    lines += [f"  connects to {address}" for address in own.connect]
+    for other in own.others:
+        lines.append(f"{other.member}, {other.role}, certificate {other.certificate}")
+        texts = {
+            ("ingress", "say"): "may say here",
+            ("egress", "say"): "is told",
+            ("ingress", "ask"): "may ask for",
+            ("egress", "ask"): "is asked for",
+        }
+        lines += [f"  {texts[grant.flow, grant.speech]}: {', '.join(grant.keys)}" for grant in grants(own.own, other)]
+    return [*lines, "child processes of this computer's user: everything; anybody else: nothing"]
+
+
+def _tell(changed: Iterable[str]) -> None:
+    names = ", ".join(changed)
+    if names:
+        narrate(f"network.yaml is new for {names}: copy it there, and send SIGHUP to what runs with it")
+
+
+def _now() -> datetime:
+    return datetime.now(UTC)

@@ -1,0 +1,160 @@
+"""The network file of one member: who it is, where it listens and connects, and whom it accepts in which role."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from gloc3.document import Document, load_bytes, parse
+from gloc3.errors import Finding, InputError, nearest
+from gloc3.exchange.zenoh_session import Node
+from gloc3.network.access import Accepted, Role, access_control
+from gloc3.network.authority import findings as certificate_findings
+from gloc3.schema import check
+
+NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
+ADDRESS: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):([0-9]{1,5})")
+MOST_PORT: Final = 65535
+
+
+class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What stands in `network.yaml`; paths are relative to it."""
+
+    network: str
+    member: str
+    certificate: str = "certificate.pem"
+    key: str = "key.pem"
+    authority: str = "authority.pem"
+    listen: list[str] = []
+    """`HOST:PORT`, where others connect to this member."""
+    connect: list[str] = []
+    """`HOST:PORT` of the members that this one connects to."""
+    accepts: list[Accepted]
+    """All members that this one has to do with, itself among them."""
+
+    @property
+    def own(self) -> Accepted:
+        """This member."""
+        return next(entry for entry in self.accepts if entry.member == self.member)
+
+    @property
+    def others(self) -> list[Accepted]:
+        """The other members."""
+        return [entry for entry in self.accepts if entry.member != self.member]
+
+    @property
+    def roles(self) -> Mapping[str, Role]:
+        """The role of each member."""
+        return {entry.member: entry.role for entry in self.accepts}
+
+
+class Membership(NamedTuple):
+    """A network file that was read and found right."""
+
+    path: Path
+    file: NetworkFile
+
+    def node(self, *sockets: str) -> Node:
+        """This member as a node.
+
+        Args:
+            sockets: endpoints for child processes, beside what the file says.
+        """
+        file = self.file
+        return Node(
+            name=file.member,
+            listen=(*(f"tls/{address}" for address in file.listen), *sockets),
+            connect=tuple(f"tls/{address}" for address in file.connect),
+            accepts=tuple(other.member for other in file.others),
+        )
+
+    def settings(self) -> dict[str, Any]:
+        """Zenoh's settings for encryption and access: mutual TLS by the network's own authority, rules by role."""
+        file, folder = self.file, self.path.parent
+        certificate, key = str(folder / file.certificate), str(folder / file.key)
+        return {
+            "transport/link/tls": {
+                "root_ca_certificate": str(folder / file.authority),
+                "enable_mtls": True,
+                "listen_certificate": certificate,
+                "listen_private_key": key,
+                "connect_certificate": certificate,
+                "connect_private_key": key,
+                "verify_name_on_connect": False,  # addresses change; the rules go by the certificate's name
+                "close_link_on_expiration": True,
+            },
+            "access_control": access_control(file.own, file.others),
+        }
+
+
+def read_network(path: Path, now: datetime) -> Membership:
+    """Reads a network file, and looks at the certificate and the key.
+
+    Args:
+        path: the file.
+        now: certificates have to be valid then.
+
+    Raises:
+        InputError: with everything that is wrong.
+    """
+    document = parse(load_bytes(path), str(path))
+    found: list[Finding] = []
+    file = check(document.root, NetworkFile, str(path), found)
+    if file is not None:
+        found += _findings(document, file)
+    if file is None or found:
+        raise InputError(sorted(found))
+    folder = path.parent
+    found = certificate_findings(
+        folder / file.certificate, folder / file.key, folder / file.authority, file.own.common_name, now
+    )
+    if found:
+        raise InputError(found)
+    return Membership(path.absolute(), file)
+
+
+def _findings(document: Document, file: NetworkFile) -> list[Finding]:
+    found = []
+    names = [entry.member for entry in file.accepts]
+    for index, entry in enumerate(file.accepts):
+        problem = member_problem(entry.member, entry.role)
+        if problem:
+            found.append(document.finding(("accepts", index, "member"), problem))
+        if entry.member in names[:index]:
+            found.append(document.finding(("accepts", index, "member"), f"{entry.member} is accepted already"))
+    if file.member not in names:
+        hint = nearest(file.member, names)
+        found.append(document.finding(("member",), f"{file.member!r} is not among those that are accepted", hint))
+    for where in ("listen", "connect"):
+        for index, address in enumerate(getattr(file, where)):
+            problem = address_problem(address)
+            if problem:
+                found.append(document.finding((where, index), problem, "write HOST:PORT, such as 192.168.1.10:7447"))
+    if not file.listen and not file.connect:
+        found.append(document.finding(("member",), "neither listens nor connects anywhere", "add listen or connect"))
+    return found
+
+
+def member_problem(member: str, role: Role) -> str:
+    """What is wrong with a member's name; empty where nothing is."""
+    parts = member.split(".")
+    if not all(NAME.fullmatch(part) for part in parts):
+        return f"{member!r} is no name: small letters, digits, _ and -, at most 31 of them"
+    if role is Role.PLATFORM and len(parts) != 2:
+        return f"{member!r} is no host of a platform: write PLATFORM.HOST, such as {parts[0]}.main"
+    if role is not Role.PLATFORM and len(parts) != 1:
+        return f"{member!r} is no name of a station: write it without a dot"
+    return ""
+
+
+def address_problem(address: str) -> str:
+    """What is wrong with an address; empty where nothing is."""
+    match = ADDRESS.fullmatch(address)
+    if match is None:
+        return f"{address!r} is no address"
+    return "" if 0 < int(match[2]) <= MOST_PORT else f"{match[2]} is no port: 1 to {MOST_PORT}"

@@ -1,0 +1,186 @@
+"""The register of a network, kept beside its authority's key: all members, and the network files made from it."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+import msgspec
+from msgspec.structs import replace
+
+from gloc3.document import dump, load
+from gloc3.errors import Refused, nearest
+from gloc3.network.access import Accepted, Role, grants
+from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, issue, make_authority
+from gloc3.network.file import address_problem, member_problem
+
+REGISTER: Final = "members.yaml"
+NETWORK_FILE: Final = "network.yaml"
+
+
+class Member(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A member of the network."""
+
+    role: Role
+    certificate: str
+    """The number of its one certificate that counts."""
+    until: str
+    """The day on which that expires."""
+    listen: list[str] = []
+    """`HOST:PORT` that it opens."""
+    reached_at: list[str] = []
+    """`HOST:PORT` at which others reach it; empty where that is what it opens."""
+    to: list[str] = []
+    """The members that it connects to; empty where it follows from what it is."""
+    is_revoked: bool = False
+
+
+class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everybody who is or was on the network."""
+
+    network: str
+    members: dict[str, Member] = {}
+
+    def current(self) -> dict[str, Member]:
+        """Those that have not been revoked."""
+        return {name: member for name, member in self.members.items() if not member.is_revoked}
+
+    def accepted(self, name: str) -> Accepted:
+        """A member as others see it."""
+        member = self.members[name]
+        return Accepted(member=name, role=member.role, certificate=member.certificate)
+
+    def connections(self, name: str) -> list[str]:
+        """Where a member connects to: a platform's other hosts to the one that listens, stations to all of these."""
+        member = self.members[name]
+        roots: dict[str, str] = {}
+        for host, each in self.current().items():
+            if each.role is Role.PLATFORM and each.listen:
+                roots.setdefault(host.partition(".")[0], host)
+        if member.to:
+            targets = list(member.to)
+        elif member.role is Role.PLATFORM:
+            targets = [root for root in [roots.get(name.partition(".")[0])] if root is not None and root != name]
+        else:
+            targets = list(roots.values())
+        current = self.current()
+        return [
+            at for target in targets if target in current for at in current[target].reached_at or current[target].listen
+        ]
+
+
+def found(folder: Path, network: str, now: datetime, valid: timedelta) -> None:
+    """Founds a network: its authority, and a register without members.
+
+    Raises:
+        Refused: there is one already.
+    """
+    if (folder / REGISTER).exists():
+        raise Refused(f"{folder} holds a network already")
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_authority(folder, network, now, valid)
+    _write(folder, Register(network=network))
+
+
+def read_register(folder: Path) -> Register:
+    """The register in a folder.
+
+    Raises:
+        InputError: there is none, or it is damaged.
+    """
+    return load(folder / REGISTER, Register)
+
+
+def add(folder: Path, name: str, member: Member, now: datetime, valid: timedelta, *, is_renewed: bool) -> list[str]:
+    """Takes a member in, with a new key and certificate, and writes everybody's network file anew.
+
+    Returns:
+        The members whose files are others now, itself among them.
+
+    Raises:
+        Refused: the name or an address cannot be, or somebody has the name already.
+        InputError: the register or the authority cannot be used.
+    """
+    register = read_register(folder)
+    problems = [member_problem(name, member.role), *map(address_problem, (*member.listen, *member.reached_at))]
+    for problem in filter(None, problems):
+        raise Refused(problem)
+    if name in register.current() and not is_renewed:
+        raise Refused(f"{name} is a member already; --renew gives it a new key and certificate")
+    for target in member.to:
+        if target not in register.current():
+            raise Refused(f"there is no member {target!r}; {nearest(target, list(register.current()))}")
+    hosts = [address.rpartition(":")[0].strip("[]") for address in (*member.listen, *member.reached_at)]
+    (folder / name / KEY).unlink(missing_ok=True)
+    number = issue(folder, folder / name, name, hosts, now, valid)
+    entry = replace(member, certificate=number, until=f"{now + valid:%Y-%m-%d}")
+    changed = replace(register, members={**register.members, name: entry})
+    return _write(folder, changed)
+
+
+def revoke(folder: Path, name: str) -> list[str]:
+    """Takes a member's certificate off all lists, and writes everybody's network file anew.
+
+    Returns:
+        The members whose files are others now.
+
+    Raises:
+        Refused: there is no such member.
+        InputError: the register cannot be used.
+    """
+    register = read_register(folder)
+    if name not in register.current():
+        raise Refused(f"there is no member {name!r}; {nearest(name, list(register.current()))}")
+    entry = replace(register.members[name], is_revoked=True)
+    changed = replace(register, members={**register.members, name: entry})
+    return _write(folder, changed)
+
+
+def _write(folder: Path, register: Register) -> list[str]:
+    """Writes the register and all network files; the members whose files are others now."""
+    text = f"# The members of the network {register.network}. `gloc3 network` writes this file; authority.key stays here.\n"
+    _replace(folder / REGISTER, text + dump(msgspec.to_builtins(register)))
+    return [
+        name for name in register.current() if _replace(folder / name / NETWORK_FILE, _network_file(register, name))
+    ]
+
+
+def _network_file(register: Register, name: str) -> str:
+    member, own = register.members[name], register.accepted(name)
+    others = [register.accepted(other) for other in register.current() if other != name]
+    entries = [own, *(other for other in others if grants(own, other))]
+    listed = "".join(f"  - {dump(msgspec.to_builtins(entry))}" for entry in entries)
+    return f"""\
+# The network file of {name}: its whole folder goes to the computer of {name}, and nowhere else.
+
+network: {_quoted(register.network)}
+member: {_quoted(name)}
+
+# Beside this file; the key must be readable for its user alone.
+certificate: {CERTIFICATE}
+key: {KEY}
+authority: {AUTHORITY}
+
+# HOST:PORT that it opens for others, and those to which it connects; all of it is encrypted (TLS).
+listen: [{", ".join(map(_quoted, member.listen))}]
+connect: [{", ".join(map(_quoted, register.connections(name)))}]
+
+# Who is accepted, in which role, with which certificate; nobody else is told anything or taken anything from.
+# `gloc3 network show` tells what each may do. After a change: SIGHUP to the process that runs with it.
+accepts:
+{listed}"""
+
+
+def _quoted(text: str) -> str:
+    return msgspec.json.encode(text).decode()
+
+
+def _replace(path: Path, text: str) -> bool:
+    """Writes a file as a whole, so that nobody reads half of it; False where it says the same already."""
+    if path.exists() and path.read_text() == text:
+        return False
+    beside = path.with_name(f".{path.name}.new")
+    beside.write_text(text)
+    beside.rename(path)
+    return True

@@ -78,7 +78,8 @@ class Outlet:
         self._is_settled = False
         self._timer = means.loop.call_later(SETTLE_S, self._settle)
         self._listener = self._publisher.declare_matching_listener(means.arrivals.taker(Inbound(self)))
-        self._last: Envelope[Any] | None = None
+        self.last: Envelope[Any] | None = None
+        """Of a latched topic, the last message."""
         self._held: tuple[Any, ...] = ()
         if row.is_latched:
             self._held = (
@@ -89,7 +90,7 @@ class Outlet:
     def send(self, envelope: Envelope[Any]) -> str:
         """Sends a message, or gives it to who does; returns why it was dropped, or an empty text."""
         if self._held:
-            self._last = envelope
+            self.last = envelope
         if not self.is_wanted:
             return ""
         apart = self._types.encode_apart(envelope)
@@ -125,8 +126,8 @@ class Outlet:
     def _answer(self, query: zenoh.Query) -> None:
         """In a thread of Zenoh: somebody came late and asks for the last message."""
         with query:
-            if self._last is not None:
-                query.reply(self._topic, self._types.encode(self._last))
+            if self.last is not None:
+                query.reply(self._topic, self._types.encode(self.last))
 
 
 def latched_token(topic: str) -> str:

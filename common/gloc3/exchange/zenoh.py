@@ -21,7 +21,7 @@ from gloc3.exchange.local import LocalExchange
 from gloc3.exchange.outlet import LATCHED, SERVICES, UNKNOWN, Means, Outlet, latched_token
 from gloc3.exchange.sender import Sender
 from gloc3.exchange.shared_memory import SharedMemory
-from gloc3.exchange.zenoh_session import Node, open_session, plain
+from gloc3.exchange.zenoh_session import Node, new_session, plain
 from gloc3.messages import Envelope, Source
 from gloc3.topics import Service, TopicTable, matches
 from gloc3.wire import VersionsDiffer, WireError
@@ -58,19 +58,18 @@ def open_exchange(
     Raises:
         Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
     """
-    with open_session(node, settings) as session:
-        exchange = ZenohExchange(session, loop, topics, troubled)
-        try:
-            yield exchange
-        finally:
-            exchange.close()
+    exchange = ZenohExchange(new_session(node, settings), loop, topics, troubled)
+    try:
+        yield exchange
+    finally:
+        exchange.close()
 
 
 class ZenohExchange:
-    """A data exchanger over one Zenoh session, which stays the caller's to close.
+    """A data exchanger over one Zenoh session; `open_exchange` makes one that is always closed.
 
     Args:
-        session: an open session, as `zenoh_session.open_session` gives.
+        session: an open session, closed with this.
         loop: calls the subscribers.
         topics: the types that may travel.
         troubled: is told, in the loop, of what was lost or refused: at the first, the tenth, the hundredth time…
@@ -92,7 +91,7 @@ class ZenohExchange:
         self._troubled = troubled
         self._outlets: dict[str, Outlet | None] = {}
         self._sources: dict[str, _Subscription] = {}
-        self._tokens: set[zenoh.LivelinessToken] = set()
+        self._tokens: dict[object, tuple[str, zenoh.LivelinessToken | None]] = {}
         self._watches: dict[str, _Watch] = {}
         self._owners: dict[str, _Subscription | None] = {}
         """By topic: through which of several fitting subscriptions its messages are taken, so that each comes once."""
@@ -121,7 +120,10 @@ class ZenohExchange:
         """Asks for a topic or a pattern of topics, here and elsewhere."""
         subscription = self._sources.get(pattern)
         if subscription is None:
-            subscription = self._sources[pattern] = self._declare(pattern)
+            row = self._topics.row(pattern)
+            is_bulk = row is not None and row.travels is Service.BULK
+            subscription = self._sources[pattern] = _Subscription(BULK_DEPTH if is_bulk else DEPTH)
+            self._declare(pattern, subscription)
             self._owners.clear()
         subscription.users += 1
         end_here = self.here.subscribe(pattern, deliver)
@@ -146,14 +148,15 @@ class ZenohExchange:
     def declare_alive(self, token: str) -> Unsubscribe:
         """Says here and elsewhere that something is here; it is gone at once when this process is."""
         withdraw_here = self.here.declare_alive(token)
-        declared = self._session.liveliness().declare_token(token)
-        self._tokens.add(declared)  # one that nobody holds is withdrawn
+        key = object()
+        self._tokens[key] = (token, self._declare_token(token))
 
         def withdraw() -> None:
-            if declared in self._tokens:
-                self._tokens.remove(declared)
+            if key in self._tokens:
+                _, declared = self._tokens.pop(key)
                 withdraw_here()
-                declared.undeclare()  # type: ignore[no-untyped-call]
+                if declared is not None:
+                    declared.undeclare()  # type: ignore[no-untyped-call]
 
         return withdraw
 
@@ -162,9 +165,7 @@ class ZenohExchange:
         watch = self._watches.get(pattern)
         if watch is None:
             watch = self._watches[pattern] = _Watch()
-            watch.declared = self._session.liveliness().declare_subscriber(
-                key_expression(pattern), self._arrivals.taker(watch.inbound), history=True
-            )
+            self._declare_watch(pattern, watch)
         watch.users += 1
         end_here = self.here.watch(pattern, changed)
         is_open = True
@@ -178,23 +179,56 @@ class ZenohExchange:
             watch.users -= 1
             if not watch.users:
                 del self._watches[pattern]
-                watch.declared.undeclare()  # type: ignore[no-untyped-call]
+                if watch.declared is not None:
+                    watch.declared.undeclare()  # type: ignore[no-untyped-call]
                 for withdraw in watch.tokens.values():
                     withdraw()
 
         return unwatch
 
     def close(self) -> None:
-        """Sends and hears nothing from now on."""
+        """Sends and hears nothing from now on; what waits to be sent still leaves."""
         self._is_open = False
         self._arrivals.close()
+        for sender in self._means.senders.values():
+            sender.close()
+        self._end_session()
+
+    # --- what only this middleware has ---
+
+    def renew(self, node: Node, settings: Mapping[str, Any] | None = None) -> None:
+        """Opens a new session in place of the present one, as after a change of who is accepted; takes some 10 ms.
+
+        Raises:
+            Gloc3Error: it cannot be opened; then this process is alone until it can.
+        """
+        self._is_open = False
+        self._end_session()
+        kept = {topic: outlet.last for topic, outlet in self._outlets.items() if outlet is not None and outlet.last}
+        self._session = new_session(node, settings)
+        self._means = self._means._replace(session=self._session)
+        self._is_open = True
+        self._outlets.clear()
+        self._sequences.clear()
+        for topic, last in kept.items():
+            outlet = self._open_outlet(topic)
+            if outlet is not None:
+                outlet.last = last
+        for pattern, subscription in self._sources.items():
+            self._declare(pattern, subscription)
+        for key, (token, _) in self._tokens.items():
+            self._tokens[key] = (token, self._declare_token(token))
+        for pattern, watch in self._watches.items():
+            tokens, watch.tokens = watch.tokens, {}
+            for withdraw in tokens.values():
+                withdraw()
+            self._declare_watch(pattern, watch)
+
+    def _end_session(self) -> None:
         for outlet in self._outlets.values():
             if outlet is not None:
                 outlet.close()
-        for sender in self._means.senders.values():
-            sender.close()
-
-    # --- what only this middleware has ---
+        self._session.close()  # type: ignore[no-untyped-call]
 
     def troubles(self) -> dict[str, int]:
         """How many messages were lost or refused so far, by the reason in a word and the topic, `WORD TOPIC`.
@@ -223,17 +257,16 @@ class ZenohExchange:
 
     # --- in ---
 
-    def _declare(self, pattern: str) -> _Subscription:
+    def _declare(self, pattern: str, subscription: _Subscription) -> None:
         """Asks the others for a pattern, and for the last messages of the latched topics that fit it."""
-        row = self._topics.row(pattern)
-        is_bulk = row is not None and row.travels is Service.BULK
-        subscription = _Subscription(BULK_DEPTH if is_bulk else DEPTH)
+        if not self._is_open:
+            return
         key = key_expression(pattern)
-        subscription.declared.append(
+        subscription.declared = [
             self._session.declare_subscriber(
                 key, self._arrivals.taker(subscription.inbound), allowed_origin=zenoh.Locality.REMOTE
             )
-        )
+        ]
         if any(row.is_latched and key.intersects(f"*/{name}") for name, row in self._topics):
             subscription.declared.append(
                 self._session.liveliness().declare_subscriber(
@@ -242,7 +275,16 @@ class ZenohExchange:
                     history=True,
                 )
             )
-        return subscription
+
+    def _declare_watch(self, pattern: str, watch: _Watch) -> None:
+        if self._is_open:
+            watch.declared = self._session.liveliness().declare_subscriber(
+                key_expression(pattern), self._arrivals.taker(watch.inbound), history=True
+            )
+
+    def _declare_token(self, token: str) -> zenoh.LivelinessToken | None:
+        """A token; it is withdrawn when nobody holds this."""
+        return self._session.liveliness().declare_token(token) if self._is_open else None
 
     def _take(self, inbound: Inbound, thing: Any) -> None:
         """In the loop: a sample of a subscription or of a watch, or a change of who wants a topic."""
@@ -348,9 +390,8 @@ class _Latched(NamedTuple):
 class _Watch:
     """One pattern of tokens that somebody here watches elsewhere."""
 
-    declared: zenoh.Subscriber[None]
-
     def __init__(self) -> None:
+        self.declared: zenoh.Subscriber[None] | None = None
         self.inbound = Inbound(self)
         self.tokens: dict[str, Unsubscribe] = {}
         self.users = 0

@@ -6,8 +6,7 @@ connect to routers: this version of Zenoh loses routes when one of them dies.
 """
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from hashlib import blake2s
 from pathlib import Path
 from typing import Any, Final
@@ -90,9 +89,8 @@ def configuration(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.C
     return config
 
 
-@contextmanager
-def open_session(node: Node, extra: Mapping[str, Any] | None = None) -> Iterator[zenoh.Session]:
-    """A session for as long as the block lasts; it is always closed, since an interpreter with an open one never ends.
+def new_session(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.Session:
+    """A session; whoever opens it has to close it, since an interpreter with an open one never ends.
 
     Raises:
         Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
@@ -102,12 +100,10 @@ def open_session(node: Node, extra: Mapping[str, Any] | None = None) -> Iterator
         if scheme == UNIX:
             Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     try:
-        session = zenoh.open(configuration(node, extra))
+        return zenoh.open(configuration(node, extra))
     except zenoh.ZError as error:
         places = ", ".join((*node.listen, *node.connect)) or "no endpoint"
         raise Gloc3Error(f"the network cannot be opened at {places}: {plain(error)}") from error
-    with session:
-        yield session
 
 
 def plain(error: zenoh.ZError) -> str:

@@ -150,7 +150,10 @@ def _network_file(register: Register, name: str) -> str:
     member, own = register.members[name], register.accepted(name)
     others = [register.accepted(other) for other in register.current() if other != name]
     entries = [own, *(other for other in others if grants(own, other))]
-    listed = "".join(f"  - {dump(msgspec.to_builtins(entry))}" for entry in entries)
+    listed = "".join(
+        f"  - {{member: {_quoted(entry.member)}, role: {entry.role}, certificate: {_quoted(entry.certificate)}}}\n"
+        for entry in entries
+    )
     return f"""\
 # The network file of {name}: its whole folder goes to the computer of {name}, and nowhere else.
 

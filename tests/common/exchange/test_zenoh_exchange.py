@@ -15,7 +15,7 @@ from tests.common.exchange.middlewares import EVENT, PLATFORM, TABLE, Ends, even
 from gloc3.ci import ComponentTable
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
-from gloc3.exchange.zenoh_session import UNIX, Node, open_session
+from gloc3.exchange.zenoh_session import UNIX, Node, new_session
 from gloc3.messages import Envelope, Source
 from gloc3.topics import TopicTable
 from gloc3.vehicle import Image
@@ -85,7 +85,7 @@ async def test_bytes_from_strangers_are_counted_and_told_never_raised(tmp_path: 
     told: list[str] = []
     with (
         node(tmp_path, "main", troubled=lambda _, text: told.append(text)) as main,
-        open_session(Node(name="one", connect=(f"{UNIX}/{tmp_path}/z",))) as stranger,
+        new_session(Node(name="one", connect=(f"{UNIX}/{tmp_path}/z",))) as stranger,
     ):
         heard, _ = hear(main, EVENT)
         types = TopicTable.installed().types

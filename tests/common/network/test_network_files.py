@@ -1,0 +1,124 @@
+"""`gloc3 network`: what it writes, and what it says of files that are wrong."""
+
+import shutil
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from tests.common.network.yard import LONG, NOW, Yard
+
+from gloc3.cli import run
+from gloc3.errors import InputError, Refused
+from gloc3.network.access import Accepted, Role, grants
+from gloc3.network.file import read_network
+from gloc3.network.register import NETWORK_FILE, found, read_register
+
+
+def network(*arguments: object) -> int:
+    return run(["network", *map(str, arguments)])
+
+
+def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_authoritys_key(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    yard = tmp_path / "yard"
+    assert network("init", yard) == 0
+    assert network("add", yard, "alice", "--role", "operator") == 0
+    assert "nobody listens yet" in capsys.readouterr().err
+    listen = ("--listen", "0.0.0.0:7447", "--reached-at", "192.168.1.10:7447")
+    assert network("add", yard, "pelican.main", "--role", "platform", *listen) == 0
+    assert "network.yaml is new for alice" in capsys.readouterr().err
+    assert network("add", yard, "pelican.vision", "--role", "platform") == 0
+    assert network("add", yard, "bob", "--role", "observer") == 0
+    assert "new for pelican.main, pelican.vision:" in capsys.readouterr().err
+    for name in ("alice", "pelican.vision"):
+        assert read_network(yard / name / NETWORK_FILE, NOW).file.connect == ["192.168.1.10:7447"]
+    main = read_network(yard / "pelican.main" / NETWORK_FILE, NOW).node()
+    assert (main.listen, main.connect) == (("tls/0.0.0.0:7447",), ())
+    assert set(main.accepts) == {"alice", "bob", "pelican.vision"}
+    keys = [path for path in yard.rglob("*") if "PRIVATE KEY" in (path.read_text() if path.is_file() else "")]
+    assert {path.relative_to(yard).as_posix() for path in keys} == {
+        "authority.key",
+        *(f"{name}/key.pem" for name in read_register(yard).members),
+    }
+    assert all(path.stat().st_mode & 0o077 == 0 for path in keys)
+    capsys.readouterr()
+    assert network("check", yard / "alice" / NETWORK_FILE) == 0
+    assert network("show", yard / "pelican.main" / NETWORK_FILE) == 0
+    shown = capsys.readouterr().out
+    assert "may say here: pelican/ci/request/alice, pelican/ci/ask/alice, stations/alice/**" in shown
+    assert "may say here: pelican/ci/ask/bob, stations/bob/**" in shown
+    assert network("revoke", yard, "bob") == 0
+    assert "bob" not in (yard / "pelican.main" / NETWORK_FILE).read_text()
+    assert network("revoke", yard, "bob") == 2
+    assert network("add", yard, "alice", "--role", "operator") == 2
+    assert "alice is a member already" in capsys.readouterr().err
+    with pytest.raises(Refused, match="holds a network already"):
+        found(yard, "yard", NOW, LONG)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "finding"),
+    [
+        ("member: ", "membr: ", r":4:1: unknown key 'membr' \(did you mean 'member'\?\)"),
+        ('member: "alice"', 'member: "alicia"', r":4:9: 'alicia' is not among those .*did you mean 'alice'"),
+        ("role: operator", "role: pilot", r":\d+:\d+: .*operator"),
+        ("7447", "74470", r":13:11: 74470 is no port"),
+        ("connect: [", "connect: [nowhere, ", r":13:11: 'nowhere' is no address"),
+        ('member: "pelican.main"', 'member: "pelican"', r":\d+:\d+: 'pelican' is no host of a platform"),
+        ("- {", "- {serial: 1, ", r"unknown key 'serial'"),
+        ("key: key.pem", "key: nothing.pem", "nothing.pem: cannot be read: No such file"),
+        ("key: key.pem", "key: authority.pem", "authority.pem: .*(others than its owner|no private key)"),
+        ("certificate: certificate.pem", "certificate: authority.pem", "it is of 'yard authority', not of 'alice/"),
+    ],
+)
+def test_a_network_file_that_is_wrong_is_refused_at_the_place(tmp_path: Path, old: str, new: str, finding: str) -> None:
+    yard = Yard(tmp_path / "yard", "192.168.1.10:7447")
+    file = yard.folder / "alice" / NETWORK_FILE
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=finding):
+        read_network(file, NOW)
+
+
+def test_keys_and_certificates_that_do_not_fit_or_are_open_to_others_are_refused(tmp_path: Path) -> None:
+    yard, other = Yard(tmp_path / "yard"), Yard(tmp_path / "other")
+    file = yard.folder / "alice" / NETWORK_FILE
+    key = file.with_name("key.pem")
+    key.chmod(0o640)
+    with pytest.raises(InputError, match=r"key\.pem: others than its owner may use this key \(mode 0640\)"):
+        read_network(file, NOW)
+    key.chmod(0o600)
+    with pytest.raises(InputError, match=r"certificate\.pem: it has expired on .*renew"):
+        read_network(file, NOW + 2 * LONG)
+    with pytest.raises(InputError, match="is this computer's clock right"):
+        read_network(file, NOW - timedelta(days=400))
+    shutil.copy(other.folder / "alice" / "key.pem", key)
+    with pytest.raises(InputError, match=r"key\.pem: this is not the key of certificate\.pem"):
+        read_network(file, NOW)
+    shutil.copy(other.folder / "authority.pem", file.with_name("authority.pem"))
+    with pytest.raises(InputError, match=r"authority\.pem has not signed this certificate"):
+        read_network(file, NOW)
+
+
+def test_no_role_may_say_what_is_anothers() -> None:
+    def accepted(member: str, role: Role) -> Accepted:
+        return Accepted(member=member, role=role, certificate="1")
+
+    main, other = accepted("pelican.main", Role.PLATFORM), accepted("hummingbird.main", Role.PLATFORM)
+    alice, bob = accepted("alice", Role.OPERATOR), accepted("bob", Role.OBSERVER)
+
+    def said(own: Accepted, theirs: Accepted) -> set[str]:
+        return {
+            key
+            for grant in grants(own, theirs)
+            if (grant.flow, grant.speech) == ("ingress", "say")
+            for key in grant.keys
+        }
+
+    assert said(main, alice) == {"pelican/ci/request/alice", "pelican/ci/ask/alice", "stations/alice/**"}
+    assert said(main, bob) == {"pelican/ci/ask/bob", "stations/bob/**"}
+    assert said(main, other) == {f"hummingbird/ci/{name}" for name in ("summary", "mission", "control")}
+    assert said(alice, main) == {"pelican/**", "stations/**"}
+    assert said(alice, bob) == set()

@@ -1,0 +1,180 @@
+"""On real links: without a certificate nothing is read or commanded, and each role does what it may, no more."""
+
+import asyncio
+from collections.abc import Mapping
+from contextlib import ExitStack
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from tests.common.exchange.middlewares import event, hear, until
+from tests.common.network.yard import MEMBERS, NOW, Yard
+
+from gloc3.exchange import Publisher
+from gloc3.exchange.zenoh import ZenohExchange, open_exchange
+from gloc3.network.access import Role
+from gloc3.network.file import Membership
+from gloc3.network.register import revoke
+from gloc3.topics import TopicTable
+
+pytestmark = [pytest.mark.sockets, pytest.mark.timeout(120)]
+SEEN = "pelican/ci/event"
+ORDERS = "pelican/ci/request/"
+
+
+class Scene:
+    """The platform's main computer, an operator who shows that the network works, and somebody else."""
+
+    def __init__(self, main: ZenohExchange, alice: ZenohExchange) -> None:
+        self.main = main
+        self.taken, _ = hear(main, f"{ORDERS}*")
+        self.asked, _ = hear(main, "pelican/ci/ask/*")
+        self.moved, _ = hear(main, "pelican/motion/*")
+        self.alice_reads, _ = hear(alice, "*/ci/*")
+        self._main = Publisher(main, "pelican", "ci", 1)
+        self._alice = Publisher(alice, "pelican", "alice", 1)
+
+    async def play(self, other: ZenohExchange, name: str) -> tuple[list[str], bool]:
+        """What another reads, and whether its command comes in, while the operator's messages go both ways."""
+        reads, end = hear(other, "*/ci/*")
+        sees_tokens, end_tokens = hear(other, "pelican/**")
+        speaker = Publisher(other, "pelican", name, 1)
+        for texts in (self.taken, self.asked, self.moved, self.alice_reads):
+            texts.clear()
+        rounds = 0
+        while rounds < 30 or not (self.alice_reads and "alice" in self.taken):
+            self._main.publish(SEEN, event("state"), 0.0)
+            self._alice.publish(f"{ORDERS}alice", event("alice"), 0.0)
+            for topic in (f"{ORDERS}{name}", f"{ORDERS}alice", "pelican/ci/request", "pelican/motion/grant"):
+                speaker.publish(topic, event(f"order of {name}"), 0.0)
+            speaker.publish(f"pelican/ci/ask/{name}", event(f"question of {name}"), 0.0)
+            await asyncio.sleep(0.03)
+            rounds += 1
+        end()
+        end_tokens()
+        own = {f"order of {name}", f"question of {name}"}
+        read = [text for text in (*reads, *sees_tokens) if text not in own]
+        return read, f"order of {name}" in (*self.taken, *self.moved)
+
+
+async def test_an_operator_reads_and_commands_and_an_observer_only_looks_and_asks(tmp_path: Path) -> None:
+    yard = Yard(tmp_path / "yard")
+    with yard.open("pelican.main") as main, yard.open("alice") as alice, yard.open("bob") as bob:
+        scene = Scene(main, alice)
+        read, is_commanding = await scene.play(bob, "bob")
+        assert "state" in read
+        assert "alice" not in scene.moved
+        assert not is_commanding
+        assert "question of bob" in scene.asked
+
+
+async def test_hosts_of_a_platform_share_everything_and_stations_see_no_more_than_their_part(tmp_path: Path) -> None:
+    yard = Yard(tmp_path / "yard")
+    with ExitStack() as stack:
+        ends = {name: stack.enter_context(yard.open(name)) for name in MEMBERS}
+        alive = {name: watched(exchange) for name, exchange in ends.items()}
+        heard = {name: hear(exchange, "pelican/odometry/*")[0] for name, exchange in ends.items()}
+        ends["pelican.vision"].declare_alive("pelican/components/odometer")
+        ends["bob"].declare_alive("pelican/components/pretended")
+        vision = Publisher(ends["pelican.vision"], "pelican", "odometer", 1)
+        while not (heard["pelican.main"] and "pelican/components/odometer" in alive["alice"]):
+            vision.publish("pelican/odometry/stereo", event("moved"), 0.0)
+            await asyncio.sleep(0.03)
+        assert not heard["alice"]
+        assert not heard["bob"]
+        assert all("pelican/components/pretended" not in alive[name] for name in MEMBERS if name != "bob")
+
+
+def watched(exchange: ZenohExchange) -> set[str]:
+    """The tokens of components that a member has ever seen."""
+    seen: set[str] = set()
+    for pattern in ("**", "*/components/*"):
+        exchange.watch(pattern, lambda token, _: seen.add(token))
+    return seen
+
+
+def without_certificate(settings: dict[str, Any]) -> None:
+    for key in ("connect_certificate", "connect_private_key"):
+        del settings["transport/link/tls"][key]
+
+
+def unrestricted(settings: dict[str, Any]) -> None:
+    settings["access_control"] = {"enabled": False}
+
+
+@pytest.mark.parametrize("stranger", ["plain", "without a certificate", "of another authority", "expired"])
+async def test_without_a_certificate_that_counts_nothing_is_read_or_commanded(stranger: str, tmp_path: Path) -> None:
+    yard = Yard(tmp_path / "yard")
+    yard.add("eve", Role.OPERATOR, timedelta(hours=-1) if stranger == "expired" else timedelta(days=1))
+    eve = yard.membership("eve", NOW - timedelta(days=1)) if stranger == "expired" else yard.membership("eve")
+    node, settings = eve.node(), eve.settings()
+    unrestricted(settings)
+    if stranger == "plain":
+        node, settings = replace(node, connect=(f"tcp/{yard.address}",)), {}
+    elif stranger == "without a certificate":
+        without_certificate(settings)
+    elif stranger == "of another authority":
+        other = Yard(tmp_path / "other")
+        settings["transport/link/tls"] = tls_of(other.membership("alice"), trusting=eve)
+    loop, topics = asyncio.get_running_loop(), TopicTable.installed()
+    with (
+        yard.open("pelican.main") as main,
+        yard.open("alice") as alice,
+        open_exchange(node, loop, topics, settings=settings) as stranger_end,
+    ):
+        assert await Scene(main, alice).play(stranger_end, "eve") == ([], False)
+
+
+def tls_of(membership: Membership, trusting: Membership) -> Mapping[str, Any]:
+    """A member's keys, with the authority of another."""
+    authority = trusting.settings()["transport/link/tls"]["root_ca_certificate"]
+    return {**membership.settings()["transport/link/tls"], "root_ca_certificate": authority}
+
+
+async def test_a_revoked_certificate_counts_no_more_and_a_renewed_one_takes_the_place_of_the_old(
+    tmp_path: Path,
+) -> None:
+    yard = Yard(tmp_path / "yard")
+    bob = yard.membership("bob")
+    yard.add("carol", Role.OPERATOR)
+    with yard.open("pelican.main") as main, yard.open("alice") as alice, yard.open("carol") as carol:
+        scene = Scene(main, alice)
+        read, is_commanding = await scene.play(carol, "carol")
+        assert "state" in read
+        assert is_commanding
+        revoke(yard.folder, "carol")
+        new = yard.membership("pelican.main")
+        main.renew(new.node(), new.settings())
+        await until(lambda: main.troubles() == {})
+        assert await scene.play(carol, "carol") == ([], False)
+    (yard.folder / "bob").rename(yard.folder / "old")
+    yard.add("bob", Role.OPERATOR, is_renewed=True)
+    old = bob.path.parent.parent / "old" / bob.path.name
+    with (
+        yard.open("pelican.main") as main,
+        yard.open("alice") as alice,
+        yard.open("bob", bob._replace(path=old)) as before,
+    ):
+        scene = Scene(main, alice)
+        assert await scene.play(before, "bob") == ([], False)
+        with yard.open("bob") as after:
+            read, is_commanding = await scene.play(after, "bob")
+            assert "state" in read
+            assert is_commanding
+
+
+async def test_a_link_ends_when_a_certificate_expires(tmp_path: Path) -> None:
+    yard = Yard(tmp_path / "yard")
+    yard.add("dave", Role.OBSERVER, timedelta(seconds=8))
+    loop = asyncio.get_running_loop()
+    with yard.open("pelican.main") as main, yard.open("alice") as alice, yard.open("dave") as dave:
+        scene = Scene(main, alice)
+        read, _ = await scene.play(dave, "dave")
+        assert "state" in read
+        begin_s = loop.time()
+        while read and loop.time() - begin_s < 60.0:
+            await asyncio.sleep(1.0)
+            read, _ = await scene.play(dave, "dave")
+        assert not read

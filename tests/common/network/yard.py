@@ -1,0 +1,62 @@
+"""A network with a platform of two computers, an operator and an observer, on free ports."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from gloc3.exchange.zenoh import ZenohExchange, open_exchange
+from gloc3.network import register
+from gloc3.network.access import Role
+from gloc3.network.file import Membership, read_network
+from gloc3.topics import TopicTable
+
+NOW = datetime.now(UTC)
+LONG = timedelta(days=30)
+MEMBERS = {
+    "pelican.main": Role.PLATFORM,
+    "pelican.vision": Role.PLATFORM,
+    "alice": Role.OPERATOR,
+    "bob": Role.OBSERVER,
+}
+
+
+def free_port() -> int:
+    """A port that was free just now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Yard:
+    """The folder of a network."""
+
+    def __init__(self, folder: Path, address: str = "") -> None:
+        self.folder = folder
+        self.address = address or f"127.0.0.1:{free_port()}"
+        register.found(folder, "yard", NOW, LONG)
+        for name, role in MEMBERS.items():
+            self.add(name, role)
+
+    def add(self, name: str, role: Role, valid: timedelta = LONG, *, is_renewed: bool = False) -> None:
+        """Takes a member in."""
+        listen = [self.address] if name == "pelican.main" else []
+        entry = register.Member(role=role, certificate="", until="", listen=listen)
+        register.add(self.folder, name, entry, datetime.now(UTC), valid, is_renewed=is_renewed)
+
+    def membership(self, name: str, now: datetime = NOW) -> Membership:
+        """A member's network file."""
+        return read_network(self.folder / name / "network.yaml", now)
+
+    @contextmanager
+    def open(self, name: str, membership: Membership | None = None, **entries: Any) -> Iterator[ZenohExchange]:
+        """A member's exchanger."""
+        own = membership or self.membership(name)
+        loop = asyncio.get_running_loop()
+        with open_exchange(own.node(), loop, TopicTable.installed(), settings=own.settings(), **entries) as exchange:
+            yield exchange

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
@@ -16,6 +16,7 @@ from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
 from gloc3.link.signed_only import SignedOnly
 from gloc3.link.signing import Signing, timestamp
+from gloc3.messages import Envelope
 from gloc3.topics import TopicTable
 
 STATION_COMPONENT: Final = 190
@@ -50,6 +51,8 @@ class Link:
         budget: LinkBudget | None = None,
         signing: Signing | None = None,
         tap: Tap = lambda _: None,
+        carries: Callable[[Envelope[Any]], bool] = lambda _: True,
+        is_new: Callable[[Envelope[Any]], bool] = lambda _: True,
     ) -> None:
         """Begins to send heartbeats and to look for platforms.
 
@@ -66,6 +69,8 @@ class Link:
             budget: what the link carries.
             signing: signs all that is sent, and judges all that is heard; None on a link without a key.
             tap: is given every frame, in and out.
+            carries: tells whether a message of the station's goes by this link.
+            is_new: tells whether a message of the command link has not come by another link already.
         """
         own = Address(system, STATION_COMPONENT)
         self._loop = loop
@@ -90,7 +95,9 @@ class Link:
         end = TunnelEndpoint(Role.STATION, str(system), own, boot, topics, budget or LinkBudget())
         self._tunnel = MavlinkExchange(end, loop, self._send_message)
         self._tunnel.listen(self._happened)
-        self._part = self._tunnel.bridge(exchange, topics)
+        self._part = self._tunnel.bridge(
+            exchange, topics, inward=lambda envelope: envelope if is_new(envelope) else None, outward=carries
+        )
         self._timer = loop.call_soon(self._tick)
 
     def receive(self, data: bytes) -> None:
@@ -177,6 +184,10 @@ class Link:
     def round_trip_s(self, platform: str) -> float | None:
         """How long something to a platform and its answer are on their way here; None where that is not known."""
         return self._tunnel.round_trip_s(platform)
+
+    def age_s(self, platform: str) -> float | None:
+        """How long ago anything of the command link came from a platform here; None where nothing ever did."""
+        return self._tunnel.heard_age_s(platform)
 
     def close(self) -> None:
         """Sends and hears nothing more."""

@@ -18,10 +18,9 @@ from gloc3.link.signing_key import read_signing_key
 from gloc3.topics import TopicTable
 from gloc3_groundstation.link import GivenUp, Link, Tap, Told
 from gloc3_groundstation.link_snapshot import LinkSnapshot
+from gloc3_groundstation.ways import LINE, NETWORK, Way, Ways
 
 MEASURE_EVERY_S: Final = 1.0
-MAX_REMEMBERED: Final = 256
-"""Messages of which some links have said that they gave them up."""
 
 
 class _Opened:
@@ -44,10 +43,14 @@ class _Opened:
 class Links:
     """All links of a station with their sockets."""
 
-    def __init__(self) -> None:
+    def __init__(self, ways: Ways | None = None) -> None:
+        """None yet.
+
+        Args:
+            ways: all ways of the station, those over other networks included; None where there are no others.
+        """
         self._open: list[_Opened] = []
-        self._ways = 0
-        self._given_up = UndeliveredEverywhere()
+        self._ways = ways or Ways()
         self._make: Callable[[str, Endpoint, int, bytes | None], Link] | None = None
         self._signing_key: bytes | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -67,7 +70,7 @@ class Links:
     ) -> None:
         """Opens links; with a key, theirs or that of their URL, all frames are signed, and those of others must be.
 
-        See `Link` for the arguments, and `UndeliveredEverywhere` for what is told as undelivered.
+        See `Link` for the arguments, and `Ways.is_lost` for what is told as undelivered.
 
         Raises:
             Refused: a URL is wrong, or its address cannot be had.
@@ -88,6 +91,8 @@ class Links:
                 is_datagram=endpoint.is_datagram,
                 budget=budget_of(url, is_signed=key is not None),
                 tap=tap,
+                carries=partial(self._ways.carries, way),
+                is_new=partial(self._ways.is_new, way),
                 signing=None
                 if key is None
                 else Signing(key, link_id=way & 0xFF, now=timestamp(clock.utc_s()), is_clock_right=clock.is_utc_right),
@@ -114,9 +119,10 @@ class Links:
         made: list[Link] = []
         loop = asyncio.get_running_loop()
         endpoint = await open_endpoint(url, loop, lambda data: made[0].receive(data) if made else None)
-        self._ways += 1
-        made.append(self._make(url, endpoint, self._ways, key))
-        self._open.append(_Opened(self._ways, endpoint, made[0]))
+        rank = NETWORK if parse_url(url).line_bit_s is None else LINE
+        way = self._ways.open(Way(rank, lambda platform: made[0].age_s(platform) if made else None))
+        made.append(self._make(url, endpoint, way, key))
+        self._open.append(_Opened(way, endpoint, made[0]))
 
     async def remove(self, url: str) -> None:
         """Closes a link.
@@ -128,7 +134,7 @@ class Links:
         if not found:
             raise Refused(f"there is no link {url}")
         self._open.remove(found[0])
-        self._given_up.forget(found[0].way)
+        self._ways.close(found[0].way)
         found[0].link.close()
         await found[0].endpoint.close()
 
@@ -161,7 +167,7 @@ class Links:
         self._timer = loop.call_later(MEASURE_EVERY_S, self._measure, loop)
 
     def _give_up(self, way: int, undelivered: GivenUp, lost: Undelivered) -> None:
-        if self._given_up.is_told(way, len(self._open), lost):
+        if self._ways.is_lost(way, lost):
             undelivered(lost)
 
     def describe(self) -> str:
@@ -201,43 +207,7 @@ class Links:
         if self._timer is not None:
             self._timer.cancel()
         for opened in self._open:
+            self._ways.close(opened.way)
             opened.link.close()
             await opened.endpoint.close()
         self._open.clear()
-
-
-class UndeliveredEverywhere:
-    """What several links together say of a message that each of them carries.
-
-    It is certainly not delivered only when every link has said so; that it may have arrived by one of them is told at
-    once.
-    """
-
-    def __init__(self) -> None:
-        self._certain: dict[tuple[str, int, int], set[int]] = {}
-
-    def forget(self, way: int) -> None:
-        """A link is no longer there, and has no say any more."""
-        for said in self._certain.values():
-            said.discard(way)
-
-    def is_told(self, way: int, ways: int, lost: Undelivered) -> bool:
-        """Whether a link's word is that of all of them.
-
-        Args:
-            way: which link.
-            ways: how many there are.
-            lost: what it says.
-        """
-        if not lost.is_certain:
-            return True
-        envelope = lost.envelope
-        key = envelope.topic, envelope.source.boot, envelope.sequence
-        said = self._certain.setdefault(key, set())
-        said.add(way)
-        if len(said) < ways:
-            while len(self._certain) > MAX_REMEMBERED:
-                del self._certain[next(iter(self._certain))]
-            return False
-        del self._certain[key]
-        return True

@@ -12,11 +12,11 @@ import msgspec
 
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.tunnel.happenings import Undelivered
-from gloc3.link.memory import MemoryEnd
+from gloc3.link.memory import MemoryLink
 from gloc3.topics import TopicTable
 from gloc3_groundstation.link import Link
-from gloc3_groundstation.links import UndeliveredEverywhere
 from gloc3_groundstation.station import Station
+from gloc3_groundstation.ways import NETWORK, Way, Ways
 from gloc3_sitl.flight import STATION_ID, Flight, FlightPlan
 
 
@@ -34,11 +34,17 @@ class FleetGround:
         self._loop, self._topics, self._boot, self._system = loop, topics, boot, system
         self.exchange: Final = LocalExchange()
         self.station: Final = Station(self.exchange, loop, str(system), boot)
+        self.radios: Final[dict[str, MemoryLink]] = {}
+        """The first link to each vehicle."""
         self._links: list[Link] = []
-        self._given_up = UndeliveredEverywhere()
+        self._ways = Ways()
 
-    def join(self, end: MemoryEnd) -> None:
-        """Opens a link."""
+    def join(self, name: str, radio: MemoryLink) -> None:
+        """Opens a link to a vehicle, the first or one more."""
+        end = radio.a
+        self.radios.setdefault(name, radio)
+        made: list[Link] = []
+        way = self._ways.open(Way(NETWORK, lambda platform: made[0].age_s(platform) if made else None))
         link = Link(
             end.send,
             loop=self._loop,
@@ -47,13 +53,16 @@ class FleetGround:
             system=self._system,
             boot=self._boot,
             told=lambda _: None,
-            undelivered=partial(self._give_up, len(self._links)),
+            undelivered=partial(self._give_up, way),
+            carries=partial(self._ways.carries, way),
+            is_new=partial(self._ways.is_new, way),
         )
+        made.append(link)
         end.on_data = link.receive
         self._links.append(link)
 
     def _give_up(self, way: int, lost: Undelivered) -> None:
-        if self._given_up.is_told(way, len(self._links), lost):
+        if self._ways.is_lost(way, lost):
             self.station.client.undelivered(lost)
 
     def close(self) -> None:
@@ -109,5 +118,5 @@ class FleetFlight:
         return FleetGround(self.loop, self.topics, self._random.getrandbits(32), system)
 
     def _join(self, ground: FleetGround) -> None:
-        for flight in self.flights.values():
-            ground.join(flight.add_radio().a)
+        for name, flight in self.flights.items():
+            ground.join(name, flight.add_radio())

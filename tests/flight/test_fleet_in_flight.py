@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 from tests.flight.fleet_trial import run_trial
 
-from gloc3.ci import EmergencyVerb, Verb
+from gloc3.ci import CallFunction, EmergencyVerb, Verb
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error
+from gloc3.link.memory import Conditions
 from gloc3.log.commands import list_commands, render_commands
 from gloc3.log.reader import LogReader
 from gloc3.mission.states import ActionState
@@ -18,7 +19,7 @@ from gloc3_groundstation import flights
 from gloc3_groundstation.plans import Plan, read_plan
 from gloc3_groundstation.station import Station
 from gloc3_sitl.fleet_flight import FleetFlight
-from gloc3_sitl.flight import FlightPlan
+from gloc3_sitl.flight import Flight, FlightPlan
 
 TOGETHER = """\
 mission: two in the hold
@@ -190,6 +191,36 @@ def test_the_logs_tell_who_commanded_what(plan: Plan, tmp_path: Path) -> None:
     text = render_commands(commands)
     assert "operator 254: Steer start: refused: station 255 holds control; ask for control first" in text
     assert "Emergency hold station 254: accepted" in text
+
+
+def test_a_second_way_takes_over_when_the_first_is_cut_and_nothing_is_done_or_told_twice(plan: Plan) -> None:
+    async def work() -> None:
+        async with FleetFlight([FlightPlan(mission=plan.file, name="heron")]) as fleet:
+            heron, ground = fleet.flights["heron"], fleet.grounds[0]
+            station, wifi, radio = ground.station, ground.radios["heron"], heron.add_radio()
+            ground.join("heron", radio)
+            asked = heard(heron)
+            await flights.await_platform(station, "heron")
+            assert not await flights.await_ready(station, "heron")
+            await flights.take_control(station, "heron")
+            for number in range(40):
+                if number == 20:
+                    wifi.set_conditions(Conditions(loss=1.0))
+                body = CallFunction(component="hold", function="set_rate", arguments={"rate_hz": 20.0 + 0.1 * number})
+                await station.client.carry_out("heron", body)
+            assert asked == [20.0 + 0.1 * number for number in range(40)]
+            texts = [event.text for event in station.fleet.events if event.source == "command_server"]
+            assert len(texts) == len(set(texts)), "nothing is told twice"
+
+    fly(work())
+
+
+def heard(flight: Flight) -> list[float]:
+    """The rates that reach the hold controller, from now on."""
+    rates: list[float] = []
+    topic = f"{flight.name}/components/hold/function"
+    flight.exchange.subscribe(topic, lambda envelope: rates.append(envelope.payload.arguments["rate_hz"]))
+    return rates
 
 
 def test_none_starts_where_one_may_not(plan: Plan, tmp_path: Path) -> None:

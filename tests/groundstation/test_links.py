@@ -6,23 +6,20 @@ from random import Random
 from typing import NamedTuple, TypeVar
 
 import pytest
-from msgspec.structs import replace
 
-from gloc3.ci import CiRequest, Hello, Outcome, Steer, Verb
+from gloc3.ci import Outcome, Steer, Verb
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.link.codec import Encoder, Frame, Parser, message
 from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.link.message import Address
 from gloc3.link.signing import Signing, is_signed_with, timestamp
-from gloc3.messages import Envelope, Source
 from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
 from gloc3_groundstation.link import Link
-from gloc3_groundstation.links import Links, UndeliveredEverywhere
+from gloc3_groundstation.links import Links
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 
@@ -179,18 +176,6 @@ def test_a_request_that_may_have_been_delivered_when_the_link_broke_stays_unknow
         assert reply.reason.startswith("it may have been delivered (no answer from heron)")
 
     over(Conditions(), play)
-
-
-def test_only_when_every_link_has_given_up_a_message_it_is_certain() -> None:
-    request = CiRequest(sender="255", boot=1, sequence=0, body=Hello())
-    envelope = Envelope("a/ci/request", Source("station_255", "command_client", 1), 4, 0.0, "", "", request)
-    lost = Undelivered(envelope, None, True, "nobody to take it was heard")
-    given_up = UndeliveredEverywhere()
-    assert not given_up.is_told(0, 2, lost)
-    assert not given_up.is_told(0, 2, lost)
-    assert not given_up.is_told(1, 2, replace(lost, envelope=replace(envelope, sequence=5)))
-    assert given_up.is_told(1, 2, lost)
-    assert given_up.is_told(0, 2, replace(lost, is_certain=False))
 
 
 def test_on_a_signed_link_other_frames_are_dropped_counted_and_told_once_a_minute() -> None:

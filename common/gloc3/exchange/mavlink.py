@@ -111,7 +111,8 @@ class MavlinkExchange:
         other: Exchange,
         topics: TopicTable,
         platform: str = "*",
-        inward: Callable[[Envelope[Any]], Envelope[Any]] = lambda envelope: envelope,
+        inward: Callable[[Envelope[Any]], Envelope[Any] | None] = lambda envelope: envelope,
+        outward: Callable[[Envelope[Any]], bool] = lambda _: True,
     ) -> Unsubscribe:
         """Joins this link and another middleware, each topic in its direction.
 
@@ -119,8 +120,19 @@ class MavlinkExchange:
             other: the middleware on this side, such as the local one.
             topics: the topics that may cross.
             platform: at a platform its name; at a station all of them.
-            inward: what becomes of each message that comes in.
+            inward: what becomes of each message that comes in; None for one that is not taken.
+            outward: whether a message goes out.
         """
+
+        def take_in(envelope: Envelope[Any]) -> None:
+            taken = inward(envelope)
+            if taken is not None:
+                other.publish(taken)
+
+        def send_out(envelope: Envelope[Any]) -> None:
+            if outward(envelope):
+                self.publish(envelope)
+
         undo = []
         for name, row in topics:
             way = route(name, row)
@@ -128,9 +140,9 @@ class MavlinkExchange:
                 continue
             topic = f"{platform}/{name}"
             if way.sender is self.endpoint.role:
-                undo.append(other.subscribe(topic, self.publish))
+                undo.append(other.subscribe(topic, send_out))
             else:
-                undo.append(self.subscribe(topic, lambda envelope: other.publish(inward(envelope))))
+                undo.append(self.subscribe(topic, take_in))
 
         def part() -> None:
             for unsubscribe in undo:

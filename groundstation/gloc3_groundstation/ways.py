@@ -1,6 +1,4 @@
-"""Several ways to one platform at once, such as Wi-Fi and a radio: what goes by which of them, what has come by another
-already, and what none of them could deliver.
-"""
+"""Several ways to one platform, such as Wi-Fi and a radio: what goes by which, and what has come by another already."""
 
 from collections.abc import Callable
 from typing import Any, Final, TypeVar

@@ -11,6 +11,9 @@ HOSTS: Final = "hosts"
 """Below the platform's name: each host's status is `hosts/NAME`, its questions for the time `hosts/NAME/clock`."""
 
 
+HOST_PRESENCE: Final = "host_presence"
+
+
 class ProcessLine(msgspec.Struct, frozen=True, array_like=True):
     """A process of a host."""
 
@@ -66,3 +69,10 @@ class ClockAnswer(Message, frozen=True):
     number: int
     received_s: float
     answered_s: float
+
+
+class HostPresence(Message, frozen=True):
+    """On the clock host: another host has come, or is lost."""
+
+    host: str
+    is_here: bool

@@ -16,7 +16,7 @@ from gloc3.ci import (
     VehicleSummary,
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
-from gloc3.host_messages import ClockAnswer, ClockQuestion, HostStatus
+from gloc3.host_messages import ClockAnswer, ClockQuestion, HostPresence, HostStatus
 from gloc3.mission.messages import ActionStatus
 from gloc3.perception import Features, FusionState, ImuSample, LaserScan, Odometry, PositionFix
 from gloc3.preflight import PreflightReport
@@ -94,6 +94,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/event": TopicRow(CiEvent),
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),
+    "host_presence": TopicRow(HostPresence),
     "hosts/*/clock": TopicRow(ClockQuestion, is_logged=False, service=Service.CONTROL),
     "hosts/*/clock_answer": TopicRow(ClockAnswer, is_logged=False, service=Service.CONTROL),
     # the viewer, towards the stations that look

@@ -17,6 +17,7 @@ from gloc3.messages import CommandReply, CommandRequest, ComponentStatus
 
 SILENT_PERIODS: Final = 3.0
 """A component whose status stays away for so many periods counts as absent."""
+SILENT: Final = f"no status for {SILENT_PERIODS:g} periods"
 STABLE_S: Final = 30.0
 """A component that has been up for so long has all its attempts again."""
 RESUME_LIMIT_S: Final = 1.0
@@ -201,6 +202,14 @@ class Supervision:
             return []
         return list(self._judge(watched, status.cause, now_s))
 
+    def lose(self, component: str, reason: str, now_s: float) -> list[Step]:
+        """A component cannot be reached any more: what it was asked for will not be answered."""
+        watched = self._watched.get(component)
+        if watched is None:
+            return []
+        watched.pending = None
+        return list(self._fell_silent(watched, now_s, reason))
+
     def receive_reply(self, reply: CommandReply, now_s: float) -> list[Step]:
         """Takes the reply to an order of ours; others are none of ours."""
         watched = self._watched.get(reply.component)
@@ -333,11 +342,11 @@ class Supervision:
             else:
                 yield from self._fail(watched, reason, now_s)
 
-    def _fell_silent(self, watched: _Watched, now_s: float) -> Iterator[Step]:
+    def _fell_silent(self, watched: _Watched, now_s: float, reason: str = SILENT) -> Iterator[Step]:
         was, watched.state = watched.state, None
         watched.heard_s = watched.due_s = None
         if was in OPERATING:
-            yield from self._fail(watched, f"no status for {SILENT_PERIODS:g} periods", now_s)
+            yield from self._fail(watched, reason, now_s)
 
     def _order(
         self,

@@ -18,6 +18,7 @@ FROM_ELSEWHERE: Final = {
     "ci/heard": "the links to the stations",
     "sim/*": "the flight harness",
     "hosts/**": "the main process of each host",
+    "host_presence": "the main process of the clock host",
     "imu": "the inertial unit of a platform that moves by its own sensors",
     "laser": "the range scanner of a platform that has one",
     "features/*": "the feature processor of a platform that has a stereo pair",

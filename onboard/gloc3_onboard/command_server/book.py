@@ -61,6 +61,12 @@ class ComponentBook:
             else:
                 self._up_s.pop(status.name, None)
 
+    def lose(self, name: str) -> None:
+        """A component cannot be reached any more: it counts as silent."""
+        if name in self._heard_s:
+            self._heard_s[name] = self._until_s = float("-inf")
+            self._up_s.pop(name, None)
+
     def status(self, name: str) -> ComponentStatus | None:
         """The last status of a component."""
         return self._status.get(name)

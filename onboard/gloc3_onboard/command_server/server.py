@@ -17,6 +17,8 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.component import CommandInterface
+from gloc3.deployment import FaultPolicy
+from gloc3.host_messages import HostPresence
 from gloc3.messages import (
     CommandReply,
     CommandRequest,
@@ -34,6 +36,7 @@ from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resum
 from gloc3.mission.restore import restore
 from gloc3.mission.snapshot import Snapshot
 from gloc3.mission.states import ActionState
+from gloc3.places import place_of
 from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
@@ -107,6 +110,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     autopilot_setup = Input(AutopilotSetup)
     computer = Input(ComputerState)
     height = Input(HeightAboveGround)
+    host_presence = Input(HostPresence, Keep.ALL)
 
     ci_reply = Output(CiReply)
     summary = Output(Summary)
@@ -255,6 +259,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         last = {status.payload.name: status.payload for status in inbox.new(self.status)}
         for status in last.values():
             steps += supervision.receive_status(status, now_s)
+        for presence in inbox.new(self.host_presence):
+            steps += self._see_host(supervision, presence.payload, now_s)
         steps += supervision.tick(now_s)
         results: list[Result] = []
         for step in steps:
@@ -266,6 +272,24 @@ class CommandServer(CommandInterface[ServerSettings]):
                 case Verdict():
                     self._verdicts.append(step)
         return results
+
+    def _see_host(self, supervision: Supervision, told: HostPresence, now_s: float) -> list[Step]:
+        """What follows from the loss of a host; when it is back its components speak for themselves."""
+        if told.is_here:
+            self._say(Severity.NOTICE, f"host {told.host} is here", "supervision")
+            return []
+        reason = f"host {told.host} is lost"
+        self._say(Severity.ERROR, reason, "supervision")
+        platform = self._site.platform
+        steps: list[Step] = []
+        for row in platform.components:
+            if place_of(platform, row).host == told.host:
+                steps += supervision.lose(row.name, reason, now_s)
+                self._book.lose(row.name)
+        policy = platform.hosts[told.host].on_loss if told.host in platform.hosts else FaultPolicy.IGNORE
+        if policy is not FaultPolicy.IGNORE:
+            steps.append(Verdict(f"host {told.host}", policy, "nothing is heard of it"))
+        return steps
 
     def _try_to_begin(self, now_s: float) -> list[Result]:
         """Takes up what was kept, once it is known whether the vehicle flies."""

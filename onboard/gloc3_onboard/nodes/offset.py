@@ -1,0 +1,78 @@
+"""The offset between two clocks, from questions and answers: a pure object."""
+
+from collections import deque
+from math import inf
+from typing import Final, NamedTuple
+
+DRIFT: Final = 100e-6
+"""Seconds in a second: two computers' clocks drift apart no faster."""
+KEPT: Final = 64
+STRANGERS: Final = 3
+"""So many answers in a row that contradict what was known are believed: a clock has been set anew."""
+SLACK_S: Final = 1e-3
+
+
+class Estimate(NamedTuple):
+    """What is known of an offset."""
+
+    offset_s: float
+    """The other clock minus ours."""
+    bound_s: float
+    """It is not farther off than that, whatever way the delay was shared out."""
+    round_trip_s: float
+    age_s: float
+
+
+UNKNOWN: Final = Estimate(0.0, inf, 0.0, 0.0)
+
+
+class _Sample(NamedTuple):
+    offset_s: float
+    round_trip_s: float
+    at_s: float
+
+
+class OffsetFilter:
+    """Keeps the answers that bound the offset best: those with a short round trip, as long as they are fresh.
+
+    What NTP calls the root distance decides: half the round trip, and what the clocks may have drifted since (RFC 5905).
+    """
+
+    def __init__(self) -> None:
+        self._samples: deque[_Sample] = deque(maxlen=KEPT)
+        self._strangers: list[_Sample] = []
+
+    def __len__(self) -> int:
+        return len(self._samples)
+
+    def add(self, asked_s: float, received_s: float, answered_s: float, heard_s: float) -> None:
+        """Takes an answer.
+
+        Args:
+            asked_s: when the question left, by our clock.
+            received_s: when it came there, by the other.
+            answered_s: when the answer left there, by the other.
+            heard_s: when it came here, by ours.
+        """
+        round_trip_s = max(0.0, (heard_s - asked_s) - (answered_s - received_s))
+        sample = _Sample(((received_s - asked_s) + (answered_s - heard_s)) / 2.0, round_trip_s, heard_s)
+        known = self.estimate(heard_s)
+        if abs(sample.offset_s - known.offset_s) <= known.bound_s + round_trip_s / 2.0 + SLACK_S:
+            self._strangers.clear()
+            self._samples.append(sample)
+            return
+        self._strangers.append(sample)
+        if len(self._strangers) >= STRANGERS:
+            self._samples = deque(self._strangers, KEPT)
+            self._strangers = []
+
+    def estimate(self, now_s: float) -> Estimate:
+        """What is known now, by our clock."""
+        if not self._samples:
+            return UNKNOWN
+        best = min(self._samples, key=lambda sample: _distance_s(sample, now_s))
+        return Estimate(best.offset_s, _distance_s(best, now_s), best.round_trip_s, now_s - best.at_s)
+
+
+def _distance_s(sample: _Sample, now_s: float) -> float:
+    return sample.round_trip_s / 2.0 + DRIFT * (now_s - sample.at_s)

@@ -51,6 +51,8 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
         autopilot=options.autopilot,
         stations=tuple(options.station or (DEFAULT_STATION,)),
         devices=tuple(options.device),
+        host=options.host,
+        network=options.network,
         out=options.out,
         logs=options.logs,
         system_id=options.system_id,
@@ -59,7 +61,7 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
         log_limits=LogLimits(file_mb=options.log_size, total_mb=options.log_total),
         signing_key=None if key is None else read_signing_key(key.expanduser()),
     )
-    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+    with asyncio.Runner(loop_factory=_loop_factory(platform, options.host)) as runner:
         return runner.run(run(asked))
 
 
@@ -67,8 +69,16 @@ app.command(install)
 app.command(uninstall)
 
 
-def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
-    """The loop that passes frames on promptly, where there is one."""
+def _loop_factory(platform: str, host: str | None) -> Callable[[], asyncio.AbstractEventLoop] | None:
+    """The loop that passes frames on promptly, where there is one; on a host beside the clock host, one with its time."""
+    if host is not None:
+        from gloc3.places import clock_host
+        from gloc3.platform import load_platform
+
+        if clock_host(load_platform(platform)) != host:
+            from gloc3_onboard.nodes.loop import PlatformLoop
+
+            return PlatformLoop
     if sys.platform != "linux":
         return None
     from gloc3.link.prompt_loop import PromptLoop

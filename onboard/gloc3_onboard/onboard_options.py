@@ -32,6 +32,12 @@ class OnboardOptions:
     device: Several = field(default_factory=list)
     """Where a sensor's data comes from, as NAME=URL, such as ground_camera=v4l2:///dev/video0; may be given again. It
     goes before what the platform file says. docs/sensors.md lists the URLs."""
+    host: str | None = None
+    """Which of the platform's hosts this computer is; only the one with the autopilot has links to it and to stations.
+    Default: the only one."""
+    network: Path | None = None
+    """The network file of this host, as `gloc3 network init` and `add` make it: joins the platform's hosts with each
+    other and with stations."""
     out: Path | None = None
     """Folder for the log, pictures and state; default: gloc3-PLATFORM here."""
     logs: Path | None = None

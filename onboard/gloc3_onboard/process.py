@@ -4,6 +4,7 @@ import asyncio
 import faulthandler
 import os
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from random import SystemRandom
@@ -27,7 +28,8 @@ from gloc3.link.signing import Signing
 from gloc3.link.signing_key import read_signing_key
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
-from gloc3.places import Place, choose_host, rows_at
+from gloc3.network.file import read_network
+from gloc3.places import Place, choose_host, clock_host, rows_at
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.readiness import LinkCondition, SensorCondition
 from gloc3.requested_path import RequestedPath
@@ -41,9 +43,12 @@ from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.herald import Herald
 from gloc3_onboard.log_files import LogFiles, log_stem
+from gloc3_onboard.nodes.host_clock import ClockServer
+from gloc3_onboard.nodes.host_process import HostOptions, run_host
+from gloc3_onboard.nodes.host_watch import HostWatch
 from gloc3_onboard.nodes.keeper import HostKeeper
 from gloc3_onboard.nodes.pipe import Order
-from gloc3_onboard.nodes.shared import Shared, alone, open_shared
+from gloc3_onboard.nodes.shared import Shared, alone, check_member, open_shared
 from gloc3_onboard.rate_watch import RateWatch
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
@@ -89,6 +94,9 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     host: str | None = None
     """Which of the platform's hosts this is; None for the only one."""
 
+    network: Path | None = None
+    """The network file of this host; None where nothing leaves this computer but MAVLink."""
+
     def folder(self, platform: Platform) -> Path:
         """Where state and logs are."""
         return self.out or Path(f"gloc3-{platform.platform}")
@@ -114,8 +122,21 @@ async def run(options: ProcessOptions) -> int:
     if manager.is_there:
         faulthandler.enable()  # its watchdog ends us by SIGABRT: then the journal says where we hung
     host = choose_host(platform, options.host)
-    troubled = partial(_lament, options)
-    with open_shared(platform, host, options.folder(platform), loop, troubled) as shared:
+    member = None if options.network is None else read_network(options.network, datetime.now(UTC))
+    check_member(platform, host, member)
+    opened = partial(open_shared, platform, host, options.folder(platform), loop, partial(_lament, options), member)
+    if host != clock_host(platform):
+        share = HostOptions(
+            platform=options.platform,
+            logs=options.logs or options.folder(platform),
+            devices=options.devices,
+            log_limits=options.log_limits,
+            is_quiet=options.is_quiet,
+        )
+        await run_host(share, platform, host, opened, manager)
+        manager.close()
+        return 0
+    with opened() as shared:
         process = OnboardProcess(options, platform, loop, shared)
         service = Service(manager, process, loop)
         try:
@@ -201,6 +222,8 @@ class OnboardProcess:
             sensors=self._watch.conditions,
             vehicle_boot_s=lambda: self._autopilot.t_s_of_boot(0.0),
         )
+        self._clock_server = ClockServer(self.exchange, platform.platform, loop)
+        self._host_watch = HostWatch(context, self._place.host, self.say)
         self._onboard: Onboard | None = None
         self._links: dict[str, str] = {}
         """What was told last of each link, by its URL."""
@@ -278,6 +301,8 @@ class OnboardProcess:
             await self._onboard.stop(lambda text: self.say(Severity.WARNING, text))
             self._onboard.close()
         await self._keeper.end()
+        self._clock_server.close()
+        self._host_watch.close()
         self._herald.close()
         self._companion.close()
         if refused := self._companion.reasons.said:
@@ -366,7 +391,7 @@ class OnboardProcess:
         return (self._log.problem if self._log is not None else "") or self._keeper.log_problem()
 
     def _sensor_conditions(self) -> list[SensorCondition]:
-        return [*self._watch.conditions(), *self._keeper.child_sensors()]
+        return [*self._watch.conditions(), *self._keeper.child_sensors(), *self._host_watch.sensors()]
 
     def _order(self, process: str, lives: dict[str, str | None] | None) -> Order:
         """What a child process is told."""

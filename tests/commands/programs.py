@@ -13,11 +13,17 @@ PATIENCE_S = 120.0
 
 
 class Program:
-    """A running `gloc3 ARGUMENTS` that leads a process group, and what it has said so far."""
+    """A running `gloc3 ARGUMENTS` that leads a process group, and what it has said so far.
 
-    def __init__(self, arguments: Sequence[str], folder: Path) -> None:
+    Args:
+        arguments: behind `gloc3`.
+        folder: where it runs.
+        before: a program that runs it, such as `unshare`, with its arguments.
+    """
+
+    def __init__(self, arguments: Sequence[str], folder: Path, before: Sequence[str] = ()) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "gloc3", *arguments],
+            [*before, sys.executable, "-m", "gloc3", *arguments],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -46,11 +52,11 @@ class Program:
         """Everything that it has said."""
         return "\n".join(self.lines)
 
-    def await_line(self, is_it: Callable[[str], bool], within_s: float = PATIENCE_S) -> str:
-        """Waits for a line; fails with what was said if it does not come."""
+    def await_line(self, is_it: Callable[[str], bool], within_s: float = PATIENCE_S, behind: int = 0) -> str:
+        """Waits for a line, of those behind so many; fails with what was said if it does not come."""
 
         def find() -> str | None:
-            return next((line for line in self.lines if is_it(line)), None)
+            return next((line for line in self.lines[behind:] if is_it(line)), None)
 
         with self._said:
             self._said.wait_for(lambda: find() is not None or self._is_over, within_s)
@@ -75,9 +81,9 @@ class Program:
 
 
 @contextmanager
-def program(*arguments: str, folder: Path) -> Iterator[Program]:
+def program(*arguments: str, folder: Path, before: Sequence[str] = ()) -> Iterator[Program]:
     """A program that is killed with everything in its group if the test does not see to its end."""
-    running = Program(arguments, folder)
+    running = Program(arguments, folder, before)
     try:
         yield running
     finally:

@@ -8,14 +8,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from hashlib import blake2s
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.base import Exchange
-from gloc3.places import child_processes
+from gloc3.places import child_processes, clock_host
 from gloc3.platform import Platform
 from gloc3.topics import TopicTable
+
+if TYPE_CHECKING:
+    from gloc3.network.file import Membership
 
 
 class Shared(NamedTuple):
@@ -40,6 +43,7 @@ def open_shared(
     out: Path,
     loop: asyncio.AbstractEventLoop,
     troubled: Callable[[str, str], None],
+    member: "Membership | None" = None,
 ) -> Iterator[Shared]:
     """The exchange of a host's main process, for as long as the block lasts.
 
@@ -49,20 +53,25 @@ def open_shared(
         out: the folder of log and state: two processes with the same one would be in each other's way.
         loop: of the process.
         troubled: is told of messages that were not taken.
+        member: of a network; None opens nothing but a socket for the children.
 
     Raises:
         Refused: the socket's folder is somebody else's.
         Gloc3Error: another process has this one's place.
     """
-    if not child_processes(platform, host):
+    has_children = bool(child_processes(platform, host))
+    if not has_children and member is None:
         yield alone()
         return
     from gloc3.exchange.zenoh import open_exchange
-    from gloc3.exchange.zenoh_session import Node
+    from gloc3.exchange.zenoh_session import UNIX, Node
 
     topics = TopicTable.installed()
-    endpoint = f"unixsock-stream/{socket_folder() / socket_name(out, host)}"
-    with open_exchange(Node(name=host, listen=(endpoint,)), loop, topics, troubled) as exchange:
+    endpoint = f"{UNIX}/{socket_folder() / socket_name(out, host)}" if has_children else ""
+    sockets = (endpoint,) if endpoint else ()
+    node = Node(name=host, listen=sockets) if member is None else member.node(*sockets)
+    settings = None if member is None else member.settings()
+    with open_exchange(node, loop, topics, troubled, settings) as exchange:
         yield Shared(exchange, endpoint, topics)
 
 
@@ -83,3 +92,16 @@ def socket_folder() -> Path:
 def socket_name(out: Path, host: str) -> str:
     """The name of the socket of a host's main process, the same in each of its lives."""
     return blake2s(f"{out.resolve()}\0{host}".encode(), digest_size=8).hexdigest()
+
+
+def check_member(platform: Platform, host: str, member: "Membership | None") -> None:
+    """Checks that a network file is this host's, and that there is one where there are other hosts.
+
+    Raises:
+        Refused: it is another member's; or there is none, and the platform has other hosts.
+    """
+    name = f"{platform.platform}.{host}"
+    if member is None and host != clock_host(platform):
+        raise Refused(f"host {host} reaches the others by a network: --network FILE (gloc3 network init makes one)")
+    if member is not None and member.file.member != name:
+        raise Refused(f"{member.path}: it is {member.file.member}'s, and this is {name}")

@@ -1,0 +1,154 @@
+"""Stations on the network: their requests come on keys that only they may write, so that the key proves the author.
+
+A station sends commands on `PLATFORM/ci/request/STATION` and what only looks on `PLATFORM/ci/ask/STATION`; inside a
+process both are `PLATFORM/ci/request`, as on every middleware.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from msgspec.structs import replace
+
+from gloc3.ci import LOOKS, CiRequest, StationHeard, StationRole
+from gloc3.exchange.base import Exchange, Publisher, Unsubscribe
+from gloc3.exchange.tunnel.layout import Role as End
+from gloc3.exchange.tunnel.routes import route
+from gloc3.messages import Envelope
+from gloc3.network.access import Role
+from gloc3.topics import TopicTable
+
+HEARD_S: Final = 1.0
+"""So often the platform is told of each station that is there."""
+WAY: Final = "network"
+"""How these requests came, for the record."""
+STATION_ROLES: Final[Mapping[Role | None, StationRole]] = {
+    Role.OPERATOR: StationRole.OPERATOR,
+    Role.OBSERVER: StationRole.OBSERVER,
+}
+COMMANDS: Final = "request"
+QUESTIONS: Final = "ask"
+
+
+def key_of(station: str, envelope: Envelope[CiRequest]) -> str:
+    """Where a station's request to a platform goes."""
+    platform = envelope.topic.partition("/")[0]
+    return f"{platform}/ci/{QUESTIONS if isinstance(envelope.payload.body, LOOKS) else COMMANDS}/{station}"
+
+
+def presence(station: str) -> str:
+    """The token by which platforms know that a station is there."""
+    return f"stations/{station}"
+
+
+def join_platforms(network: Exchange, inside: Exchange, topics: TopicTable, station: str) -> Unsubscribe:
+    """Joins a station to all platforms on the network: its requests go out, what they tell stations comes in.
+
+    Args:
+        network: the exchanger that reaches them.
+        inside: the station's own.
+        topics: what may come in.
+        station: the station's name, as its certificate has it.
+    """
+
+    def send(envelope: Envelope[CiRequest]) -> None:
+        network.publish(replace(envelope, topic=key_of(station, envelope)))
+
+    undo = [network.declare_alive(presence(station)), inside.subscribe("*/ci/request", send)]
+    for name, row in topics:
+        way = route(name, row)
+        if way is not None and way.sender is End.PLATFORM:
+            undo.append(network.subscribe(f"*/{name}", inside.publish))
+
+    def part() -> None:
+        for end in undo:
+            end()
+
+    return part
+
+
+class StationBridge:
+    """The platform's end: takes stations' requests off the network, and gives them on if they are what they say.
+
+    Args:
+        network: the exchanger that reaches the stations, and on which the command interface server is.
+        loop: gives the time.
+        platform: whose.
+        roles: what each station is; others are nobody.
+        boot: of this process.
+        forged: is told of each request that is not what it says, with the station that has sent it.
+    """
+
+    def __init__(
+        self,
+        network: Exchange,
+        loop: asyncio.AbstractEventLoop,
+        platform: str,
+        roles: Mapping[str, Role],
+        boot: int,
+        forged: Callable[[str, str], None],
+    ) -> None:
+        self.roles = roles
+        self.forgeries: Final[dict[str, int]] = {}
+        """How many requests of each station were not what they said."""
+        self._network = network
+        self._inside = network.here
+        self._loop = loop
+        self._platform = platform
+        self._forged = forged
+        self._publisher = Publisher(network, platform, "stations", boot)
+        self._here: set[str] = set()
+        self._undo = [
+            *(network.subscribe(f"{platform}/ci/{kind}/*", self._take) for kind in (COMMANDS, QUESTIONS)),
+            network.watch(presence("*"), self._meet),
+        ]
+        self._timer = loop.call_later(HEARD_S, self._tick)
+
+    def close(self) -> None:
+        """Takes nothing any more."""
+        self._timer.cancel()
+        for end in self._undo:
+            end()
+
+    def _take(self, envelope: Envelope[Any]) -> None:
+        _, _, kind, station = envelope.topic.split("/")
+        request = envelope.payload
+        role = self.roles.get(station)
+        reason = _wrong(request, kind, station, role)
+        if reason:
+            self.forgeries[station] = self.forgeries.get(station, 0) + 1
+            self._forged(station, reason)
+        else:
+            request = replace(request, role=STATION_ROLES[role], way=WAY)
+            self._inside.publish(replace(envelope, topic=f"{self._platform}/ci/request", payload=request))
+
+    def _meet(self, token: str, is_here: bool) -> None:
+        station = token.rpartition("/")[2]
+        if is_here and station in self.roles:
+            self._here.add(station)
+            self._tell(station)
+        else:
+            self._here.discard(station)
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(HEARD_S, self._tick)
+        for station in sorted(self._here):
+            self._tell(station)
+
+    def _tell(self, station: str) -> None:
+        self._publisher.publish(f"{self._platform}/ci/heard", StationHeard(station=station), self._loop.time())
+
+
+def _wrong(request: Any, kind: str, station: str, role: Role | None) -> str:
+    """Why a request is not what its key says; empty where it is."""
+    if not isinstance(request, CiRequest):
+        return f"{type(request).__name__} is no request"
+    if role not in STATION_ROLES:
+        return f"{station} is no station of this network"
+    if request.sender != station:
+        return f"it says that it is of {request.sender!r}"
+    if isinstance(request.body, LOOKS) != (kind == QUESTIONS):
+        return f"{type(request.body).__name__} came as a {'question' if kind == QUESTIONS else 'command'}"
+    return ""

@@ -32,7 +32,7 @@ app = App(
     - `gloc3 preset diff ardusub_companion --autopilot tcpout://127.0.0.1:5760`: what it would change; changes nothing
     - `gloc3 preset apply ardusub_companion --autopilot serial:///dev/ttyACM0:57600`: the same, then asks, sets, reads again
 
-    Exit codes: 0 done, or nothing to be done; 1 the autopilot has other values, or refused one; 2 wrong use.""",
+    Exit codes: 0 done, or nothing to be done; 1 the autopilot has other values, lacks or refused one; 2 wrong use.""",
     help_format="markdown",
     version_flags=[],
 )
@@ -150,12 +150,15 @@ async def _converse(
         await until(Stage.READ)
         for change in session.changes:
             print(change)  # noqa: T201
-        needed = [change for change in session.changes if change.is_needed]
+        needed = sum(change.is_needed for change in session.changes)
+        lacking = sum(change.now is None for change in session.changes)
         if session.problem:
             raise Gloc3Error(session.problem)
+        if lacking:
+            narrate(f"the autopilot does not have {lacking} of {len(session.changes)}")
         if not needed:
             narrate("nothing is to be changed")
-            return 0
+            return 1 if lacking else 0
         if not is_applying:
             return 1
         if not is_agreed():
@@ -165,7 +168,7 @@ async def _converse(
         await until(Stage.DONE)
         if session.problem:
             raise Gloc3Error(session.problem)
-        narrate(f"{len(needed)} set and read again")
-        return 0
+        narrate(f"{needed} set and read again")
+        return 1 if lacking else 0
     finally:
         await endpoint.close()

@@ -21,18 +21,21 @@ def test_a_preset_is_shown_and_set_only_when_told_to(tmp_path: Path) -> None:
         "preset: mine\nstyle: px4\nvehicle: copter\nparameters:\n"
         "  NAV_DLL_ACT: {value: 2, why: it returns}\n  COM_OF_LOSS_T: {value: 0.7}\n"
     )
+    lacking = tmp_path / "lacking.yaml"
+    lacking.write_text(file.read_text() + "  NO_SUCH_ONE: {value: 1}\n")
     with program("sitl", "--link", f"companion=udpout://127.0.0.1:{port}", folder=tmp_path) as sitl:
         sitl.await_line(lambda line: "companion link" in line)
         codes, texts = [], []
-        for what in (["apply"], ["apply", "--yes"]):
-            with program("preset", what[0], str(file), *what[1:], *link, folder=tmp_path) as preset:
+        for wanted, *what in ((file, "apply"), (file, "apply", "--yes"), (lacking, "diff")):
+            with program("preset", what[0], str(wanted), *what[1:], *link, folder=tmp_path) as preset:
                 codes.append(preset.end())
                 texts.append(preset.text)
-        assert codes == [2, 0], texts
-    for text in texts:
+        assert codes == [2, 0, 1], texts
+    for text in texts[:2]:
         assert "- NAV_DLL_ACT 0\n+ NAV_DLL_ACT 2   # it returns" in text
     assert "nobody can be asked here; --yes applies it" in texts[0]
     assert "2 set and read again" in texts[1]
+    assert "the autopilot does not have 1 of 3" in texts[2]
 
 
 def test_nobody_waits_long_for_an_autopilot_that_is_not_there(

@@ -1,7 +1,7 @@
 """AD: gives the platform's pose to the autopilot, which flies by it where there are no satellites."""
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, radians
 from typing import Annotated, Any, Final, NamedTuple, Protocol
 
 from gloc3.component import ActuatorDriver
@@ -209,8 +209,9 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         elif isinstance(write, ChooseSources):
             self._ticket = self._device.command_source_set(write.number)
         else:
-            deviation_rad = self._settings.attitude_std_deg * 0.017453292519943295
-            self._device.send_pose(write.pose, write.t_s, deviation_rad, self._settings.velocity_std_m_s)
+            settings = self._settings
+            deviation_rad = radians(settings.attitude_std_deg)
+            self._device.send_pose(write.pose, write.t_s, deviation_rad, settings.velocity_std_m_s)
 
     def make_safe(self) -> None:
         """An autopilot that hears no pose any more does by itself what it is set to do."""

@@ -17,6 +17,7 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.computer import HostComputer
+from gloc3_onboard.direct import beat, heartbeat_of, signing_of
 from gloc3_onboard.rig import calibration_problems
 from gloc3_onboard.sensor_watch import unopened_conditions
 from gloc3_onboard.sources.asked import source_urls
@@ -51,7 +52,7 @@ async def examine(question: Question) -> list[Check]:
         question.out, clock, links=partial(_conditions, endpoints), sensors=partial(_sensors, question)
     )
     await loop.run_in_executor(None, computer.measure)
-    link = AutopilotLink(loop, clock, question.system_id)
+    link = AutopilotLink(loop, clock, question.system_id, signing=signing_of(question.autopilot, clock))
     problem = ""
     try:
         endpoint = await open_endpoint(question.autopilot, loop, link.receive)
@@ -90,7 +91,9 @@ async def _listen(link: AutopilotLink, loop: asyncio.AbstractEventLoop, wait_s: 
     """Waits until everything has been read and has settled, or the time is up."""
     end_s = loop.time() + wait_s
     read_s: float | None = None
+    heart = heartbeat_of(link.own)
     while loop.time() < end_s:
+        beat(heart, link, loop.time())
         await asyncio.sleep(LOOK_EVERY_S)
         setup = link.setup()
         if setup.is_complete and setup.sensors_present and link.state().is_connected:

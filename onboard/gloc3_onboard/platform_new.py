@@ -14,6 +14,7 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.failsafes import action_of
 from gloc3_onboard.checks.parameters import CONTINUE, HOLD, LAND, RETURN, Failsafe
 from gloc3_onboard.checks.tables import table_of
+from gloc3_onboard.direct import beat, heartbeat_of, signing_of
 
 LOOK_EVERY_S: Final = 0.1
 ALLOWED: Final = (HOLD, RETURN, LAND)
@@ -99,12 +100,14 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
         Gloc3Error: no autopilot is heard.
     """
     loop = asyncio.get_running_loop()
-    link = AutopilotLink(loop, Clock(loop), system_id)
+    clock = Clock(loop)
+    link = AutopilotLink(loop, clock, system_id, signing=signing_of(autopilot, clock))
     endpoint = await open_endpoint(autopilot, loop, link.receive)
     link.open(endpoint)
     try:
-        end_s = loop.time() + wait_s
+        end_s, heart = loop.time() + wait_s, heartbeat_of(link.own)
         while loop.time() < end_s:
+            beat(heart, link, loop.time())
             await asyncio.sleep(LOOK_EVERY_S)
             setup, stamped = link.setup(), link.pose()
             if setup.is_complete and setup.firmware and stamped is not None and stamped.pose.origin_geo is not None:

@@ -120,13 +120,16 @@ def _run(
 async def _converse(
     session: "PresetSession", autopilot: str, is_agreed: Callable[[], bool], *, is_applying: bool
 ) -> int:
+    from gloc3.clock import Clock
     from gloc3.link import codec
     from gloc3.link.endpoints import open_endpoint
     from gloc3.link.node import Node
+    from gloc3_onboard.direct import heartbeat_of, signing_of
     from gloc3_onboard.preset_session import Stage
 
     loop = asyncio.get_running_loop()
-    parser, encoder, node = codec.Parser(), codec.Encoder(*session.own), Node(session.own, [session])
+    parser, node = codec.Parser(), Node(session.own, [heartbeat_of(session.own), session])
+    encoder = codec.Encoder(*session.own, signing_of(autopilot, Clock(loop)))
 
     def hear(data: bytes) -> None:
         for frame in parser.receive(data):

@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -56,7 +57,7 @@ async def answers(port: int, key: bytes | None, told: list[str], within_s: float
 
 
 def test_with_the_key_a_station_reaches_the_autopilot_and_without_it_nobody_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(signing_cli, "HEAR_S", 20.0)  # no longer than needed, but on a machine that is busy
     vehicle, station = free_ports(2, socket.SOCK_DGRAM)
@@ -68,8 +69,13 @@ def test_with_the_key_a_station_reaches_the_autopilot_and_without_it_nobody_does
         assert run(["signing", "show", *link]) == 1
         assert run(["signing", "set", *link, "--yes"]) == 0
         assert run(["signing", "show", *link]) == 0
+        url = f"udpout://127.0.0.1:{vehicle}?key={key}"
+        assert run(["preset", "diff", "px4_vision", "--autopilot", url]) == 1
+        capsys.readouterr()
+        run(["doctor", "pelican_rtk", "--autopilot", url, "--wait", "20", "--json"])
+        assert '"name":"parameters","verdict":"ok"' in capsys.readouterr().out
         with program(
-            *("onboard", "pelican_rtk", "--autopilot", f"udpout://127.0.0.1:{vehicle}?key={key}"),
+            *("onboard", "pelican_rtk", "--autopilot", url),
             *("--station", f"udpin://127.0.0.1:{station}", "--signing-key", key, "--out", "out"),
             folder=tmp_path,
         ) as onboard:
@@ -79,6 +85,7 @@ def test_with_the_key_a_station_reaches_the_autopilot_and_without_it_nobody_does
             assert knows["1/1 AUTOPILOT_VERSION"]
             assert knows["1/191 HEARTBEAT"]
             assert told == []
+            time.sleep(2.0)  # what was asked several times is answered as often
             stranger = asyncio.run(answers(station, None, told, 3.0))
             assert not stranger["1/1 AUTOPILOT_VERSION"]
             assert any("signs what it sends, and this link has no key" in text for text in told)

@@ -2,6 +2,7 @@
 
 import asyncio
 import secrets
+import shutil
 import socket
 import subprocess
 import time
@@ -88,7 +89,9 @@ def simulated(vehicle: Vehicle, folder: Path) -> Iterator[Lines]:
     folder.mkdir()
     (folder / "defaults.parm").write_text(vehicle.defaults)
     (first, second), rc = free_ports(2, socket.SOCK_STREAM), free_ports(1, socket.SOCK_DGRAM)[0]
-    command = [vehicle.binary, "--model", vehicle.model, "--home", vehicle.home, "--defaults", "defaults.parm"]
+    program = shutil.which(vehicle.binary)  # it starts itself anew for a reboot, without looking on PATH
+    assert program is not None
+    command = [program, "--model", vehicle.model, "--home", vehicle.home, "--defaults", "defaults.parm"]
     command += ["--serial0", f"tcp:{first}", "--serial1", f"tcp:{second}", "--serial2", "none:0"]
     command += ["--rc-in-port", str(rc)]
     with (folder / "said.txt").open("wb") as said:

@@ -95,7 +95,7 @@ def test_it_takes_a_key_and_hears_only_who_has_it(tmp_path: Path, lines: Lines) 
     assert signing("show", *link) == 1
     assert signing("set", *link, "--yes") == 0
     assert signing("show", *link) == 0
-    assert asks(f"{lines.second}?key=radio.key", "signed") > 0.5 * RATE_HZ
     assert asks(lines.second, "unsigned") == 0.0
+    assert asks(f"{lines.second}?key=radio.key", "signed") > 0.5 * RATE_HZ
     assert signing("remove", *link, "--yes") == 0
     assert signing("show", *link) == 1

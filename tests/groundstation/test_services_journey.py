@@ -61,7 +61,7 @@ async def terminal(style: str, folder: Path) -> AsyncIterator[Scene]:
         station.close()
         await links.close()
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
 
 
 class Patient(Scene):

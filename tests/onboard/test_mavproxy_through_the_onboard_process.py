@@ -85,7 +85,7 @@ def mavproxy(port: int, folder: Path) -> Iterator[Mavproxy]:
         yield Mavproxy(process)
     finally:
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
 
 
 def test_it_links_fetches_parameters_uploads_a_mission_and_changes_the_mode(tmp_path: Path) -> None:

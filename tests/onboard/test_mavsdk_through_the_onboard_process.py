@@ -89,7 +89,7 @@ def finished(begin: Callable[..., Any]) -> str:
     """Waits for the end of a transfer; the name of its result."""
     told: queue.SimpleQueue[str] = queue.SimpleQueue()
     begin(lambda result, *_: told.put(result.name))
-    while (name := told.get(timeout=30.0)) == "NEXT":
+    while (name := told.get(timeout=60.0)) == "NEXT":
         pass
     return name
 
@@ -143,13 +143,13 @@ def test_it_reaches_the_autopilot_and_the_onboard_computer_each_by_its_id(
         told: queue.SimpleQueue[bool] = queue.SimpleQueue()
         local = str(station / "hop.plan")
         ftp.are_files_identical_async(local, "/missions/hop.plan", lambda _result, same, _: told.put(same))
-        assert told.get(timeout=10.0)
+        assert told.get(timeout=60.0)
 
         metadata = ComponentMetadata(client.system)
         found: queue.SimpleQueue[Any] = queue.SimpleQueue()
         metadata.subscribe_metadata_available(lambda update, _: found.put(update))
         metadata.request_component(COMPANION)
-        update = found.get(timeout=20.0)
+        update = found.get(timeout=60.0)
         assert (update.compid, update.type) == (COMPANION, MetadataType.PARAMETER)
         assert {row["name"] for row in json.loads(update.json_metadata)["parameters"]} == ours
 
@@ -157,7 +157,7 @@ def test_it_reaches_the_autopilot_and_the_onboard_computer_each_by_its_id(
         versions = messages(direct, "AUTOPILOT_VERSION")
         for component in (1, COMPANION):
             assert command(direct, 512, 148.0, component=component) == ACCEPTED
-        capabilities = dict((versions.get(timeout=5.0), versions.get(timeout=5.0)))
+        capabilities = dict((versions.get(timeout=60.0), versions.get(timeout=60.0)))
         assert set(capabilities) == {1, COMPANION}
         assert capabilities[COMPANION]["capabilities"] & 32, "FTP"
         assert not capabilities[COMPANION]["capabilities"] & 256, "setpoints are not for us"

@@ -54,7 +54,7 @@ def simulated_vehicle(*arguments: str, speed: float = 5.0, link: str = "udpin://
             raise AssertionError("the simulator ended before it opened its link")
     finally:
         process.terminate()
-        process.communicate(timeout=10)
+        process.communicate(timeout=60)
         assert process.returncode == 0
 
 

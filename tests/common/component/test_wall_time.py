@@ -54,7 +54,7 @@ class Site:
         """Waits until something on the exchange has made a condition true."""
         changed = asyncio.Event()
         unsubscribe = self.exchange.subscribe("**", lambda _: changed.set())
-        async with asyncio.timeout(10.0):
+        async with asyncio.timeout(60.0):
             while not happened():
                 changed.clear()
                 await changed.wait()
@@ -209,7 +209,7 @@ def test_costs_are_measured_in_wall_time() -> None:
         with site() as here:
             host = here.host(lambda: Specimen(Diary()))
             await here.until(lambda: host.status().cycles > 3)
-            assert 0.0 < host.status().cycle_mean_s < 0.1
+            assert 0.0 < host.status().cycle_mean_s < 1.0
 
     in_wall_time(main)
 
@@ -221,7 +221,7 @@ def test_a_closed_host_leaves_no_thread_behind() -> None:
             await here.until(lambda: host.status().cycles > 3)
         for thread in threading.enumerate():
             if thread.name == "leaving":
-                thread.join(timeout=5.0)
+                thread.join(timeout=60.0)
                 assert not thread.is_alive()
 
     in_wall_time(main)

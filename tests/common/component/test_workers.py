@@ -82,12 +82,12 @@ def test_an_abandoned_thread_ends_after_its_job_and_does_not_begin_those_behind_
 
         worker.run(stick, lambda _: ran.append("stuck ended"))
         worker.run(lambda: ran.append("behind"), lambda _: ran.append("behind ended"))
-        assert began.wait(5.0)
+        assert began.wait(60.0)
         thread = next(thread for thread in threading.enumerate() if thread.name == "stuck")
         worker.abandon()
         done = asyncio.Event()
         worker.run(lambda: ran.append("next"), lambda _: done.set())
-        async with asyncio.timeout(5.0):
+        async with asyncio.timeout(60.0):
             await done.wait()
         release.set()
         thread.join(5.0)

@@ -44,7 +44,7 @@ async def test_a_process_answers_and_ends_however_it_ends(ending: str, tmp_path:
         assert reply.is_accepted
         if ending.startswith("SIG"):
             process.send_signal(signal.Signals[ending])
-        _, words = await asyncio.wait_for(process.communicate(), 20.0)
+        _, words = await asyncio.wait_for(process.communicate(), 60.0)
         await until(lambda: alive == [True, False])
     expected = {"leave": 0, "fail": 1, "SIGINT": -2, "SIGTERM": -15, "SIGKILL": -9}
     assert process.returncode == expected[ending]

@@ -48,6 +48,10 @@ VIRTUAL = IMPORTS + "run_virtual(run(3.0, False))"
 WALL = IMPORTS + "asyncio.run(run(60.0, True))"
 
 
+A_SECOND = 100
+"""Cycles of that program; a computer that is busy makes fewer."""
+
+
 def start(program: str, log: Path, hash_seed: str = "0") -> "subprocess.Popen[str]":
     environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", program, str(log)]
@@ -60,7 +64,7 @@ def test_the_same_run_gives_the_same_bytes_with_any_hash_seed_in_any_folder(tmp_
         log.parent.mkdir()
     processes = [start(VIRTUAL, log, seed) for log, seed in zip(logs, ("1", "4242"), strict=True)]
     for process in processes:
-        process.communicate(timeout=30)
+        process.communicate(timeout=120)
         assert process.returncode == 0
     one, other = (log.read_bytes() for log in logs)
     assert len(one) > 20_000
@@ -71,16 +75,15 @@ def test_a_process_that_is_killed_loses_less_than_a_second(tmp_path: Path) -> No
     log = tmp_path / "log.mcap"
     with start(WALL, log) as process:
         assert process.stdout is not None
-        first_s = last_s = float(process.stdout.readline())
-        while last_s - first_s < 0.4:
-            last_s = float(process.stdout.readline())
+        said = [float(process.stdout.readline())]
+        while said[-1] - said[0] < 0.4 or len(said) < 2 * A_SECOND:
+            said.append(float(process.stdout.readline()))
         process.kill()
-        said = [float(line) for line in process.stdout if line.endswith("\n")]
-    last_s = said[-1] if said else last_s
+        said += [float(line) for line in process.stdout if line.endswith("\n")]
     with LogReader(log) as reader:
-        poses = [entry.now_s for entry in reader.entries("pose")]
+        poses = [entry.envelope.t_s for entry in reader.entries("pose")]
         assert not reader.is_finished
         assert "not finished" in reader.losses()[-1]
         assert reader.attachments == {"mission.yaml": b"mission: hop"}
-    assert poses[0] <= first_s + 0.01
-    assert last_s - poses[-1] < 1.0
+    assert poses[0] <= said[0]
+    assert len(said) - len(poses) / 2 < A_SECOND, "two in each cycle"

@@ -63,7 +63,7 @@ def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[str, int]]:
         yield request.param, port
     finally:
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
 
 
 async def until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:

@@ -74,7 +74,7 @@ def test_it_talks_on_its_link_and_ends_clean_at_a_signal(number: int) -> None:
             heard = Parser(is_datagram=True).receive(station.recv(2048))
         assert heard[0].sender == (1, 1)
         process.send_signal(number)
-        said += process.communicate(timeout=10)[1]
+        said += process.communicate(timeout=60)[1]
         assert process.returncode == 0
         assert "Traceback" not in said
         assert "ended after" in said

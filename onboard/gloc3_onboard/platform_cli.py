@@ -126,7 +126,7 @@ def new(
     narrate(f"found {found.title}")
     kind = KINDS.get(found.setup.vehicle) if found.setup.vehicle is not None else None
     if kind is None:
-        raise Refused(f"no platform can be made of a {found.setup.vehicle}: a vehicle must be able to stop where it is")
+        raise Refused(f"there are no components to begin with for a {found.setup.vehicle}; see docs/autopilots.md")
     ask = _Asking(may_ask=not yes)
     answers = Answers(
         name=ask("--name", "Name of the platform", name, f"my_{kind.template}", _name),

@@ -58,7 +58,7 @@ KINDS: Final = {
         "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0,
     ),
 }  # fmt: skip
-"""A plane has no components here: it cannot hover, and the controllers suppose that a vehicle can stop."""
+"""By class. Of a plane there is no installed platform to begin with."""
 
 
 class Found(NamedTuple):

@@ -112,6 +112,30 @@ def test_only_the_devices_that_are_asked_for_are_allowed() -> None:
     assert "PrivateDevices=yes" in Unit(name="a", command=("gloc3",), user="u").text()
 
 
+TWO_HOSTS = """\
+platform: two
+vehicle: {type: quadrotor, mass_kg: 1.0}
+hosts: {main: {}, vision: {}}
+devices: {ground_camera: "v4l2:///dev/video0"}
+components:
+  - {name: state, class: "gloc3_onboard.samplers.autopilot_state:AutopilotStateSampler", rate_hz: 10, devices: {device: autopilot}}
+  - {name: ground_camera, class: "gloc3_onboard.samplers.camera:CameraSampler", rate_hz: 15, ports: {image: camera/ground}, devices: {device: ground_camera, rig: rig}, host: vision}
+"""
+
+
+def test_each_host_has_the_devices_of_its_share_and_nothing_without_a_network(tmp_path: Path) -> None:
+    file = tmp_path / "two.yaml"
+    file.write_text(TWO_HOSTS)
+    platform = load_platform(str(file))
+    wanted = replace(CABLES, device=[], station=["udpout://10.0.0.1:14550"])
+    assert [node.role for node in nodes(platform, replace(wanted, host="main"))] == ["autopilot"]
+    assert [node.role for node in nodes(platform, replace(wanted, host="vision"))] == ["ground_camera"]
+    with pytest.raises(Refused, match="two has the hosts main, vision: say which this is"):
+        make_plan(str(file), wanted, "gloc3")
+    with pytest.raises(Refused, match="--network"):
+        make_plan(str(file), replace(wanted, host="vision"), "gloc3")
+
+
 def test_of_a_home_the_service_sees_only_the_folder_that_it_needs() -> None:
     found = homes([Path("/home/ada/hold/hold.yaml"), Path("/home/ada/hold/keys/radio.key"), Path("/etc/gloc3/a.yaml")])
     assert Path("/home/ada/hold") in found

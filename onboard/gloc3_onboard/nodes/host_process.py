@@ -72,10 +72,17 @@ async def run_host(options: HostOptions, platform: Platform, host: str, opened: 
         if not options.is_quiet and severity <= Severity.INFO:
             narrator.say(f"{host}: {text}", severity)
 
+    def reload() -> None:
+        where = clock_host(platform)
+        say(
+            Severity.NOTICE, f"settings are read again by a reload on {where}; what else is in the file needs a restart"
+        )
+
+    loop.add_signal_handler(signal.SIGHUP, reload)
     try:
         while not stopped.is_set():
             manager.status(f"waiting for {clock_host(platform)}, whose clock is the platform's time")
-            offset_s = await _first_offset(platform, host, opened, stopped, say)
+            offset_s = await _first_offset(platform, host, opened, stopped, manager, say)
             if offset_s is None:
                 break
             loop.step(offset_s)
@@ -87,7 +94,12 @@ async def run_host(options: HostOptions, platform: Platform, host: str, opened: 
 
 
 async def _first_offset(
-    platform: Platform, host: str, opened: Open, stopped: asyncio.Event, say: Callable[[Severity, str], None]
+    platform: Platform,
+    host: str,
+    opened: Open,
+    stopped: asyncio.Event,
+    manager: ServiceManager,
+    say: Callable[[Severity, str], None],
 ) -> float | None:
     """Asks the clock host until enough is known, while nothing else is scheduled; None when told to stop."""
     loop = asyncio.get_running_loop()
@@ -103,6 +115,7 @@ async def _first_offset(
                         return None
                 looks += 1
                 if looks % round(REMIND_S / LOOK_S) == 0:
+                    manager.extend(3.0 * REMIND_S)
                     say(Severity.WARNING, f"{clock_host(platform)} does not answer: it has the platform's time")
         finally:
             clock.close()

@@ -53,7 +53,7 @@ def uninstall(name: str, /, *, prefix: Path = ROOT) -> int:
     """End and remove a service that `gloc3 onboard install` has made; its state and logs stay.
 
     Args:
-        name: The platform's name, as in gloc3-NAME.service.
+        name: The platform's name, or PLATFORM-HOST of one of several hosts, as in gloc3-NAME.service.
         prefix: Below which folder it was written.
     """
     from gloc3_onboard.service.install import remove

@@ -8,13 +8,17 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
 from gloc3.errors import Finding, Refused
+from gloc3.network.file import read_network
+from gloc3.places import choose_host
 from gloc3.platform import Platform, find_platform, load_platform
+from gloc3_onboard.nodes.shared import check_member
 from gloc3_onboard.onboard_options import OnboardOptions
 from gloc3_onboard.process import DEVICES
 from gloc3_onboard.rig import PlatformRig
@@ -64,17 +68,18 @@ def make_plan(name: str, options: OnboardOptions, user: str, *, with_udev: bool 
             raise Refused(f"{option}: a service has its folders below /var/lib/gloc3 and /var/log/gloc3")
     warnings: list[Finding] = []
     platform = load_platform(name, is_loading_classes=True, devices=DEVICES, warn=warnings.append)
-    file = find_platform(name).absolute()
+    host, file = choose_host(platform, options.host), find_platform(name).absolute()
+    network = _network(platform, host, options.network)
     warnings += PlatformRig(platform, file.parent).warnings
     found = nodes(platform, options)
     behind = {node: usb_device(node) for node in found}
     named = [(node, device) for node, device in behind.items() if device is not None] if with_udev else []
     if with_udev:
         options = _renamed(options, platform, [node for node, _ in named])
-    secrets = keys(options)
+    secrets = [*keys(options), *network]
     word = str(file) if file.suffix in (".yaml", ".yml") and Path(name).suffix else name
     unit = Unit(
-        name=platform.platform,
+        name=platform.platform if options.host is None else f"{platform.platform}-{host}",
         command=(*_program(), "onboard", word, *arguments(options)),
         user=user,
         groups=tuple(dict.fromkeys(node.group for node in found)),
@@ -86,6 +91,16 @@ def make_plan(name: str, options: OnboardOptions, user: str, *, with_udev: bool 
     said += [text for node, device in behind.items() if (node, device) not in named and (text := advice(node, device))]
     said += [text for path in [file, *secrets] if (text := _unreadable(path, user))]
     return Plan(unit=unit, rules=rules(unit.name, named) if named else "", advice=tuple(said))
+
+
+def _network(platform: Platform, host: str, path: Path | None) -> list[Path]:
+    """The network file with certificate and key, once it is known to be right."""
+    member = None if path is None else read_network(path.expanduser().absolute(), datetime.now(UTC))
+    check_member(platform, host, member)
+    if member is None:
+        return []
+    named = (member.file.certificate, member.file.key, member.file.authority)
+    return [member.path, *(member.path.parent / one for one in named)]
 
 
 def _program() -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from urllib.parse import quote
 
 from gloc3.errors import Refused
 from gloc3.link.endpoints import parse_url
+from gloc3.places import choose_host, clock_host, place_of
 from gloc3.platform import Platform
 from gloc3_onboard.onboard_options import DEFAULT_STATION, OnboardOptions
 from gloc3_onboard.sources.asked import source_urls
@@ -61,22 +62,25 @@ class Node(NamedTuple):
 
 
 def nodes(platform: Platform, options: OnboardOptions) -> list[Node]:
-    """The devices that are opened.
+    """The devices that are opened: those of the host's components, and on the clock host those of the links.
 
     Raises:
-        Refused: a URL is wrong.
+        Refused: a URL is wrong, or the platform has no such host.
     """
-    found = []
+    host, found = choose_host(platform, options.host), []
     links = [("autopilot", options.autopilot)]
     links += [
         ("station" if number == 1 else f"station_{number}", url)
         for number, url in enumerate(options.station or [DEFAULT_STATION], 1)
     ]
-    for role, url in links:
+    for role, url in links if host == clock_host(platform) else ():
         if device := parse_url(url).device:
             found.append(Node(role, Path(device), SERIAL))
-    used = sorted({device for row in platform.components for device in row.devices.values()})
+    rows = [row for row in platform.components if place_of(platform, row).host == host]
+    used = sorted({device for row in rows for device in row.devices.values()})
     for name, text in source_urls(platform, used, options.device).items():
+        if name not in used:
+            continue
         source = parse_source(name, text)
         if source.scheme == "gst":
             found += [Node(name, Path(path), VIDEO) for path in re.findall(r"/dev/video\d+", source.place)]

@@ -136,7 +136,7 @@ def test_an_observer_may_look_and_not_command(desk: Desk, body: AnyBody) -> None
     assert reply.outcome is Outcome.REFUSED
     assert reply.reason == "station bob may look and not command: it is an observer"
     assert desk.authority.holder == "255"
-    assert desk.handler.for_components == []
+    assert desk.handler.components.messages == []
     looked = desk.observed(Hello())
     assert looked is not None
     assert looked.outcome is Outcome.ACCEPTED
@@ -159,8 +159,8 @@ def test_a_mission_with_errors_is_refused_with_the_findings_and_the_one_before_s
 def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice(desk: Desk) -> None:
     assert desk.ask(CommandComponent(component="height", command="stop"), sequence=50) is None
     assert desk.ask(CommandComponent(component="height", command="stop"), sequence=50) is None
-    assert len(desk.handler.for_components) == 1
-    message = desk.handler.for_components[0].message
+    assert len(desk.handler.components.messages) == 1
+    message = desk.handler.components.messages[0].message
     reply = CommandReply(
         request_id=message.request_id, component="height", command="stop", is_accepted=True, state=State.STANDBY
     )
@@ -175,7 +175,7 @@ def test_what_was_under_way_when_the_process_ended_is_unknown(desk: Desk) -> Non
     reply = desk.told(CommandComponent(component="height", command="stop"), sequence=60)
     assert reply.outcome is Outcome.UNKNOWN
     assert desk.told(Query(boot=7, sequence=60)).outcome is Outcome.UNKNOWN
-    assert not desk.handler.for_components
+    assert not desk.handler.components.messages
 
 
 def test_what_ended_before_a_restart_gets_the_same_reply_after_it(desk: Desk) -> None:
@@ -202,7 +202,7 @@ def test_an_lci_command_is_held_against_the_state_table_before_it_goes_out(desk:
     reply = desk.told(CommandComponent(component="height", command="start"))
     assert reply.outcome is Outcome.REFUSED
     assert "start is not accepted in working" in reply.reason
-    assert not desk.handler.for_components
+    assert not desk.handler.components.messages
 
 
 def test_an_unknown_component_is_refused_with_those_that_there_are(desk: Desk) -> None:
@@ -245,7 +245,7 @@ def test_no_mission_starts_while_nothing_is_heard_of_the_autopilots_state(desk: 
 
 
 def asked_of_viewer(desk: Desk) -> FunctionRequest:
-    component, message = desk.handler.for_components.pop()
+    component, message = desk.handler.components.messages.pop()
     assert component == "viewer"
     assert isinstance(message, FunctionRequest)
     return message
@@ -289,7 +289,7 @@ def test_an_older_want_does_not_come_after_a_newer_one(desk: Desk) -> None:
     late = desk.told(Watch(wants=[Want("pose")]), sequence=30)
     assert late.outcome is Outcome.REFUSED
     assert "overtaken" in late.reason
-    assert desk.handler.for_components == []
+    assert desk.handler.components.messages == []
     assert desk.ask(Watch(wants=[Want("pose")]), sequence=0, boot=8) is None, "a station that was started anew"
 
 

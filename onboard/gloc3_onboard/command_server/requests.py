@@ -1,14 +1,13 @@
 """Carries out what stations ask for: authority and checks here, the work in the executor and the components."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import msgspec
 
 from gloc3.ci import (
-    FORCE,
     LOOKS,
     AnyBody,
     CallFunction,
@@ -35,17 +34,17 @@ from gloc3.ci import (
 )
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.frames import GeoPoint
-from gloc3.lci import CREATE, OPERATING, Command, transition
-from gloc3.messages import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
+from gloc3.messages import CommandReply, FunctionReply, Severity
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.preflight import PreflightReport, summary
 from gloc3.software import Software
-from gloc3.supervision import Supervision
 from gloc3.vehicle import EmergencyDisarm, FenceProgress
+from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.component_requests import Answered, ComponentRequests, Say
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.hearsay import Hearsay
@@ -55,36 +54,17 @@ from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.start_gate import Begin, RedChecks, StartGate
 from gloc3_onboard.command_server.summaries import geofence_of
 
-ANSWER_S: Final = 8.0
-"""A component that has not answered within this time leaves its request's outcome unknown."""
 THERE_S: Final = 30.0
 """A station of which nothing was heard for so long is not there."""
 FENCE_S: Final = 12.0
 """So long the loading of a mission waits for its fence to be in the autopilot."""
 OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 """What a station may ask for without holding control."""
-TAKES_AWAY: Final = (Command.GOQUIET, Command.STOP, Command.FINISH, Command.SHUTDOWN)
 
 MOTION: Final = "motion"
 """The resource of what moves the vehicle."""
 BEGINS: Final = (Verb.START, Verb.RETRY)
 """What may lead to a take-off."""
-
-Say = Callable[[Severity, str], None]
-
-
-class ForComponent(NamedTuple):
-    """A message for a component."""
-
-    component: str
-    message: CommandRequest | FunctionRequest
-
-
-class _Open(NamedTuple):
-    request: CiRequest
-    until_s: float
-    is_kept: bool = True
-    """Whether the reply goes into the journal: not that to what only looks, and may be done twice."""
 
 
 class _FenceWait(NamedTuple):
@@ -101,23 +81,18 @@ class RequestHandler:
     ) -> None:
         self.executor: MissionExecutor | None = None
         """None until what the process before has left is taken up again."""
-        self.supervision: Supervision | None = None
-        """Set by the server as soon as it works."""
         self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
         self.gate: Final = StartGate(site, facts, book)
         """What every start has to pass."""
+        self.components: Final = ComponentRequests(book, say)
+        """What is asked of components."""
         self._senders = Senders()
         self._journal = Journal(site.journal)
-        self._open: dict[str, _Open] = {}
         self._fence_wait: _FenceWait | None = None
         self._emergencies: dict[tuple[str, int], int] = {}
         self._software: dict[str, Software] = {}
         """Of the stations that have said hello."""
-        self._count = 0
         self._hearsay = Hearsay(authority, say)
-        self._watches: dict[tuple[str, int], int] = {}
-        """The last life of each sender that looks, and the sequence of the last that it wanted to see."""
-        self.for_components: list[ForComponent] = []
         self.disarms: list[EmergencyDisarm] = []
         """What the driver is to be told."""
         self.wants_everything = False
@@ -128,7 +103,7 @@ class RequestHandler:
     def handle(self, request: CiRequest, now_s: float) -> CiReply | None:
         """Carries out a request that has not been carried out yet; None if the answer comes later."""
         if request.role is StationRole.OBSERVER and not isinstance(request.body, LOOKS):
-            return _answer(
+            return answer(
                 request, Outcome.REFUSED, f"station {request.sender} may look and not command: it is an observer"
             )
         self._authority.hear(request.sender, now_s)
@@ -139,7 +114,7 @@ class RequestHandler:
         if isinstance(request.body, Query):
             return self._query(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
-            return self._look(request, now_s)
+            return self.components.look(request, now_s)
         if isinstance(request.body, Elsewhere):
             if self.executor is not None:
                 self._hearsay.take(self.executor, request.sender, request.body, now_s)
@@ -159,7 +134,7 @@ class RequestHandler:
             reply = carry_out()
         except Gloc3Error as refusal:
             text = refusal.lines if isinstance(refusal, RedChecks) else ""
-            reply = _answer(request, Outcome.REFUSED, str(refusal), text=text)
+            reply = answer(request, Outcome.REFUSED, str(refusal), text=text)
         if reply is not None and not isinstance(request.body, Preflight):
             self._journal.end(reply)
         return reply
@@ -175,8 +150,8 @@ class RequestHandler:
     def _query(self, request: CiRequest, body: Query) -> CiReply:
         outcome, reply = self._journal.query(request.sender, body.boot, body.sequence)
         if reply is not None:
-            return _answer(request, outcome, reply.reason, text=reply.text, result=reply.result)
-        return _answer(request, outcome, "nothing is known of that request")
+            return answer(request, outcome, reply.reason, text=reply.text, result=reply.result)
+        return answer(request, outcome, "nothing is known of that request")
 
     def _carry_out(self, request: CiRequest, now_s: float) -> CiReply | None:
         body: AnyBody = request.body
@@ -191,7 +166,7 @@ class RequestHandler:
             case ReadMission():
                 if executor.mission is None:
                     raise Refused("no mission is loaded")
-                return _answer(request, text=executor.mission.mission.text)
+                return answer(request, text=executor.mission.mission.text)
             case Steer(verb=verb) if verb in BEGINS:
                 self._refuse_to_begin(body, executor)
                 return self._start(request, lambda at_s: self._steer(request, body, executor, at_s), now_s)
@@ -202,17 +177,19 @@ class RequestHandler:
             case RequestAction():
                 return self._single(request, self._as_mission(body, executor), executor, now_s)
             case CommandComponent():
-                return self._command(request, body, executor, now_s)
+                self.components.command(request, body, executor, now_s)
+                return None
             case CallFunction():
-                return self._call(request, body, now_s)
+                self.components.call(request, body, now_s)
+                return None
             case Control():
                 after_s = executor.board.policies.link_loss_after_s
-                return _answer(request, reason=self._authority.handle(request.sender, body, after_s, now_s))
+                return answer(request, reason=self._authority.handle(request.sender, body, after_s, now_s))
             case Emergency():
                 return self._emergency(request, body, executor, now_s)
             case Hello():
                 self.wants_everything = True
-                return _answer(request)
+                return answer(request)
         raise Refused("what only looks is answered elsewhere")
 
     # --- missions ---
@@ -250,12 +227,12 @@ class RequestHandler:
         findings = "\n".join(str(finding) for finding in report.findings)
         if not report.is_ok:
             count = sum(not finding.is_warning for finding in report.findings)
-            return _answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
+            return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
         executor.load(report.flyable(), now_s)
         if geofence_of(executor).areas:
             self._fence_wait = _FenceWait(request, findings, now_s + FENCE_S)
             return None
-        return _answer(request, text=findings)
+        return answer(request, text=findings)
 
     def _steer(self, request: CiRequest, body: Steer, executor: MissionExecutor, now_s: float) -> CiReply:
         if body.verb is Verb.CLEAR:
@@ -264,7 +241,7 @@ class RequestHandler:
             if body.verb in BEGINS:
                 self._refuse_to_begin(body, executor)
             executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)
-        return _answer(request)
+        return answer(request)
 
     # --- starts ---
 
@@ -293,7 +270,7 @@ class RequestHandler:
 
     def _list(self, request: CiRequest, now_s: float) -> CiReply:
         report = self._report(now_s)
-        return _answer(request, reason=summary(report.checks), result=msgspec.to_builtins(report))
+        return answer(request, reason=summary(report.checks), result=msgspec.to_builtins(report))
 
     def _refuse_to_begin(self, body: Steer, executor: MissionExecutor) -> None:
         """What no operator can override."""
@@ -324,25 +301,25 @@ class RequestHandler:
             return []
         progress = self._fence_progress(self.executor)
         if progress is FenceProgress.CONFIRMED:
-            answer = _answer(wait.request, text=wait.findings)
+            reply = answer(wait.request, text=wait.findings)
         elif progress is FenceProgress.FAILED or now_s > wait.until_s:
-            answer = _answer(wait.request, Outcome.REFUSED, self._fence_problem(), text=wait.findings)
+            reply = answer(wait.request, Outcome.REFUSED, self._fence_problem(), text=wait.findings)
         else:
             return []
         self._fence_wait = None
-        self._journal.end(answer)
-        return [answer]
+        self._journal.end(reply)
+        return [reply]
 
     def _single(self, request: CiRequest, text: str, executor: MissionExecutor, now_s: float) -> CiReply | None:
         report = check_text(text, "command", self.circumstances())
         if not report.is_ok:
             first = next(finding for finding in report.findings if not finding.is_warning)
             findings = "\n".join(str(finding) for finding in report.findings)
-            return _answer(request, Outcome.REFUSED, first.message, text=findings)
+            return answer(request, Outcome.REFUSED, first.message, text=findings)
         mission, rows = report.flyable(), self._site.platform.capabilities
 
         def begin(at_s: float) -> CiReply:
-            return _answer(request, reason=executor.command(mission, at_s))
+            return answer(request, reason=executor.command(mission, at_s))
 
         wanted = {one.capability for one in mission.actions().values()}
         if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
@@ -370,7 +347,7 @@ class RequestHandler:
                 if body.confirmation != self._site.platform.platform:
                     raise Refused(f"to disarm, type the platform's name: {self._site.platform.platform}")
                 self._disarm(author, executor, now_s)
-        return _answer(request, reason=f"emergency {body.verb} by {author}")
+        return answer(request, reason=f"emergency {body.verb} by {author}")
 
     def _disarm(self, author: str, executor: MissionExecutor, now_s: float) -> None:
         self._say(Severity.ALERT, f"emergency disarm by {author}")
@@ -378,135 +355,22 @@ class RequestHandler:
         if executor.mission is not None and executor.mission.is_open:
             executor.steer("abort", "", now_s)
 
-    # --- components ---
-
-    def _command(
-        self, request: CiRequest, body: CommandComponent, executor: MissionExecutor, now_s: float
-    ) -> CiReply | None:
-        row = self._book.rows.get(body.component)
-        if row is None:
-            raise Refused(f"there is no component {body.component!r}; there are: {', '.join(self._book.rows)}")
-        state = self._book.state(body.component, now_s)
-        if body.command != CREATE:
-            try:
-                command = Command(body.command)
-            except ValueError:
-                raise Refused(f"{body.command!r} is no command; known: {', '.join(Command)}, {CREATE}") from None
-            if state is None:
-                raise Refused(f"{command} is not accepted: the component is absent; accepted: {CREATE}")
-            transition(state, command)
-            if self.supervision is not None:
-                self.supervision.check(body.component, [command])
-            if command in TAKES_AWAY and state in OPERATING:
-                self._refuse_if_needed(body, executor, now_s)
-        self._count += 1
-        request_id = f"ci-{self._count}"
-        self._open[request_id] = _Open(request, now_s + ANSWER_S)
-        message = CommandRequest(request_id=request_id, command=body.command, settings=body.settings)
-        self.for_components.append(ForComponent(body.component, message))
-        self._say(Severity.INFO, f"station {request.sender}: {body.command} {body.component}")
-        return None
-
-    def _refuse_if_needed(self, body: CommandComponent, executor: MissionExecutor, now_s: float) -> None:
-        row = self._book.rows[body.component]
-        provides = [topic for port in row.load_class().outputs for topic in row.topics(port)]
-        if row.standby_for is not None and self.supervision is not None:
-            if self.supervision.in_charge(body.component) != body.component:
-                return  # a quiet standby: somebody else performs its function
-            provides.append(row.standby_for)
-        users = executor.in_use(body.component, tuple(provides))
-        if not users:
-            return
-        if not body.is_forced:
-            raise Refused(f"{', '.join(users)} needs {body.component}; pause or abort it first, or {FORCE}")
-        reason = f"taken away by {body.command}, forced"
-        executor.taken_away(body.component, tuple(provides), reason, now_s)
-
-    def _call(self, request: CiRequest, body: CallFunction, now_s: float) -> CiReply | None:
-        if body.component not in self._book.rows:
-            raise Refused(f"there is no component {body.component!r}; there are: {', '.join(self._book.rows)}")
-        if body.function.startswith("action."):
-            raise Refused("actions are requested from the platform, not from its components")
-        self._count += 1
-        request_id = f"ci-{self._count}"
-        self._open[request_id] = _Open(request, now_s + ANSWER_S)
-        message = FunctionRequest(request_id=request_id, function=body.function, arguments=body.arguments)
-        self.for_components.append(ForComponent(body.component, message))
-        return None
-
-    def _look(self, request: CiRequest, now_s: float) -> CiReply | None:
-        """Hands what only looks, and needs no control, to the component that shows topics.
-
-        A want that comes after a newer one of its sender is not taken: it would bring back what nobody looks at.
-        """
-        body, life = request.body, (request.sender, request.boot)
-        if isinstance(body, Watch):
-            if request.sequence < self._watches.get(life, -1):
-                return _answer(request, Outcome.REFUSED, "overtaken by a newer one")
-            self._watches = {
-                **{each: n for each, n in self._watches.items() if each[0] != life[0]},
-                life: request.sequence,
-            }
-            wants = [list(msgspec.structs.astuple(want)) for want in body.wants]
-            arguments = {"station": request.sender, "wants": wants, "is_listing": body.is_listing}
-            return self._ask_viewer(request, "watch", arguments, now_s)
-        return self._ask_viewer(request, "topics", {}, now_s)
-
-    def _ask_viewer(self, request: CiRequest, function: str, arguments: dict[str, Any], now_s: float) -> CiReply | None:
-        name = next((name for name, row in self._book.rows.items() if function in row.load_class().functions), None)
-        if name is None:
-            return _answer(request, Outcome.REFUSED, "this platform shows no topics: it has no viewer")
-        self._count += 1
-        request_id = f"ci-{self._count}"
-        self._open[request_id] = _Open(request, now_s + ANSWER_S, is_kept=False)
-        message = FunctionRequest(request_id=request_id, function=function, arguments=arguments)
-        self.for_components.append(ForComponent(name, message))
-        return None
+    # --- answers that come later ---
 
     def replied(self, reply: CommandReply | FunctionReply) -> CiReply | None:
         """A component has answered; None if that was not asked for by a station."""
-        entry = self._open.pop(reply.request_id, None)
-        if entry is None:
-            return None
-        outcome = Outcome.ACCEPTED if reply.is_accepted else Outcome.REFUSED
-        result: Mapping[str, Any] = (
-            reply.result if isinstance(reply, FunctionReply) else {"state": reply.state or "absent"}
-        )
-        answer = _answer(entry.request, outcome, reply.reason, result=dict(result))
-        if entry.is_kept:
-            self._journal.end(answer)
-        return answer
+        found = self.components.replied(reply)
+        return None if found is None else self._kept(found)
 
     def expire(self, now_s: float) -> list[CiReply]:
         """The answers to requests that have waited: for a fence, or for a component that has not answered."""
-        late = [request_id for request_id, entry in self._open.items() if now_s > entry.until_s]
         answers = self._fence_answer(now_s)
         for held in self.gate.due(now_s):
             judged = self._try(held.request, partial(held.answer, now_s))
             answers += [] if judged is None else [judged]
-        for request_id in late:
-            request, _, is_kept = self._open.pop(request_id)
-            answer = _answer(request, Outcome.UNKNOWN, f"the component has not answered within {ANSWER_S:g} s")
-            if is_kept:
-                self._journal.end(answer)
-            answers.append(answer)
-        return answers
+        return [*answers, *(self._kept(found) for found in self.components.expire(now_s))]
 
-
-def _answer(
-    request: CiRequest,
-    outcome: Outcome = Outcome.ACCEPTED,
-    reason: str = "",
-    *,
-    text: str = "",
-    result: dict[str, Any] | None = None,
-) -> CiReply:
-    return CiReply(
-        sender=request.sender,
-        boot=request.boot,
-        sequence=request.sequence,
-        outcome=outcome,
-        reason=reason,
-        text=text,
-        result=result or {},
-    )
+    def _kept(self, found: Answered) -> CiReply:
+        if found.is_kept:
+            self._journal.end(found.reply)
+        return found.reply

@@ -201,10 +201,10 @@ class CommandServer(CommandInterface[ServerSettings]):
             asks = self._executor.take(now_s)
             for ask in asks:
                 results += self._carry_out(ask)
-        for component, message in self._requests.for_components:
+        for component, message in self._requests.components.messages:
             port = self.command if isinstance(message, CommandRequest) else self.function
             results.append(port.report(message, key=component))  # type: ignore[arg-type] # each port has its own type
-        self._requests.for_components.clear()
+        self._requests.components.messages.clear()
         results += [*self._requests.disarms, *self._requests.gate.take()]
         self._requests.disarms.clear()
         if self._facts.is_home_new and self._facts.home is not None:
@@ -250,7 +250,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             if _was_under_way(self._snapshot):
                 self._authority.restore(self._site.holder, now_s)
             self._supervision = Supervision(self._site.platform.components, f"supervision-{now_s:.3f}")
-            self._requests.supervision = self._supervision
+            self._requests.components.supervision = self._supervision
         supervision = self._supervision
         steps: list[Step] = []
         for reply in inbox.new(self.reply):

@@ -1,7 +1,6 @@
 """The command `gloc3 onboard`: the companion process of a platform, in wall time, until it is told to stop."""
 
 import asyncio
-import sys
 from collections.abc import Callable
 from typing import Final
 
@@ -70,17 +69,11 @@ app.command(uninstall)
 
 
 def _loop_factory(platform: str, host: str | None) -> Callable[[], asyncio.AbstractEventLoop] | None:
-    """The loop that passes frames on promptly, where there is one; on a host beside the clock host, one with its time."""
-    if host is not None:
-        from gloc3.places import clock_host
-        from gloc3.platform import load_platform
-
-        if clock_host(load_platform(platform)) != host:
-            from gloc3_onboard.nodes.loop import PlatformLoop
-
-            return PlatformLoop
-    if sys.platform != "linux":
+    """On a host beside the clock host a loop with its time."""
+    if host is None:
         return None
-    from gloc3.link.prompt_loop import PromptLoop
+    from gloc3.places import clock_host
+    from gloc3.platform import load_platform
+    from gloc3_onboard.nodes.loop import PlatformLoop
 
-    return PromptLoop
+    return None if clock_host(load_platform(platform)) == host else PlatformLoop

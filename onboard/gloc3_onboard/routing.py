@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from gloc3.link.codec import Frame, Parser
 from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
-from gloc3.link.lanes import Lanes
+from gloc3.link.lanes import DATAGRAM_BYTES, Lanes
 from gloc3.link.outlet import Outlet
 from gloc3.link.router import Router
 from gloc3.link.serial_line import SerialEndpoint
@@ -21,9 +21,6 @@ BITS_PER_BYTE: Final = 10.0
 
 SETTLE_S: Final = 0.5
 """So often it is counted what was passed on without a closer look."""
-DATAGRAM_BYTES: Final = 1400
-"""What every network carries in one piece."""
-
 Keep = Callable[[str, Literal["in", "out"], bytes], None]
 """Takes a link's URL, a direction, and a frame."""
 
@@ -80,45 +77,49 @@ class RoutedLink:
         """Begins; the endpoint's owner passes what it hears to `receive`."""
         self._endpoint = endpoint
         self._parser = Parser(is_datagram=endpoint.is_datagram)
-        if not self._is_paced:
-            self.routed.plain = endpoint.send
+        if isinstance(endpoint, UdpEndpoint) and not self._is_paced:
+            self.routed.post = endpoint.post
             self._router.changes += 1
         if endpoint.is_datagram and self._signed_only is None and self._withheld is None:
             self._lanes = Lanes(self._router, self.routed)
-            self._settle()
             if isinstance(endpoint, UdpEndpoint):
                 is_plain = self._listener is None and self._keep is _keep_nothing
-                endpoint.quick = self._lanes.pass_on if is_plain else self._pass_on
+                endpoint.go_direct(lambda: Lanes(self._router, self.routed), None if is_plain else self._tell)
+            self._settle()
 
     def close(self) -> None:
         """Sends nothing any more."""
-        if self._lanes is not None:
-            self._lanes.settle(self._loop.time())
+        self._settle()
         for timer in (self._timer, self._settling):
             if timer is not None:
                 timer.cancel()
         self._last = self.condition()
-        self._endpoint = self.routed.plain = self._lanes = None
+        self._endpoint = self.routed.post = self._lanes = None
         self._router.changes += 1
 
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard: what may be passed on goes first, all else can wait."""
-        if self._lanes is None or not self._pass_on(data):
+        if self._lanes is None:
             self._examine(data)
+        elif self._lanes.pass_on(data):
+            self._tell(data)
+        else:
+            self._examine(data)
+            self._lanes.learn(data, self._loop.time())
 
-    def _pass_on(self, data: bytes) -> bool:
-        """Passes on what has a lane, and then tells who wants to know."""
-        lanes = self._lanes
-        if lanes is None or not lanes.pass_on(data):
-            return False
-        self._keep(self.url, "in", data)
+    def _tell(self, data: bytes) -> None:
+        """Tells who wants to know of what was passed on."""
+        frames = self._parser.receive(data)
+        for frame in frames:
+            self._keep(self.url, "in", frame.raw)
         if self._listener is not None:
-            self._listener([lanes.frame(data)])
-        return True
+            self._listener(frames)
 
     def _settle(self) -> None:
         if self._lanes is not None:
             self._lanes.settle(self._loop.time())
+            if isinstance(self._endpoint, UdpEndpoint):
+                self._endpoint.tend()
             self._settling = self._loop.call_later(SETTLE_S, self._settle)
 
     def _examine(self, data: bytes) -> None:
@@ -130,8 +131,6 @@ class RoutedLink:
             withheld = self._withheld
             passed = good if withheld is None else [frame for frame in good if not withheld(frame)]
             self._router.route(self.routed, passed, now_s)
-            if self._lanes is not None and len(passed) == 1:
-                self._lanes.learn(passed[0])
         for frame in frames:
             self._keep(self.url, "in", frame.raw)
         if good and self._listener is not None:

@@ -24,7 +24,6 @@ from typing import NamedTuple
 from gloc3.link.codec import Encoder, Frame, Parser, message, shape
 from gloc3.link.endpoints import open_endpoint
 from gloc3.link.message import Address
-from gloc3.link.prompt_loop import PromptLoop
 from gloc3.link.router import Router
 from gloc3.link.udp import enlarge
 from gloc3_onboard.routing import RoutedLink
@@ -80,9 +79,8 @@ async def route(into: str, out: str) -> None:
 
 
 def begin(into: str, out: str) -> None:
-    """The same in the loop of the onboard process."""
-    with asyncio.Runner(loop_factory=PromptLoop) as runner:
-        runner.run(route(into, out))
+    """The same as a process."""
+    asyncio.run(route(into, out))
 
 
 def send(port: int, rate_hz: float, for_s: float, together: float = 1.0) -> None:

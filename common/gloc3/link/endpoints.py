@@ -43,10 +43,13 @@ class Endpoint(Protocol):
 
     url: str
     """As it was asked for."""
-    bytes_received: int
     bytes_sent: int
     dropped: int
     """Calls of `send` whose bytes found no room or no way."""
+
+    @property
+    def bytes_received(self) -> int:
+        """What has come in."""
 
     @property
     def is_datagram(self) -> bool:

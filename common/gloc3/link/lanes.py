@@ -1,47 +1,63 @@
 """What comes again and again on a link, plain and for all: it goes on before anything else is done with it.
 
-Nearly all that a router passes on is telemetry, one frame in a datagram. Of such a frame system, component and message
-say where it goes, as long as no route has changed: five bytes of its header. Only they, its checksum, and whether it has
-come before are looked at. What it tells of its sender is counted, and settled now and then for all of them.
+Nearly all that a router passes on is telemetry. Of such a frame system, component and message say where it goes, as long
+as no route has changed: five bytes of its header. Only they, its checksum, and whether it has come before are looked at;
+frames that came in one datagram leave in one. What they tell of their senders is counted, and settled now and then.
+
+`pass_on` may be called from a thread of its own (see `gloc3.link.direct_line`), one thread for each `Lanes`; it changes
+nothing that another thread changes. All else is called from the loop's thread.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
-import msgspec
 from fastcrc.crc16 import mcrf4xx as checksum
 
+from gloc3.link.codec import Parser
 from gloc3.link.gaps import MOST_GAP
 from gloc3.link.message import Shape
 from gloc3.link.parser import MAGIC_2, Frame
-from gloc3.link.router import Router, RouterLink, Sender
+from gloc3.link.router import MOVED_AFTER_S, Links, Posts, Router, RouterLink, Sender
 
 MOST_LANES: Final = 1024
+DATAGRAM_BYTES: Final = 1400
+"""What every network carries in one piece."""
 _WHO_AND_WHAT: Final = slice(5, 10)
 """System, component and message in a MAVLink 2 header."""
 _AROUND: Final = 12
 _START: Final = 10
 
 
-class _Lane(msgspec.Struct, gc=False):
+class _Lane:
     """Where frames of one kind go."""
 
-    shape: Shape
-    crc_extra: bytes
-    sender: Sender
-    ways: tuple[RouterLink, ...]
-    sends: tuple[Callable[[bytes], None], ...]
-    of: int
-    """The router's `changes` when it was found."""
-    frames: int = 0
-    """Passed on since the last time that this was settled."""
-    bytes: int = 0
+    __slots__ = ("bytes", "crc_extra", "frames", "like", "lost", "of", "posts", "sender", "settled", "ways")
+
+    def __init__(self, like: Frame, shape: Shape) -> None:
+        self.like: Final = like
+        self.crc_extra: Final = shape.crc_extra
+        self.frames = self.bytes = self.lost = 0
+        """Passed on, and missed by their numbers."""
+        self.settled = (0, 0, 0)
+        """What of these three has been counted."""
+        self.sender: Sender
+        self.posts: Posts
+        self.ways: Links
+        self.of: int
+        """The router's `changes` when these were found."""
+
+    def find(self, router: Router, link: RouterLink, now_s: float) -> bool:
+        """Looks up where it leads; False where each such frame must be looked at."""
+        found = router.lane(link, self.like, now_s)
+        if found is not None:
+            self.sender, self.posts, self.ways = found
+            self.of = router.changes
+        return found is not None
 
 
 class Lanes:
-    """The lanes of one link on which whole frames come that need no look at their signature.
+    """The lanes of one peer whose datagrams hold whole frames that need no look at their signature.
 
     Args:
         router: knows the ways.
@@ -51,57 +67,105 @@ class Lanes:
     def __init__(self, router: Router, link: RouterLink) -> None:
         self._router, self._link = router, link
         self._lanes: dict[bytes, _Lane] = {}
+        self._ended: list[_Lane] = []
+        """Lanes that are no more, of which the last frames are not yet counted."""
+        self._parser = Parser(is_datagram=True)
 
     def pass_on(self, data: bytes) -> bool:
-        """Passes a frame on whose lane is known; False for anything else, with which nothing has been done yet."""
-        lane, router = self._lanes.get(data[_WHO_AND_WHAT]), self._router
-        if (
-            lane is None
-            or lane.of != router.changes
-            or data[0] != MAGIC_2
-            or data[2]
-            or len(data) != data[1] + _AROUND
-            or checksum(lane.crc_extra, checksum(data[1:-2])) != data[-2] | data[-1] << 8
-            or data in router.recent
-            or data in router.before
-        ):
+        """Passes a datagram on whose lanes are known; False for anything else, of which nothing has gone on then."""
+        lane = self._lanes.get(data[_WHO_AND_WHAT])
+        if lane is None:
             return False
-        router.recent[data] = self._link
-        for send in lane.sends:
-            send(data)
-        sender, sequence = lane.sender, data[4]
-        if (gap := sequence - sender.sequence - 1 & 0xFF) and gap < MOST_GAP:
-            self._link.counts.lost += gap
-        sender.sequence = sequence
-        lane.frames += 1
-        lane.bytes += len(data)
+        if len(data) != data[1] + _AROUND:
+            return self._pass_several(data)
+        if not self._is_new(lane, data):
+            return False
+        for post in lane.posts:
+            post(data)
+        _count(lane, data)
         return True
 
-    def frame(self, data: bytes) -> Frame:
-        """What was just passed on, for who wants to read it."""
-        lane = self._lanes[data[_WHO_AND_WHAT]]
-        _, length, _, _, sequence, system, component = data[:7]
-        return Frame(data, system, component, sequence, lane.shape.id, 0, _START, length, lane.shape)
-
-    def learn(self, frame: Frame) -> None:
-        """Finds the lane of frames like one that has just been routed, if they may have one."""
-        found = self._router.lane(self._link, frame)
-        if found is None or frame.shape is None or frame.flags or frame.raw[0] != MAGIC_2:
-            return
-        if len(self._lanes) >= MOST_LANES:
-            self.settle(self._router.now_s)
-            self._lanes.clear()
-        sender, sends = found
-        self._lanes[frame.raw[_WHO_AND_WHAT]] = _Lane(
-            frame.shape, frame.shape.crc_extra, sender, sender.ways, sends, self._router.changes
+    def _is_new(self, lane: _Lane, raw: bytes) -> bool:
+        """Whether this is a whole frame for a lane that still leads the right way, and has not come before."""
+        router = self._router
+        recent = router.recent  # before `before` is looked at, which it may become just now
+        return (
+            lane.of == router.changes
+            and raw[0] == MAGIC_2
+            and not raw[2]
+            and checksum(lane.crc_extra, checksum(raw[1:-2])) == raw[-2] | raw[-1] << 8
+            and raw not in router.before
+            and recent.setdefault(raw, self._link) is self._link
         )
 
+    def _pass_several(self, data: bytes) -> bool:
+        """Passes several frames on that came together, if all go the same way."""
+        size, at, lanes = len(data), 0, self._lanes
+        if size > DATAGRAM_BYTES:
+            return False
+        found: list[tuple[_Lane, bytes]] = []
+        while at < size:
+            raw = data[at : at + data[at + 1] + _AROUND] if at + _AROUND <= size else b""
+            lane = lanes.get(raw[_WHO_AND_WHAT])
+            if lane is None or len(raw) != raw[1] + _AROUND or not self._is_new(lane, raw):
+                return False
+            found.append((lane, raw))
+            at += len(raw)
+        posts = found[0][0].posts
+        if any(lane.posts != posts for lane, _ in found):
+            return False
+        for post in posts:
+            post(data)
+        for lane, raw in found:
+            _count(lane, raw)
+        return True
+
+    def learn(self, data: bytes, now_s: float) -> None:
+        """Finds the lanes of frames like those that have just been routed, where they may have one."""
+        for frame in self._parser.receive(data):
+            if frame.flags or frame.raw[0] != MAGIC_2 or frame.shape is None:
+                continue
+            key, lane = frame.raw[_WHO_AND_WHAT], _Lane(frame, frame.shape)
+            if lane.find(self._router, self._link, now_s):
+                self._end(key)
+                if len(self._lanes) >= MOST_LANES:
+                    for other in tuple(self._lanes):
+                        self._end(other)
+                self._lanes[key] = lane
+
     def settle(self, now_s: float) -> None:
-        """Counts what was passed on, remembers when its senders were heard, and ends lanes whose ways are to be looked up anew."""
+        """Counts what was passed on, remembers when its senders were heard, and looks up anew ways that are not sure any more."""
         self._router.turn(now_s)
+        ended, self._ended = self._ended, []
+        for lane in ended:
+            self._settle(lane, now_s)
+        for lane in tuple(self._lanes.values()):
+            self._settle(lane, now_s)
         for key, lane in tuple(self._lanes.items()):
-            if lane.frames:
-                self._router.passed(self._link, lane.sender, lane.ways, lane.frames, lane.bytes, now_s)
-                lane.frames = lane.bytes = 0
-            if now_s > lane.sender.ways_until_s:
-                del self._lanes[key]
+            is_heard = now_s - lane.sender.heard_s < MOVED_AFTER_S
+            if not (is_heard and lane.find(self._router, self._link, now_s)):
+                self._end(key)
+
+    def _settle(self, lane: _Lane, now_s: float) -> None:
+        passed = (lane.frames, lane.bytes, lane.lost)
+        frames, size, lost = (now - before for now, before in zip(passed, lane.settled, strict=True))
+        lane.settled = passed
+        if frames:
+            self._router.passed(self._link, lane.sender, lane.ways, frames, size, now_s)
+            self._link.counts.lost += lost
+
+    def _end(self, key: bytes) -> None:
+        """Takes a lane away; a thread may still be on it, so it is settled once more."""
+        lane = self._lanes.pop(key, None)
+        if lane is not None:
+            self._ended.append(lane)
+
+
+def _count(lane: _Lane, raw: bytes) -> None:
+    """Remembers a frame that was passed on."""
+    sequence, sender = raw[4], lane.sender
+    if (gap := sequence - sender.sequence - 1 & 0xFF) and gap < MOST_GAP:
+        lane.lost += gap
+    sender.sequence = sequence
+    lane.bytes += len(raw)
+    lane.frames += 1

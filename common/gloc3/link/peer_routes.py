@@ -31,19 +31,22 @@ def systems_in(datagram: bytes) -> Iterator[int]:
 
 
 class Routes:
-    """Learns who is behind which peer, from what comes; one peer may stand for many systems, as a router does."""
+    """Learns who is behind which peer, from what comes; one peer may stand for many systems, as a router does.
+
+    It may be asked from any thread while one learns.
+    """
 
     def __init__(self) -> None:
-        self._systems: dict[Hashable, set[int]] = {}
+        self._systems: dict[Hashable, frozenset[int]] = {}
         self._parser = Parser(is_datagram=True)
 
     def learn(self, peer: Hashable, datagram: bytes) -> None:
         """Something has come from a peer."""
-        known = self._systems.setdefault(peer, set())
+        known = self._systems.get(peer, frozenset())
         size = len(datagram)
         if size >= _AROUND_2 and datagram[0] == MAGIC_2 and size == datagram[1] + _AROUND_2 and datagram[5] in known:
             return  # one plain frame of somebody who is known, as nearly all are
-        known.update(systems_in(datagram))
+        self._systems[peer] = known.union(systems_in(datagram))
 
     def forget(self, peer: Hashable) -> None:
         """A peer has gone."""
@@ -55,5 +58,5 @@ class Routes:
         if not targets or 0 in targets:
             return peers
         found = [peer for peer in peers if not targets.isdisjoint(self._systems.get(peer, ()))]
-        known = {system for peer in found for system in self._systems[peer]}
+        known = {system for peer in found for system in self._systems.get(peer, ())}
         return found if targets <= known else peers

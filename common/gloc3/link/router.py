@@ -9,7 +9,7 @@ one that comes back over another link, because somebody else routes too, goes no
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, TypeAlias
 
 import msgspec
 
@@ -74,13 +74,13 @@ class RouterLink:
         send: takes frames that are to leave, those together that have come together.
     """
 
-    __slots__ = ("_send", "counts", "name", "plain", "senders")
+    __slots__ = ("_send", "counts", "name", "post", "senders")
 
     def __init__(self, name: str, send: Callable[[Sequence[Frame]], None]) -> None:
         self.name = name
         self._send = send
-        self.plain: Callable[[bytes], None] | None = None
-        """Sends a frame as it is, where nothing has to wait; None where something may."""
+        self.post: Callable[[bytes], None] | None = None
+        """Sends frames as they are, from any thread, where nothing has to wait; None where something may."""
         self.counts = LinkCounts()
         self.senders: dict[int, Sender] = {}
         """By `system << 8 | component`."""
@@ -98,6 +98,10 @@ class RouterLink:
         if component:
             return system << 8 | component in self.senders
         return any(key >> 8 == system for key in self.senders)
+
+
+Links: TypeAlias = tuple[RouterLink, ...]
+Posts: TypeAlias = tuple[Callable[[bytes], None], ...]
 
 
 class Router:
@@ -140,15 +144,15 @@ class Router:
         for link, some in leaving.items():
             link.put(some)
 
-    def lane(self, source: RouterLink, frame: Frame) -> tuple[Sender, tuple[Callable[[bytes], None], ...]] | None:
-        """Who sent a frame that was just routed, and what passes all such frames on; None where each must be looked at."""
-        sender = source.senders.get(frame.system << 8 | frame.component)
-        shape = frame.shape
-        if sender is None or sender.ways_of != self.changes or shape is None or shape.target_system_at >= 0:
+    def lane(self, source: RouterLink, frame: Frame, now_s: float) -> tuple[Sender, Posts, Links] | None:
+        """Who sends such frames, and what passes them all on, to which links; None where each must be looked at."""
+        key = frame.system << 8 | frame.component
+        sender, shape = source.senders.get(key), frame.shape
+        if sender is None or shape is None or shape.target_system_at >= 0 or frame.message_id == _SYSTEM_TIME:
             return None
-        sends = tuple(link.plain for link in sender.ways if link.plain is not None)
-        has_all = len(sends) == len(sender.ways) and frame.message_id != _SYSTEM_TIME
-        return (sender, sends) if has_all else None
+        ways = self._ways_to_all(source, sender, key, now_s)
+        posts = tuple(link.post for link in ways if link.post is not None)
+        return (sender, posts, ways) if len(posts) == len(ways) else None
 
     @staticmethod
     def passed(
@@ -186,6 +190,10 @@ class Router:
         shape = frame.shape
         if shape is not None and shape.target_system_at >= 0 and (system := frame.target_system):
             return self._ways_to(source, key, system, frame.target_component, now_s)
+        return self._ways_to_all(source, sender, key, now_s)
+
+    def _ways_to_all(self, source: RouterLink, sender: Sender, key: int, now_s: float) -> Links:
+        """Where goes what somebody says to all."""
         if sender.ways_of != self.changes or now_s > sender.ways_until_s:
             sender.ways = tuple(link for link in self.links if link is not source and not _hears(link, key, now_s))
             sender.ways_of, sender.ways_until_s = self.changes, now_s + LOOK_AGAIN_S
@@ -204,10 +212,8 @@ class Router:
     def _has_returned(self, source: RouterLink, raw: bytes, now_s: float) -> bool:
         """Whether the very same frame has just come by another link."""
         self.turn(now_s)
-        first = self.recent.get(raw) or self.before.get(raw)
-        if first is None:
-            self.recent[raw] = source
-            return False
+        recent = self.recent  # a line's thread may be here too: what is in one of the two is never overlooked
+        first = self.before.get(raw) or recent.setdefault(raw, source)
         return first is not source
 
     def _meet(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> Sender | None:

@@ -7,56 +7,87 @@ import errno
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 from gloc3.errors import Refused
+from gloc3.link.direct_line import (
+    AT_ONCE,
+    LARGEST_DATAGRAM_BYTES,
+    DirectLine,
+    Passer,
+    SocketAddress,
+    connect,
+    source_towards,
+)
 from gloc3.link.peer_routes import Routes
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
 """The loop wakes for a burst, not for each datagram; the kernel keeps the rest of it here."""
 _RCVBUFFORCE: Final = 33
 """SO_RCVBUFFORCE of Linux, which the socket module does not name."""
-LARGEST_DATAGRAM_BYTES: Final = 65_535
 DATAGRAMS_AT_ONCE: Final = 256
 """After so many the rest of the process has its turn."""
 MOST_PEERS: Final = 128
+MOST_LINES: Final = 8
+"""So many peers of a port have a direct line, which is a thread; the others are heard all the same."""
 LOOK_AGAIN_S: Final = 1.0
 """So often at most the silent ones are looked for."""
 PEER_EXPIRES_S: Final = 30.0
 """Who has said nothing for so long is not sent to any more, and makes room for another."""
 
-SocketAddress: TypeAlias = tuple[Any, ...]
-
 
 class UdpEndpoint:
-    """What both have in common: a socket that never blocks, read until it is empty."""
+    """What both have in common: a socket that never blocks, read until it is empty, and direct lines where they are wanted."""
 
     is_datagram = True
 
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         self.url = url
-        self.bytes_received = 0
         self.bytes_sent = 0
         self.dropped = 0
         self.problem = ""
         self._loop = loop
         self._on_data = on_data
-        self.quick: Callable[[bytes], bool] | None = None
-        """Is offered what comes from whom has just been heard, and says whether that was all that is to be done with it."""
+        self._heard_bytes = 0
         self._socket: socket.socket | None = None
-        self._most = DATAGRAMS_AT_ONCE
-        self._sender: SocketAddress | None = None
-        """Who was heard last."""
-        self._is_heard = False
-        """Whether more came from there since it was looked last who is silent."""
+        self._lines: dict[SocketAddress, DirectLine] = {}
+        self._make_passer: Callable[[], Passer] | None = None
+        self._passed: Callable[[bytes], None] | None = None
+
+    @property
+    def bytes_received(self) -> int:
+        """What has come from all."""
+        return self._heard_bytes + sum(line.bytes_passed for line in tuple(self._lines.values()))
 
     @property
     def local_port(self) -> int | None:
         """The port that the socket has."""
         return None if self._socket is None else int(self._socket.getsockname()[1])
 
+    def go_direct(self, make_passer: Callable[[], Passer], passed: Callable[[bytes], None] | None) -> None:
+        """Wants a direct line to each peer, as long as they are few.
+
+        Args:
+            make_passer: makes what passes on a line's datagrams by itself.
+            passed: told of each datagram that was passed on so; None where nobody wants to know.
+        """
+        self._make_passer, self._passed = make_passer, passed
+
+    def post(self, data: bytes) -> None:
+        """Sends as `send` does, from any thread."""
+        raise NotImplementedError
+
+    def tend(self) -> None:
+        """To be called now and then where lines are wanted: settles what they pass on, and gives up those that lead no more."""
+        for line in tuple(self._lines.values()):
+            line.passer.settle(self._loop.time())
+            if not line.is_alive or source_towards(line.peer, line.opened.family) != line.source:
+                self._end_line(line.peer)
+
     async def close(self) -> None:
-        """Closes the socket."""
+        """Closes the sockets."""
+        for peer in tuple(self._lines):
+            self._end_line(peer)
         if self._socket is not None:
             self._loop.remove_reader(self._socket)
             self._socket.close()
@@ -66,15 +97,10 @@ class UdpEndpoint:
         opened.setblocking(False)
         enlarge(opened, RECEIVE_BUFFER_BYTES)
         self._socket = opened
-        promptly = getattr(self._loop, "read_promptly", None)  # see `gloc3.link.prompt_loop`
-        if promptly is None:
-            self._loop.add_reader(opened, self._read)
-        else:
-            self._most = 1  # to be called again costs less than to find that there is nothing more
-            promptly(opened.fileno(), self._read)
+        self._loop.add_reader(opened, self._read)
 
     def _read(self) -> None:
-        left = self._most
+        left = DATAGRAMS_AT_ONCE
         while left and self._socket is not None:  # who is told may close it
             left -= 1
             try:
@@ -84,27 +110,49 @@ class UdpEndpoint:
             except OSError as error:  # nobody listens there (any more); the next one may be heard again
                 self.problem = str(error)
                 continue
-            if sender == self._sender and self.quick is not None and self.quick(data):
-                self.bytes_received += len(data)
-                self._is_heard = True
-            else:
-                self._hear(data, sender)
+            self._hear(data, sender)
 
     def _hear(self, data: bytes, sender: SocketAddress) -> None:
         raise NotImplementedError
 
-    def _send_to(self, data: bytes, address: SocketAddress) -> None:
-        try:
-            if self._socket is not None:
-                self._socket.sendto(data, address)
-                self.bytes_sent += len(data)
-        except OSError as error:
-            self._fail(error)
+    def _open_line(self, peer: SocketAddress) -> None:
+        """Opens a direct line to a peer, where that is wanted and can be."""
+        if self._make_passer is None or self._socket is None or peer in self._lines or len(self._lines) >= MOST_LINES:
+            return
+        found = connect(self._socket, (line.opened for line in self._lines.values()), peer)
+        if found is None:
+            return
+        opened, strays = found
+        enlarge(opened, RECEIVE_BUFFER_BYTES)
+        line = DirectLine(peer, opened, self._loop, self._make_passer(), self._hear, self._passed)
+        self._lines[peer] = line
+        self._read()  # what came before
+        for data, sender in strays:
+            self._hear(data, sender)
+        line.begin()
 
-    def _fail(self, error: OSError) -> None:
-        self.dropped += 1
-        if not isinstance(error, BlockingIOError):
-            self.problem = str(error)
+    def _end_line(self, peer: SocketAddress) -> None:
+        line = self._lines.pop(peer, None)
+        if line is not None:
+            line.close()
+            self._heard_bytes += line.bytes_passed
+
+    def _post_to(self, data: bytes, peer: SocketAddress) -> None:
+        """Sends to one peer, from any thread; of what is counted at the same moment by two of them one may be missed."""
+        line = self._lines.get(peer)
+        try:
+            if line is not None:
+                try:
+                    line.opened.send(data, AT_ONCE)
+                except ConnectionRefusedError:  # tells of what was sent before: this has not been tried yet
+                    line.opened.send(data, AT_ONCE)
+            elif self._socket is not None:
+                self._socket.sendto(data, peer)
+            self.bytes_sent += len(data)
+        except OSError as error:
+            self.dropped += 1
+            if not isinstance(error, BlockingIOError):
+                self.problem = str(error)
 
 
 class UdpServerEndpoint(UdpEndpoint):
@@ -116,6 +164,8 @@ class UdpServerEndpoint(UdpEndpoint):
         """Datagrams of those for whom there was no room."""
         self._heard_s: dict[SocketAddress, float] = {}
         self._looked_s = 0.0
+        self._passed_bytes: dict[SocketAddress, int] = {}
+        """What had come by each line when it was looked last who is silent."""
         self._routes = Routes()
 
     @classmethod
@@ -147,38 +197,50 @@ class UdpServerEndpoint(UdpEndpoint):
     @property
     def is_connected(self) -> bool:
         """Whether somebody has been heard lately."""
-        return bool(self.peers)
+        since_s = self._loop.time() - PEER_EXPIRES_S
+        return any(heard_s >= since_s for heard_s in tuple(self._heard_s.values()))
 
     def send(self, data: bytes) -> None:
         """Sends one datagram to each peer that it is for."""
-        heard_s = self._heard_s
-        peers = tuple(heard_s) if len(heard_s) <= 1 else self._routes.ways(tuple(heard_s), data)
-        for peer in peers:
-            self._send_to(data, peer)
-        if (now_s := self._loop.time()) > self._looked_s + LOOK_AGAIN_S:
-            self._forget_silent(now_s)
+        self.post(data)
+        if self._loop.time() > self._looked_s + LOOK_AGAIN_S:
+            self._forget_silent(self._loop.time())
+
+    def post(self, data: bytes) -> None:
+        """The same, from any thread."""
+        peers = tuple(self._heard_s)
+        for peer in peers if len(peers) <= 1 else self._routes.ways(peers, data):
+            self._post_to(data, peer)
+
+    def tend(self) -> None:
+        """Forgets silent peers as well, and opens lines to those that have none."""
+        super().tend()
+        self._forget_silent(self._loop.time())
+        for peer in tuple(self._heard_s):
+            self._open_line(peer)
 
     def _forget_silent(self, now_s: float) -> None:
         self._looked_s = now_s
-        if self._is_heard and self._sender in self._heard_s:
-            self._heard_s[self._sender], self._is_heard = now_s, False
+        for peer, line in self._lines.items():
+            if line.bytes_passed != self._passed_bytes.get(peer, 0):
+                self._heard_s[peer], self._passed_bytes[peer] = now_s, line.bytes_passed
         silent = [peer for peer, heard_s in self._heard_s.items() if heard_s < now_s - PEER_EXPIRES_S]
         for peer in silent:
-            del self._heard_s[peer]
+            self._end_line(peer)
+            self._passed_bytes.pop(peer, None)
+            self._heard_s.pop(peer, None)
             self._routes.forget(peer)
-            if peer == self._sender:
-                self._sender = None
 
     def _hear(self, data: bytes, sender: SocketAddress) -> None:
-        if sender not in self._heard_s and not self._admits(sender, data):
+        is_new = sender not in self._heard_s
+        if is_new and not self._admits(sender, data):
             return
-        if self._is_heard and self._sender is not None:
-            self._heard_s[self._sender], self._is_heard = self._loop.time(), False
-        self._sender = sender
         self._on_data(data)
-        self.bytes_received += len(data)
+        self._heard_bytes += len(data)
         self._routes.learn(sender, data)
         self._heard_s[sender] = self._loop.time()
+        if is_new:
+            self._open_line(sender)
 
     def _admits(self, sender: SocketAddress, data: bytes) -> bool:
         """Makes room for a stranger."""
@@ -226,20 +288,26 @@ class UdpClientEndpoint(UdpEndpoint):
         """Whether it is open; whether somebody is there, UDP does not say."""
         return self._socket is not None
 
+    def go_direct(self, make_passer: Callable[[], Passer], passed: Callable[[bytes], None] | None) -> None:
+        """Has its line at once: it knows its peer."""
+        super().go_direct(make_passer, passed)
+        self._open_line(self._address)
+
+    def tend(self) -> None:
+        """Opens the line again as well, where it was given up."""
+        super().tend()
+        self._open_line(self._address)
+
     def send(self, data: bytes) -> None:
         """Sends one datagram."""
-        try:
-            if self._socket is not None:
-                self._socket.sendto(data, self._address)
-                self.bytes_sent += len(data)
-        except OSError as error:
-            self._fail(error)
+        self._post_to(data, self._address)
+
+    post = send
 
     def _hear(self, data: bytes, sender: SocketAddress) -> None:
         if sender[0] == self._address[0]:
-            self._sender = sender
             self._on_data(data)
-            self.bytes_received += len(data)
+            self._heard_bytes += len(data)
 
 
 def enlarge(opened: socket.socket, size: int) -> None:

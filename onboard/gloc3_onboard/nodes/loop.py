@@ -1,20 +1,13 @@
 """The event loop of a process that is not on the clock host: its time is the platform's all the same."""
 
 import asyncio
-import sys
 from typing import Final
 
 from gloc3.clock import monotonic_s
-from gloc3.link.prompt_loop import PromptLoop
 from gloc3_onboard.nodes.steering import Steering
 
-if sys.platform == "linux":
-    _Base: type[asyncio.SelectorEventLoop] = PromptLoop
-else:
-    _Base = asyncio.SelectorEventLoop
 
-
-class PlatformLoop(_Base):  # type: ignore[valid-type, misc] # one of two loops
+class PlatformLoop(asyncio.SelectorEventLoop):
     """A loop whose `time()` is the platform's: this computer's monotonic clock and a steered offset.
 
     Args:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.link.codec import Encoder, Frame, Parser
@@ -39,7 +40,7 @@ class Bench:
     def __init__(self, *, is_signed: bool = False) -> None:
         loop = asyncio.get_running_loop()
         self.memory = MemoryLink(loop, random.Random(2))
-        now = timestamp(1.8e9)
+        now = timestamp(Clock(loop).utc_s())
         self.vehicle_signing = Signing(KEY, link_id=1, now=now) if is_signed else None
         self.heard: list[Frame] = []
         self.verdicts: list[Verdict] = []

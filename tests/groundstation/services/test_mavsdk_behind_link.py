@@ -85,7 +85,7 @@ async def bench(*, is_signed: bool = False) -> AsyncIterator[Bench]:
         made.runner.stop()
 
 
-async def until(is_so: Callable[[], bool], within_s: float = 30.0) -> None:
+async def until(is_so: Callable[[], bool], within_s: float = 90.0) -> None:
     async with asyncio.timeout(within_s):
         while not is_so():
             await asyncio.sleep(0.01)
@@ -113,8 +113,8 @@ async def test_one_station_heartbeat_leaves_and_none_of_mavsdks_questions() -> N
         await scene.mavsdk.download(PlanType.MISSION)
         await until(lambda: scene.count(0) > 1)
         begun, begun_s = scene.count(0), asyncio.get_running_loop().time()
-        await until(lambda: scene.count(0) >= begun + 2)
-        assert asyncio.get_running_loop().time() - begun_s > 1.4
+        await until(lambda: scene.count(0) >= begun + 3)
+        assert asyncio.get_running_loop().time() - begun_s > 1.6, "one a second, the first of them may be due"
         assert {frame.message_id for frame in scene.heard} <= {0, 43, 47, 51, 385}
 
 

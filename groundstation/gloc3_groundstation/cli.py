@@ -2,6 +2,7 @@
 
 import asyncio
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -62,6 +63,7 @@ def station(
     wait: float = 60.0,
     station_id: int | None = None,
     signing_key: Path | None = None,
+    network: Path | None = None,
     config: Path | None = None,
     no_record: Annotated[bool, FLAG] = False,
     foxglove: Annotated[bool, FLAG] = False,
@@ -92,6 +94,8 @@ def station(
         signing_key: A file with the MAVLink signing key of all links, which nobody else may read: 64 hexadecimal digits,
             or `passphrase: ...`. Then frames without its signature are dropped and counted. Default: that of the
             configuration file, else links are not signed.
+        network: The network file of this station, which gloc3 network makes: it reaches the platforms encrypted, under the
+            name and in the role of its certificate, beside the links. Then without --link no MAVLink link is opened.
         config: The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
             signing_key, downloads, and where the last session was. Default: gloc3/station.toml in the XDG configuration
             directory.
@@ -135,6 +139,7 @@ def station(
                 return 1
             opens = mission
     from gloc3.link.signing_key import read_signing_key
+    from gloc3.network.file import read_network
     from gloc3_groundstation.configuration import Configuration, ConfigurationFile, default_path
     from gloc3_groundstation.recording import default_root
     from gloc3_groundstation.session import Session
@@ -152,9 +157,10 @@ def station(
         key = None if key_file is None else read_signing_key(key_file.expanduser())
     except InputError as error:
         raise Refused(str(error)) from None
+    membership = None if network is None else read_network(network.expanduser(), datetime.now(UTC))
     record = None if no_record else default_root()
     session = Session(
-        link or configuration.links,
+        link or ([] if membership is not None else configuration.links),
         own,
         platform,
         plan,
@@ -163,6 +169,7 @@ def station(
         record,
         signing_key=key,
         foxglove_port=foxglove_port if foxglove else None,
+        network=membership,
     )
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None, override=override))

@@ -4,6 +4,7 @@ import asyncio
 from typing import Any, Final
 
 from gloc3.ci import (
+    LOOKS,
     AnyBody,
     CiReply,
     CiRequest,
@@ -15,6 +16,7 @@ from gloc3.ci import (
     LoadMission,
     Outcome,
     ReadMission,
+    StationRole,
     Steer,
     Verb,
 )
@@ -64,6 +66,8 @@ class CommandClient:
             boot: a random number for this start of the station.
         """
         self.station: Final = station
+        self.role = StationRole.OPERATOR
+        """What the station may do, as far as it is known here; the platforms judge for themselves."""
         self._loop = loop
         self._requests = Requests(station, boot)
         self._publisher = Publisher(exchange, f"station_{station}", "command_client", boot)
@@ -88,6 +92,9 @@ class CommandClient:
         Returns:
             The reply. Its outcome is *unknown*, with the reason, where none came within `timeout_s`.
         """
+        if self.role is StationRole.OBSERVER and not isinstance(body, LOOKS):
+            reason = f"station {self.station} may look and not command: it is an observer"
+            return CiReply(sender=self.station, boot=0, sequence=-1, outcome=Outcome.REFUSED, reason=reason)
         key = self._requests.request(platform, body, timeout_s, self._loop.time())
         future: asyncio.Future[CiReply] = self._loop.create_future()
         self._waiting[key] = future

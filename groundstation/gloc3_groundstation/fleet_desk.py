@@ -88,7 +88,7 @@ class FleetDesk:
                 case Order.PAUSE | Order.RESUME:
                     return await self._desk.steer(name, Verb(order.value))
                 case Order.START:
-                    return await self._desk.start(name) is not None
+                    return bool(await self._desk.start(name))
 
         done = await asyncio.gather(*(one(name) for name in names))
         accepted = [name for name, is_done in zip(names, done, strict=True) if is_done]

@@ -46,6 +46,7 @@ class Link:
         system: int,
         boot: int,
         told: Told,
+        name: str = "",
         undelivered: GivenUp = lambda _: None,
         is_datagram: bool = True,
         budget: LinkBudget | None = None,
@@ -62,6 +63,7 @@ class Link:
             exchange: the station's side; what crosses the link is joined to it.
             topics: the topics that may cross.
             system: the station's MAVLink system, 255 and down.
+            name: under which platforms know the station; empty for the number of its system.
             boot: a random number for this start of the station.
             told: is told what a person should know.
             undelivered: is told what the command link has given up here.
@@ -92,7 +94,7 @@ class Link:
         self._locked: set[int] = set()
         self._gaps = Gaps()
         self._signed_only = None if signing is None else SignedOnly(signing, told)
-        end = TunnelEndpoint(Role.STATION, str(system), own, boot, topics, budget or LinkBudget())
+        end = TunnelEndpoint(Role.STATION, name or str(system), own, boot, topics, budget or LinkBudget())
         self._tunnel = MavlinkExchange(end, loop, self._send_message)
         self._tunnel.listen(self._happened)
         self._part = self._tunnel.bridge(

@@ -15,9 +15,11 @@ from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.link.message import Address
 from gloc3.link.signing import Signing, timestamp
 from gloc3.link.signing_key import read_signing_key
+from gloc3.network.file import Membership
 from gloc3.topics import TopicTable
 from gloc3_groundstation.link import GivenUp, Link, Tap, Told
 from gloc3_groundstation.link_snapshot import LinkSnapshot
+from gloc3_groundstation.network_way import NetworkWay
 from gloc3_groundstation.ways import LINE, NETWORK, Way, Ways
 
 MEASURE_EVERY_S: Final = 1.0
@@ -51,6 +53,7 @@ class Links:
         """
         self._open: list[_Opened] = []
         self._ways = ways or Ways()
+        self._network: NetworkWay | None = None
         self._make: Callable[[str, Endpoint, int, bytes | None], Link] | None = None
         self._signing_key: bytes | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -67,6 +70,7 @@ class Links:
         undelivered: GivenUp = lambda _: None,
         tap: Tap = lambda _: None,
         signing_key: bytes | None = None,
+        network: Membership | None = None,
     ) -> None:
         """Opens links; with a key, theirs or that of their URL, all frames are signed, and those of others must be.
 
@@ -78,6 +82,11 @@ class Links:
         loop = asyncio.get_running_loop()
         clock = Clock(loop)
 
+        if network is not None:
+            self._network = NetworkWay(network, self._ways, lambda text: told(f"network: {text}"))
+            self._network.open(loop, exchange, topics)
+        name = "" if network is None else network.file.member
+
         def make(url: str, endpoint: Endpoint, way: int, key: bytes | None) -> Link:
             return Link(
                 endpoint.send,
@@ -87,6 +96,7 @@ class Links:
                 system=system,
                 boot=boot,
                 told=lambda text: told(f"{url}: {text}"),
+                name=name,
                 undelivered=partial(self._give_up, way, undelivered),
                 is_datagram=endpoint.is_datagram,
                 budget=budget_of(url, is_signed=key is not None),
@@ -141,7 +151,8 @@ class Links:
     def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
         """All links as they are now, with those of some platforms that are behind each."""
         names = tuple(platforms)
-        return tuple(
+        network = () if self._network is None else (self._network.snapshot(names),)
+        return network + tuple(
             LinkSnapshot(
                 url=endpoint.url,
                 is_connected=endpoint.is_connected,
@@ -186,6 +197,8 @@ class Links:
                 else ""
             )
             parts.append(f"{endpoint.url} ({aside})" if aside else endpoint.url)
+        if self._network is not None:
+            parts.insert(0, self._network.url)
         return ", ".join(parts)
 
     def round_trip_s(self, platform: str) -> float | None:
@@ -204,6 +217,8 @@ class Links:
     async def close(self) -> None:
         """Closes all."""
         self._make = None
+        if self._network is not None:
+            self._network.close()
         if self._timer is not None:
             self._timer.cancel()
         for opened in self._open:

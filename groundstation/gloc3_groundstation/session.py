@@ -16,6 +16,7 @@ from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
 from gloc3.narrate import narrate
+from gloc3.network.file import Membership
 from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
 from gloc3_groundstation.configuration import Configuration, unsaved_folder
@@ -25,6 +26,7 @@ from gloc3_groundstation.headless import Headless
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.live_view import LiveView
 from gloc3_groundstation.narration import Line
+from gloc3_groundstation.network_way import role_of
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.recording import Recording
 from gloc3_groundstation.services_desk import ServicesDesk
@@ -53,6 +55,7 @@ class Session:
         *,
         signing_key: bytes | None = None,
         foxglove_port: int | None = None,
+        network: Membership | None = None,
     ) -> None:
         """A run.
 
@@ -66,7 +69,9 @@ class Session:
             record: the folder in which the session is recorded, in a folder of its own; None for nowhere.
             signing_key: signs all links; None for links that are not signed.
             foxglove_port: where Foxglove is served; None for nowhere.
+            network: the network file of this station; None for MAVLink alone.
         """
+        self._network = network
         self._urls = list(urls)
         self._system = system
         self._platform = platform
@@ -195,7 +200,10 @@ class Session:
         exchange = LocalExchange(topics)
         boot = secrets.randbits(32)
         loop = asyncio.get_running_loop()
-        station = Station(exchange, loop, str(self._system), boot)
+        name = str(self._system) if self._network is None else self._network.file.member
+        station = Station(exchange, loop, name, boot)
+        if self._network is not None:
+            station.client.role = role_of(self._network)
         station.round_trip_s = self._links.round_trip_s
         recording = self._begin_recording(station, loop, topics)
         store = EventStore(recording.events if recording else None, Clock(loop).utc_offset_s)
@@ -217,6 +225,7 @@ class Session:
                 undelivered=station.client.undelivered,
                 tap=recording.frame if recording else lambda _: None,
                 signing_key=self._signing_key,
+                network=self._network,
             )
             view = self._serve_foxglove(station, exchange, loop, topics)
             yield station

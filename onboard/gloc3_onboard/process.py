@@ -28,7 +28,8 @@ from gloc3.link.signing import Signing
 from gloc3.link.signing_key import read_signing_key
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
-from gloc3.network.file import read_network
+from gloc3.network.file import Membership, read_network
+from gloc3.network.stations import StationBridge
 from gloc3.places import Place, choose_host, clock_host, rows_at
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.readiness import LinkCondition, SensorCondition
@@ -137,7 +138,7 @@ async def run(options: ProcessOptions) -> int:
         manager.close()
         return 0
     with opened() as shared:
-        process = OnboardProcess(options, platform, loop, shared)
+        process = OnboardProcess(options, platform, loop, shared, member)
         service = Service(manager, process, loop)
         try:
             await process.open()
@@ -152,7 +153,12 @@ class OnboardProcess:
     """Everything that the main process of the clock host holds open."""
 
     def __init__(
-        self, options: ProcessOptions, platform: Platform, loop: asyncio.AbstractEventLoop, shared: Shared | None = None
+        self,
+        options: ProcessOptions,
+        platform: Platform,
+        loop: asyncio.AbstractEventLoop,
+        shared: Shared | None = None,
+        member: Membership | None = None,
     ) -> None:
         self._options, self._platform, self._loop = options, platform, loop
         shared = shared or alone()
@@ -221,6 +227,16 @@ class OnboardProcess:
             lambda text: self.say(Severity.WARNING, text),
             sensors=self._watch.conditions,
             vehicle_boot_s=lambda: self._autopilot.t_s_of_boot(0.0),
+        )
+        self._network_news = LinkNews(
+            self.exchange, platform.platform, self._random.getrandbits(32), loop.time, source="network"
+        )
+        self._on_network = (
+            None
+            if member is None
+            else StationBridge(
+                self.exchange, loop, platform.platform, member.file.roles, self._random.getrandbits(32), self._forged
+            )
         )
         self._clock_server = ClockServer(self.exchange, platform.platform, loop)
         self._host_watch = HostWatch(context, self._place.host, self.say)
@@ -301,6 +317,8 @@ class OnboardProcess:
             await self._onboard.stop(lambda text: self.say(Severity.WARNING, text))
             self._onboard.close()
         await self._keeper.end()
+        if self._on_network is not None:
+            self._on_network.close()
         self._clock_server.close()
         self._host_watch.close()
         self._herald.close()
@@ -325,6 +343,9 @@ class OnboardProcess:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
             self._narrator.say(f"onboard: {text}", severity)
+
+    def _forged(self, station: str, reason: str) -> None:
+        self._network_news.say(Severity.WARNING, f"a request of {station} is not taken: {reason}")
 
     def _autopilot_says(self, severity: Severity, text: str) -> None:
         """Tells what happens on the autopilot's link; what is narrated as an event is not narrated twice."""

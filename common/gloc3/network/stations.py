@@ -43,7 +43,14 @@ def presence(station: str) -> str:
     return f"stations/{station}"
 
 
-def join_platforms(network: Exchange, inside: Exchange, topics: TopicTable, station: str) -> Unsubscribe:
+def join_platforms(
+    network: Exchange,
+    inside: Exchange,
+    topics: TopicTable,
+    station: str,
+    carries: Callable[[Envelope[Any]], bool] = lambda _: True,
+    is_new: Callable[[Envelope[Any]], bool] = lambda _: True,
+) -> Unsubscribe:
     """Joins a station to all platforms on the network: its requests go out, what they tell stations comes in.
 
     Args:
@@ -51,16 +58,23 @@ def join_platforms(network: Exchange, inside: Exchange, topics: TopicTable, stat
         inside: the station's own.
         topics: what may come in.
         station: the station's name, as its certificate has it.
+        carries: tells whether a request goes this way.
+        is_new: tells whether what comes has not come by another way already.
     """
 
     def send(envelope: Envelope[CiRequest]) -> None:
-        network.publish(replace(envelope, topic=key_of(station, envelope)))
+        if carries(envelope):
+            network.publish(replace(envelope, topic=key_of(station, envelope)))
+
+    def take(envelope: Envelope[Any]) -> None:
+        if is_new(envelope):
+            inside.publish(envelope)
 
     undo = [network.declare_alive(presence(station)), inside.subscribe("*/ci/request", send)]
     for name, row in topics:
         way = route(name, row)
         if way is not None and way.sender is End.PLATFORM:
-            undo.append(network.subscribe(f"*/{name}", inside.publish))
+            undo.append(network.subscribe(f"*/{name}", take))
 
     def part() -> None:
         for end in undo:

@@ -1,4 +1,4 @@
-"""What happens on the autopilot's link, as events: logged, narrated, and told to the stations like those of a component."""
+"""What happens on a link, as events: logged, narrated, and told to the stations like those of a component."""
 
 from collections.abc import Callable
 
@@ -17,11 +17,14 @@ class LinkNews:
         platform: the platform's name.
         boot: a random number for this start of the process.
         time_s: the time.
+        source: the link's name; the autopilot's where none is given.
     """
 
-    def __init__(self, exchange: Exchange, platform: str, boot: int, time_s: Callable[[], float]) -> None:
-        self._publisher = Publisher(exchange, platform, SOURCE, boot)
-        self._topic = f"{platform}/components/{SOURCE}/event"
+    def __init__(
+        self, exchange: Exchange, platform: str, boot: int, time_s: Callable[[], float], source: str = SOURCE
+    ) -> None:
+        self._publisher = Publisher(exchange, platform, source, boot)
+        self._topic = f"{platform}/components/{source}/event"
         self._time_s = time_s
 
     def say(self, severity: Severity, text: str) -> None:

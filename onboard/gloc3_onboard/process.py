@@ -16,7 +16,7 @@ from gloc3.ci import StationRole
 from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.counting import counted
-from gloc3.errors import Refused
+from gloc3.errors import InputError, Refused
 from gloc3.exchange.base import Exchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.host import ComponentHost
@@ -343,6 +343,23 @@ class OnboardProcess:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
             self._narrator.say(f"onboard: {text}", severity)
+
+    async def renew_network(self) -> None:
+        """Reads the network file again; where it is wrong, everything stays as it is."""
+        options, exchange = self._options, self.exchange
+        if options.network is None or self._on_network is None:
+            return
+        try:  # the loop has a vehicle to fly meanwhile
+            member = await self._loop.run_in_executor(None, read_network, options.network, datetime.now(UTC))
+            check_member(self._platform, self._place.host, member)
+        except (InputError, Refused) as error:
+            self.say(Severity.ERROR, f"{error}: the network stays as it was")
+            return
+        await exchange.renew(member.node(*filter(None, [self._endpoint])), member.settings())  # type: ignore[attr-defined] # who is on a network has Zenoh's
+        self._on_network.roles = member.file.roles
+        self.say(
+            Severity.NOTICE, f"{options.network} is read again: {counted(len(member.file.others), 'other member')}"
+        )
 
     def _forged(self, station: str, reason: str) -> None:
         self._network_news.say(Severity.WARNING, f"a request of {station} is not taken: {reason}")

@@ -107,11 +107,13 @@ class ZenohExchange:
     def publish(self, envelope: Envelope[Any]) -> None:
         """Hands a message to the subscribers here and, while there are some, elsewhere."""
         self.here.publish(envelope)
+        if not self._is_open:
+            return
         try:
             outlet = self._outlets[envelope.topic]
         except KeyError:
             outlet = self._open_outlet(envelope.topic)
-        if outlet is not None and self._is_open:
+        if outlet is not None:
             reason = outlet.send(envelope)
             if reason:
                 self._count("unsent", envelope.topic, reason)
@@ -192,23 +194,35 @@ class ZenohExchange:
         self._arrivals.close()
         for sender in self._means.senders.values():
             sender.close()
-        self._end_session()
+        _end_session(self._session, self._outlets)
 
     # --- what only this middleware has ---
 
-    def renew(self, node: Node, settings: Mapping[str, Any] | None = None) -> None:
-        """Opens a new session in place of the present one, as after a change of who is accepted; takes some 10 ms.
+    async def renew(self, node: Node, settings: Mapping[str, Any] | None = None) -> None:
+        """Opens a new session in place of the present one, as after a change of who is accepted.
+
+        The loop goes on meanwhile, and this process with itself alone.
 
         Raises:
             Gloc3Error: it cannot be opened; then this process is alone until it can.
         """
         self._is_open = False
-        self._end_session()
         kept = {topic: outlet.last for topic, outlet in self._outlets.items() if outlet is not None and outlet.last}
-        self._session = new_session(node, settings)
+        outlets, self._outlets = self._outlets, {}
+        for subscription in self._sources.values():
+            subscription.declared = []
+        for key, (token, _) in self._tokens.items():
+            self._tokens[key] = (token, None)
+        for watch in self._watches.values():
+            watch.declared = None
+
+        def change() -> zenoh.Session:
+            _end_session(self._session, outlets)
+            return new_session(node, settings)
+
+        self._session = await self._loop.run_in_executor(None, change)
         self._means = self._means._replace(session=self._session)
         self._is_open = True
-        self._outlets.clear()
         self._sequences.clear()
         for topic, last in kept.items():
             outlet = self._open_outlet(topic)
@@ -223,12 +237,6 @@ class ZenohExchange:
             for withdraw in tokens.values():
                 withdraw()
             self._declare_watch(pattern, watch)
-
-    def _end_session(self) -> None:
-        for outlet in self._outlets.values():
-            if outlet is not None:
-                outlet.close()
-        self._session.close()  # type: ignore[no-untyped-call]
 
     def troubles(self) -> dict[str, int]:
         """How many messages were lost or refused so far, by the reason in a word and the topic, `WORD TOPIC`.
@@ -395,6 +403,13 @@ class _Watch:
         self.inbound = Inbound(self)
         self.tokens: dict[str, Unsubscribe] = {}
         self.users = 0
+
+
+def _end_session(session: zenoh.Session, outlets: Mapping[str, Outlet | None]) -> None:
+    for outlet in outlets.values():
+        if outlet is not None:
+            outlet.close()
+    session.close()  # type: ignore[no-untyped-call]
 
 
 def key_expression(pattern: str) -> zenoh.KeyExpr:

@@ -39,6 +39,9 @@ class Process(Protocol):
     def read_platform(self) -> Platform:
         """The platform file as it is now; raises `InputError` where it is wrong."""
 
+    async def renew_network(self) -> None:
+        """Reads the network file again."""
+
     def new_boot(self) -> int:
         """A random number for something that begins."""
 
@@ -47,7 +50,7 @@ class Process(Protocol):
 
 
 class Service:
-    """Takes the signals from its making on: SIGTERM and SIGINT end the process, SIGHUP has its file read again."""
+    """Takes the signals from its making on: SIGTERM and SIGINT end the process, SIGHUP has its files read again."""
 
     def __init__(self, manager: ServiceManager, process: Process, loop: asyncio.AbstractEventLoop) -> None:
         self._manager, self._process, self._loop = manager, process, loop
@@ -93,5 +96,6 @@ class Service:
             await self._reload.wait()
             self._reload.clear()
             self._manager.reloading(monotonic_s())
+            await self._process.renew_network()
             await reload.read_again()
             self._manager.ready()

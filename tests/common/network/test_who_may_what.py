@@ -146,7 +146,7 @@ async def test_a_revoked_certificate_counts_no_more_and_a_renewed_one_takes_the_
         assert is_commanding
         revoke(yard.folder, "carol")
         new = yard.membership("pelican.main")
-        main.renew(new.node(), new.settings())
+        await main.renew(new.node(), new.settings())
         await until(lambda: main.troubles() == {})
         assert await scene.play(carol, "carol") == ([], False)
     (yard.folder / "bob").rename(yard.folder / "old")

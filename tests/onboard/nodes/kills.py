@@ -187,7 +187,12 @@ async def attend(operator: Station, name: str, is_paused: Callable[[], bool], re
 
 
 async def fly(
-    folder: Path, victims: Sequence[str], seed: int, pause_s: tuple[float, float], say: Callable[[str], None]
+    folder: Path,
+    victims: Sequence[str],
+    seed: int,
+    pause_s: tuple[float, float],
+    say: Callable[[str], None],
+    most: int | None = None,
 ) -> Report:
     """Flies rounds until so many processes have been killed and the mission has ended.
 
@@ -197,6 +202,7 @@ async def fly(
         seed: of when.
         pause_s: least and longest time between two kills.
         say: told how far it is.
+        most: kills that are enough; None for as many as there are victims.
     """
     chance = random.Random(seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -229,7 +235,7 @@ async def fly(
             attending = asyncio.create_task(attend(operator, name, lambda: state("mission") == "paused", resumed))
             for victim in victims:
                 await asyncio.sleep(chance.uniform(*pause_s))
-                if state("mission") in ("done", "failed"):
+                if state("mission") in ("done", "failed") or len(killed) == most:
                     break
                 main = manager.program.process
                 pid = main.pid if victim == MAIN else children_of(main.pid).get(victim)

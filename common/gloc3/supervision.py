@@ -161,6 +161,11 @@ class Supervision:
         """Which of the components that share a component's outputs is the one that is not quiet."""
         return self._groups[component].in_charge.row.name
 
+    @property
+    def is_bringing_up(self) -> bool:
+        """Whether some component is being brought up again, or will be."""
+        return any(watched.due_s is not None or watched.pending is not None for watched in self._watched.values())
+
     def health(self) -> Health:
         """The platform's: the worst of its required components; a quiet one whose function another performs is well."""
         found = {Health.WORKING}

@@ -13,6 +13,8 @@ SILENT_PERIODS: Final = 3.0
 """A component whose status stays away for so many periods counts as absent."""
 SETTLED_S: Final = 0.2
 """A component that has just come up is not relied upon before this time: it has not seen its inputs yet."""
+FRESH_S: Final = 0.5
+"""So long after it has come up a component has reported what others need of it."""
 HEALTHS: Final = tuple(Health)
 
 
@@ -25,8 +27,8 @@ class ComponentBook:
         self._heard_s: dict[str, float] = {}
         self._up_s: dict[str, float] = {}
         """Since when a component is working or quiet."""
-        self._has_been_up: dict[str, float] = {}
-        """When a component was first seen working, quiet, faulty, or leaving."""
+        self._seen_up: set[str] = set()
+        """The components that were seen working, quiet, faulty, or leaving."""
         self._working: frozenset[str] = frozenset()
         self._down: tuple[str, ...] = ()
         self._until_s = float("-inf")
@@ -55,7 +57,7 @@ class ComponentBook:
             self._status[status.name] = status
             self._heard_s[status.name] = now_s
             if status.state not in (State.IDLE, State.STANDBY):
-                self._has_been_up.setdefault(status.name, now_s)
+                self._seen_up.add(status.name)
             if status.state in OPERATING:
                 self._up_s.setdefault(status.name, now_s)
             else:
@@ -81,9 +83,10 @@ class ComponentBook:
         return name in self.working(now_s)
 
     def is_coming_up(self, now_s: float) -> bool:
-        """Whether a component that its row brings up has not been up, or has only just come up; faulty ones have been."""
+        """Whether a component that its row brings up was never up, or has only just come up; faulty ones have been up."""
         return any(
-            row.begin in (Begin.WORKING, Begin.QUIET) and not self._has_been_up.get(name, now_s) + SETTLED_S < now_s
+            row.begin in (Begin.WORKING, Begin.QUIET)
+            and (name not in self._seen_up or now_s < self._up_s.get(name, float("-inf")) + FRESH_S)
             for name, row in self.rows.items()
         )
 

@@ -305,7 +305,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             return []
         elif waited_s < TAKE_OVER_S and self._flies_for_us(kept):
             return [TakeOver(is_resumed=True)]
-        elif waited_s < COME_UP_S and self._lacks(now_s) and self._book.is_coming_up(now_s):
+        elif waited_s < COME_UP_S and self._is_still_coming(now_s):
             return []
         else:
             read = self._requests.read_again
@@ -313,9 +313,12 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._requests.executor = self._executor
         return []
 
-    def _lacks(self, now_s: float) -> bool:
-        """Whether some capability cannot be used."""
-        return bool(self._availability.missing(self._book, self._facts, now_s))
+    def _is_still_coming(self, now_s: float) -> bool:
+        """Whether some capability cannot be used yet, and components are coming up still, or once more."""
+        if not self._availability.missing(self._book, self._facts, now_s):
+            return False
+        is_tried = self._supervision is not None and self._supervision.is_bringing_up
+        return is_tried or self._book.is_coming_up(now_s)
 
     def _flies_for_us(self, kept: Snapshot) -> bool:
         """Whether the vehicle does what a former life of this process had begun, and the driver takes it for a pilot's."""

@@ -102,10 +102,10 @@ class Report(msgspec.Struct, frozen=True):
 class Manager:
     """Starts the onboard process, and starts it again whenever it ends."""
 
-    def __init__(self, arguments: list[str], folder: Path) -> None:
-        self._arguments, self._folder = arguments, folder
+    def __init__(self, arguments: list[str], folder: Path, before: Sequence[str]) -> None:
+        self._arguments, self._folder, self._before = arguments, folder, before
         self._is_over = Event()
-        self.program = Program(arguments, folder)
+        self.program = Program(arguments, folder, before)
         self.said: list[str] = []
         self.code: int | None = None
         """Of the last one's end."""
@@ -120,7 +120,7 @@ class Manager:
             if self._is_over.is_set():
                 self.code = code
                 return
-            self.program = Program(self._arguments, self._folder)
+            self.program = Program(self._arguments, self._folder, self._before)
 
     def end(self) -> None:
         self._is_over.set()
@@ -135,8 +135,8 @@ class Manager:
 
 
 @contextmanager
-def managed(arguments: list[str], folder: Path) -> Iterator[Manager]:
-    manager = Manager(arguments, folder)
+def managed(arguments: list[str], folder: Path, before: Sequence[str] = ()) -> Iterator[Manager]:
+    manager = Manager(arguments, folder, before)
     try:
         yield manager
     finally:
@@ -171,6 +171,12 @@ async def begin(operator: Station, name: str) -> None:
     await flights.start(operator, name)
 
 
+def is_disarmed(operator: Station, name: str) -> bool:
+    """Whether the vehicle is known to stand."""
+    found = operator.fleet.get(name)
+    return found is not None and found.vehicle is not None and not found.vehicle.value.is_armed
+
+
 async def attend(operator: Station, name: str, is_paused: Callable[[], bool], resumed: list[float]) -> None:
     """Says resume when the mission has been paused for a while."""
     while True:
@@ -192,7 +198,6 @@ async def fly(
     seed: int,
     pause_s: tuple[float, float],
     say: Callable[[str], None],
-    most: int | None = None,
 ) -> Report:
     """Flies rounds until so many processes have been killed and the mission has ended.
 
@@ -202,7 +207,6 @@ async def fly(
         seed: of when.
         pause_s: least and longest time between two kills.
         say: told how far it is.
-        most: kills that are enough; None for as many as there are victims.
     """
     chance = random.Random(seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -235,7 +239,7 @@ async def fly(
             attending = asyncio.create_task(attend(operator, name, lambda: state("mission") == "paused", resumed))
             for victim in victims:
                 await asyncio.sleep(chance.uniform(*pause_s))
-                if state("mission") in ("done", "failed") or len(killed) == most:
+                if state("mission") in ("done", "failed"):
                     break
                 main = manager.program.process
                 pid = main.pid if victim == MAIN else children_of(main.pid).get(victim)
@@ -246,6 +250,7 @@ async def fly(
                 say(f"{len(killed)} of {len(victims)}: {victim}")
             await until(lambda: state("mission") in ("done", "failed"), 600.0, "the mission ends")
             attending.cancel()
+            await until(lambda: is_disarmed(operator, name), 60.0, "it has landed")
             end, took_s = state("mission"), time.monotonic() - begun_s
         await asyncio.to_thread(manager.end)
         assert manager.code == 0, manager.said
@@ -264,9 +269,9 @@ def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: f
         if not entries:
             unreadable.append(path.name)
             continue
-        if any(e.envelope.topic.endswith("/ci/summary") for e in entries):
+        if path.stem.removeprefix("log-main-").removeprefix("log-main").isdecimal() or path.stem == "log-main":
             summaries_s += [e.envelope.t_s for e in entries if e.envelope.topic.endswith("/ci/summary")]
-            ends_s.append(max(e.envelope.t_s for e in entries))
+            ends_s.append(max(e.now_s for e in entries))
     with LogReader(folder / "truth" / "truth.mcap", TopicTable(TOPICS).types) as reader:
         truth = [(e.envelope.t_s, e.envelope.payload) for e in reader.entries()]
     truth = [(t_s, one) for t_s, one in truth if hasattr(one, "position_ned_m")]
@@ -276,7 +281,8 @@ def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: f
     down = max(i for i, height in enumerate(heights) if height > HEIGHT_M - 0.2)
     flown = truth[up : down + 1]
     mains_s = [t_s for t_s, name in killed if name == MAIN]
-    lost = [t_s - max((end_s for end_s in ends_s if end_s <= t_s), default=t_s) for t_s in mains_s]
+    next_kills = [min((t_s for t_s in mains_s if t_s >= end_s), default=end_s) for end_s in ends_s]
+    lost = [kill_s - end_s for kill_s, end_s in zip(next_kills, ends_s, strict=True)]
     summaries_s.sort()
     return Report(
         kills=dict(Counter(name for _, name in killed)),

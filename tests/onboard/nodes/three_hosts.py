@@ -1,6 +1,7 @@
 """One vehicle on three hosts, each a network namespace with its own clock: the vehicle, a vision computer, a base station."""
 
 import asyncio
+import math
 import signal
 import subprocess
 import sys
@@ -147,12 +148,14 @@ class Report(msgspec.Struct, frozen=True):
     """How often the loss of a host has the vehicle hold."""
 
 
-async def fly(folder: Path, odometer: str, faults: tuple[Fault, ...], say: Callable[[str], None]) -> Report:
-    """Flies with the stereo odometer on a host, and with faults one after the other."""
+async def fly(
+    folder: Path, odometer: str, faults: tuple[Fault, ...], say: Callable[[str], None], calm_s: float = 8.0
+) -> Report:
+    """Flies with the stereo odometer on a host, and with faults one after the other, after a while without any."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "p.yaml").write_text(platform(odometer))
-    length = 20.0 + sum(fault.for_s + 20.0 for fault in faults)
-    there_and_back = ", ".join(["[6, 0, 1.5], [0, 0, 1.5]"] * max(1, round(length * 0.4 / 12.0)))
+    length = calm_s + sum(fault.for_s + 10.0 for fault in faults)
+    there_and_back = ", ".join(["[6, 0, 1.5], [0, 0, 1.5]"] * max(1, math.ceil(length * 0.4 / 12.0)))
     healed: dict[str, float] = {}
     wrong: list[str] = []
     async with three_hosts(folder) as hosts, station(f"udpin://{GROUND}.2:{STATION}", 255) as operator:
@@ -169,7 +172,7 @@ async def fly(folder: Path, odometer: str, faults: tuple[Fault, ...], say: Calla
             return "" if told is None else str(told.state if what == "mission" else told.tasks.get(what, ""))
 
         await until(lambda: known("way") == "running", 60.0, "it flies")
-        await asyncio.sleep(8.0)
+        await asyncio.sleep(calm_s)
         begun_s = time.monotonic()
         for fault in faults:
             say(fault.name)

@@ -114,6 +114,7 @@ class Manager:
 
     def _keep(self) -> None:
         while True:
+            self.program.process.wait()
             code = self.program.end()
             self.said += self.program.lines
             self.program.close()

@@ -39,7 +39,7 @@ def vehicle(folder: Path, *words: str) -> Iterator[Program]:
     """A simulated vehicle and its onboard process, on the network."""
     (cable,) = free_ports(1, socket.SOCK_DGRAM)
     with (
-        program("sitl", "--link", f"companion=udpout://127.0.0.1:{cable}", "--speed", "3", folder=folder),
+        program("sitl", "--link", f"companion=udpout://127.0.0.1:{cable}", folder=folder),
         program(
             *("onboard", "pelican_rtk", "--autopilot", f"udpin://127.0.0.1:{cable}", "--out", "out"),
             *("--network", "yard/pelican.main/network.yaml", *words),

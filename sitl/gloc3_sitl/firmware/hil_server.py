@@ -41,6 +41,11 @@ class HilServer:
         """Whether a PX4 is there."""
         return self._client is not None
 
+    @property
+    def slips(self) -> int:
+        """Times that the flight has fallen behind its pace for good."""
+        return self._pace.slips
+
     async def open(self, port: int) -> None:
         """Listens on loopback.
 

@@ -49,6 +49,11 @@ class JsonServer:
         """Whether a firmware has been heard."""
         return not self._bridge.is_alone
 
+    @property
+    def slips(self) -> int:
+        """Times that the flight has fallen behind its pace for good."""
+        return self._pace.slips
+
     async def open(self, port: int) -> None:
         """Listens on loopback.
 

@@ -25,10 +25,13 @@ from gloc3_sitl.truth_log import TruthLog
 from gloc3_sitl.world import World
 
 EXIT_FAILED: Final = 1
+TOO_SLOW: Final = "this computer is too slow, or too busy, for this pace: the flight falls behind again and again"
 CATCHING_UP: Final = 4.0
 """We keep the pace, and the firmware may be so much faster after a delay."""
 SILENT_S: Final = 2.0
 """So long without a step in wall time, and somebody is told."""
+SLIPS: Final = 3
+"""So often the flight falls behind before somebody is told: once or twice it does while everything starts."""
 _LOOK_EVERY_S: Final = 0.1
 
 
@@ -133,7 +136,7 @@ class _Watch:
         """Waits for a signal, for the end of the firmware, or until so much simulated time is over; an exit code."""
         body, server, program = self._body, self._server, self._program
         loop = asyncio.get_running_loop()
-        last_s, heard_s, is_stepping = body.now_s, loop.time(), False
+        last_s, heard_s, is_stepping, is_slow = body.now_s, loop.time(), False, False
         while not stopped.is_set():
             with suppress(TimeoutError):
                 await asyncio.wait_for(stopped.wait(), _LOOK_EVERY_S)
@@ -152,6 +155,9 @@ class _Watch:
             elif is_stepping and loop.time() - heard_s > SILENT_S:
                 is_stepping = False
                 _tell(f"{self._title} says nothing any more: the time of the flight stands at {body.now_s:.1f} s")
+            if server.slips >= SLIPS and not is_slow:
+                is_slow = True
+                _tell(f"{TOO_SLOW}; see docs/firmware.md")
             if seconds is not None and body.now_s >= seconds:
                 break
         return 0

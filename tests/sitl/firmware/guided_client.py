@@ -17,7 +17,8 @@ EKF_POSITION = 8 | 16
 POSITION_ONLY = 3576
 MODE, ARM, TAKE_OFF, REBOOT, INTERVAL = 176, 400, 22, 246, 511
 STREAMS = {"LOCAL_POSITION_NED": 50_000, "SYSTEM_TIME": 100_000, "EKF_STATUS_REPORT": 200_000}
-PATIENCE_S = 60.0
+PATIENCE_S = 250.0
+"""A computer that is busy simulates slower than real time."""
 
 
 class GuidedClient:

@@ -16,6 +16,7 @@ from tests.sitl.firmware.px4_peer import Px4Peer
 
 from gloc3.errors import Refused
 from gloc3_sitl.cli import app
+from gloc3_sitl.firmware import pace
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.parameters import preset_text, read_parameters
 from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
@@ -136,6 +137,23 @@ async def test_a_firmware_that_runs_already_is_waited_for_in_words(capsys: pytes
                 continue
     assert await running == 0
     assert peer.now_s >= 0.1
+
+
+@pytest.mark.sockets
+async def test_a_flight_that_falls_behind_again_and_again_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pace, "MOST_BEHIND_S", 0.01)
+    port, peer = PX4_PORT + 2, Px4Peer(boot_steps=0)
+    running = asyncio.ensure_future(run_firmware(options("px4", is_running=True, port=port, seconds=0.1)))
+    await asyncio.sleep(0.1)
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    while not running.done():
+        writer.write(peer.take(await reader.read(4096)))
+        await asyncio.sleep(0.03)
+    writer.close()
+    assert await running == 0
+    assert capsys.readouterr().err.count("too slow, or too busy, for this pace") == 1
 
 
 async def ended(reader: asyncio.StreamReader) -> bool:

@@ -1,5 +1,5 @@
 """What holds for all tests: searches by hypothesis and whatever looks at pictures or scans count as thorough, and may
-take their time on a busy machine; stations record into a folder of the tests' own; Ctrl-C works.
+take their time on a busy machine; stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too.
 """
 
 import signal
@@ -7,6 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
+from tests.stalls import pytest_runtest_protocol
+
+__all__ = ["pytest_runtest_protocol"]
 
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")

@@ -20,6 +20,8 @@ HUNG_PERIODS: Final = 5.0
 HUNG_FLOOR_S: Final = 0.2
 HUNG_LOOKS: Final = 5
 """In so many pieces it is waited for the end of a cycle, in wall time."""
+HUNG_SPARE_PIECES: Final = 15
+"""So many pieces do not count because the process did not get on in them."""
 SILENT_PERIODS: Final = 1.5
 """After a cycle that something else has begun, the periodic ones come back after so many periods without another."""
 REST_PERIODS: Final = 0.5
@@ -262,13 +264,19 @@ class Cycler:
     def _await_end(self, pieces: int) -> None:
         """Waits so long as a cycle may take, in pieces.
 
-        Of a time in which the whole process stood still one piece counts: the component had not the time either.
+        A time in which the whole process stood still does not count: the component had not the time either.
         """
-        self._deadline = self._loop.call_later(self._limit_s / pieces, self._expired, self._limit_s / pieces, pieces)
+        self._await_piece(pieces, HUNG_SPARE_PIECES, self._limit_s / pieces)
 
-    def _expired(self, piece_s: float, left: int) -> None:
+    def _await_piece(self, left: int, spare: int, piece_s: float) -> None:
+        due_s = self._loop.time() + piece_s
+        self._deadline = self._loop.call_at(due_s, self._expired, left, spare, piece_s, due_s)
+
+    def _expired(self, left: int, spare: int, piece_s: float, due_s: float) -> None:
         self._deadline = None
-        if left > 1:
-            self._deadline = self._loop.call_later(piece_s, self._expired, piece_s, left - 1)
+        if spare and self._loop.time() - due_s > piece_s:
+            self._await_piece(left, spare - 1, piece_s)
+        elif left > 1:
+            self._await_piece(left - 1, spare, piece_s)
         else:
             self._hung(self._limit_s)

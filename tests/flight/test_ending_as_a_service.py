@@ -30,6 +30,7 @@ class Ending:
         self.said.append(text)
 
 
+@ONE_STYLE
 def test_a_vehicle_whose_file_says_so_lands_before_the_service_ends(flight: Card) -> None:
     flight.begin(mission())
     flight.await_state("sweep", "running")
@@ -68,16 +69,6 @@ def test_who_is_told_twice_leaves_the_landing_to_the_autopilot(flight: Card) -> 
 
 
 @ONE_STYLE
-def test_by_default_and_on_the_ground_nothing_is_landed(flight: Card) -> None:
-    flight.begin(mission())
-    flight.await_state("sweep", "running")
-    ending = Ending(flight, "hold")
-    begin_s = flight.now_s
-    flight.run(ending.departure.land(ending.hurried))
-    assert (flight.now_s, ending.said, ending.extended) == (begin_s, [], [])
-
-
-@ONE_STYLE
 def test_a_component_that_works_in_flight_gets_its_settings_on_the_ground(flight: Card) -> None:
     flight.begin(mission())
     flight.await_state("sweep", "running")
@@ -101,6 +92,9 @@ def test_a_component_that_works_in_flight_gets_its_settings_on_the_ground(flight
         lambda: ending.departure.is_at_rest,
         lambda _, text: ending.said.append(text),
     )
+    begin_s = flight.now_s
+    flight.run(ending.departure.land(ending.hurried))
+    assert (flight.now_s, ending.said, ending.extended) == (begin_s, [], []), "by default nothing is landed"
     flight.wait(2.0)
     flight.run(reload.read_again())
     flight.await_landed()

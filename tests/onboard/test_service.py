@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from tests.onboard.fake_manager import FakeManager, service
 
+from gloc3_onboard.service.manager import ServiceManager
 from gloc3_sitl.demo import free_ports
 
 pytestmark = pytest.mark.sockets
@@ -111,6 +112,34 @@ def test_a_required_component_that_hangs_or_a_kill_has_the_manager_start_it_anew
     assert "<3>onboard: stuck: working -> faulty: hung: a cycle had not ended after 0.5 s" in manager.journal
     assert re.search(r'stuck_sampler\.py", line \d+ in work', manager.journal), "where it hung"
     assert sorted(path.name for path in (bench / "out").glob("*.mcap")) == ["log-2.mcap", "log-3.mcap", "log.mcap"]
+
+
+def test_what_a_manager_is_told_stands_in_lines_and_one_that_is_away_is_lamented_once(tmp_path: Path) -> None:
+    said: list[str] = []
+    environment = {
+        "NOTIFY_SOCKET": str(tmp_path / "notify"),
+        "WATCHDOG_USEC": "3000000",
+        "WATCHDOG_PID": "1",
+        "HOME": "/",
+    }
+    manager = ServiceManager.of_this_process(environment, said.append)
+    assert environment == {"HOME": "/"}, "children are not to speak for the service"
+    assert manager.watchdog_s is None, "it is another process that is watched"
+    manager.ready()
+    manager.status("away")
+    assert said == ["the service manager cannot be told: No such file or directory"]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
+        heard.bind(str(tmp_path / "notify"))
+        manager.extend(10.0)
+        manager.alive()
+        for text in ("two\nlines", "two\nlines", "one"):
+            manager.status(text)
+        manager.stopping()
+        told = [heard.recv(4096).decode() for _ in range(4)]
+    assert told == ["EXTEND_TIMEOUT_USEC=10000000", "STATUS=two lines", "STATUS=one", "STOPPING=1"]
+    manager.close()
+    manager.ready()
+    assert len(said) == 1
 
 
 def reloaded(manager: FakeManager, bench: Path, change: tuple[str, str]) -> list[str]:

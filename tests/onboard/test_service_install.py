@@ -181,6 +181,22 @@ def plugged(sys: Path, node: str, port: str, *, serial: str, index: str = "") ->
     (sys / "class" / kind / node).symlink_to(entry)
 
 
+def test_with_rules_the_service_uses_the_names_that_they_give(tmp_path: Path) -> None:
+    plugged(tmp_path, "ttyACM0", "1-2", serial="3A0025001851")
+    plugged(tmp_path, "video0", "1-4", serial="", index="0")
+    bare = make_plan("copter", CABLES, "gloc3", sys_folder=tmp_path)
+    assert bare.rules == ""
+    assert any("/dev/ttyACM0 (3D Robotics PX4 FMU) may be called otherwise tomorrow" in text for text in bare.advice)
+    plan = make_plan("copter", CABLES, "gloc3", with_udev=True, sys_folder=tmp_path)
+    words = plan.unit.command
+    assert "--autopilot=serial:///dev/gloc3/autopilot:57600" in words
+    assert "--device=ground_camera=v4l2:///dev/gloc3/ground_camera?width=640" in words
+    assert plan.unit.devices == ("char-ttyACM", "char-ttyUSB", "char-video4linux")
+    assert 'SYMLINK+="gloc3/ground_camera"' in plan.rules
+    assert [path.name for path in plan.files(tmp_path)] == ["gloc3-copter.service", "90-gloc3-copter.rules"]
+    assert not any("ttyACM0" in text for text in plan.advice)
+
+
 def test_a_device_is_named_by_its_serial_number_or_else_by_its_plug(tmp_path: Path) -> None:
     plugged(tmp_path, "ttyACM0", "1-2", serial="3A0025001851")
     plugged(tmp_path, "video2", "1-4", serial="", index="0")

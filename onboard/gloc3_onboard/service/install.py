@@ -23,7 +23,7 @@ from gloc3_onboard.onboard_options import OnboardOptions
 from gloc3_onboard.process import DEVICES
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, modules, nodes
-from gloc3_onboard.service.udev import FOLDER, advice, rules, usb_device
+from gloc3_onboard.service.udev import FOLDER, SYS, advice, rules, usb_device
 from gloc3_onboard.service.unit import Unit
 
 UNITS: Final = Path("etc/systemd/system")
@@ -55,8 +55,17 @@ def rules_file(name: str) -> str:
     return f"90-gloc3-{name}.rules"
 
 
-def make_plan(name: str, options: OnboardOptions, user: str, *, with_udev: bool = False) -> Plan:
+def make_plan(
+    name: str, options: OnboardOptions, user: str, *, with_udev: bool = False, sys_folder: Path = SYS
+) -> Plan:
     """Checks everything that the service will need, and says how it is installed.
+
+    Args:
+        name: of the platform, or its file.
+        options: of the process.
+        user: whose service it is.
+        with_udev: whether devices get names that stay.
+        sys_folder: where Linux tells of its devices.
 
     Raises:
         InputError: the platform file is wrong.
@@ -72,7 +81,7 @@ def make_plan(name: str, options: OnboardOptions, user: str, *, with_udev: bool 
     network = _network(platform, host, options.network)
     warnings += PlatformRig(platform, file.parent).warnings
     found = nodes(platform, options)
-    behind = {node: usb_device(node) for node in found}
+    behind = {node: usb_device(node, sys_folder) for node in found}
     named = [(node, device) for node, device in behind.items() if device is not None] if with_udev else []
     if with_udev:
         options = _renamed(options, platform, [node for node, _ in named])

@@ -12,9 +12,9 @@ BAR_MS = 0.1
 REPEATS = 5
 
 
-def cost_ms() -> tuple[float, float]:
+def cost_ms(until_s: float = 1e9) -> tuple[float, float]:
     """Milliseconds for each step of the inertial unit: with all measurements that come in between, and without."""
-    calls = Recorder.of(inspection(), sensors_of("pelican", 0))
+    calls = Recorder.of(inspection(), sensors_of("pelican", 0), until_s)
     steps = [call for call in calls if call[0] == "imu"]
     return _best_ms(calls, len(steps)), _best_ms(steps, len(steps))
 

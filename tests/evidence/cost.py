@@ -134,7 +134,7 @@ def parts(progress: Progress) -> list[Figure]:
         cost(title, partial(pairs_ms, name), "worst", 20.0)
     cost("motion over the ground of a picture", ground.ground, "mean", ground.BAR_MS)
     title = "motion by the laser, 360 beams"
-    cost(title, laser.odometer_ms, "mean", 2.0)
+    cost(title, laser.odometer_ms, "mean", laser.BAR_MS)
     cost(title, laser.odometer_ms, "p99", 4.0)
     progress.say("fusion")
     step = progress.part("fusion", fused)

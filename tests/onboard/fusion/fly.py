@@ -141,10 +141,10 @@ class Recorder(PoseFusion):
         self.calls: list[tuple[str, Any]] = []
 
     @classmethod
-    def of(cls, flight: Flight, sensors: list[Sensor]) -> list[tuple[str, Any]]:
+    def of(cls, flight: Flight, sensors: list[Sensor], until_s: float = 1e9) -> list[tuple[str, Any]]:
         """The methods that a flight calls, with their arguments."""
         recorder = cls(cls.SETTINGS)
-        fly(flight, sensors, fusion=recorder)
+        fly(flight, sensors, until_s=until_s, fusion=recorder)
         return recorder.calls
 
     def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:

@@ -254,7 +254,8 @@ def test_after_the_onboard_process_has_come_up_again_the_plan_is_there(flight: C
     flight.wait(1.0)
     flight.run(restart(flight))
     again = Tool(flight)
-    flight.until(lambda: flight.last("ci/mission").digest != "", 15.0, "the kept mission is taken up")
+    flight.until(lambda: bool(flight.since(0.0, "ci/mission")), 15.0, "the kept mission is taken up")
+    assert flight.last("ci/mission").digest
     flight.wait(0.5)
     assert again.wait_for(read := again.missions.download(COMPANION, now_s=again.now_s)) is PlanResult.ACCEPTED
     assert [one.command for one in read.items] == [22, 178, 16, 16, 21]

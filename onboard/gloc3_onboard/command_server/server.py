@@ -27,6 +27,7 @@ from gloc3.messages import (
     Event,
     FunctionReply,
     FunctionRequest,
+    Message,
     Severity,
 )
 from gloc3.mission.executor import MissionExecutor, Verb
@@ -64,7 +65,7 @@ from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
 from gloc3_onboard.command_server.motion import motion_summary, site_summary
 from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, vehicle_summary
+from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, motion_limits, vehicle_summary
 
 COME_UP_S = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
@@ -160,11 +161,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._granted = Grant(action_id="", component="")
         self._waiting: dict[str, tuple[str, Verb]] = {}
         self._events: list[CiEvent] = []
-        self._told_mission: MissionSummary | None = None
-        self._told_control: ControlState | None = None
-        self._told_table: ComponentTable | None = None
-        self._told_limits: MotionLimits | None = None
-        self._told_fence = ""
+        self._told: dict[type, Message] = {}
+        """What was told last, of each type that is told when it changes."""
         self._connected_s: float | None = None
         self._count = 0
         self._compared_s = float("-inf")
@@ -428,7 +426,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._events.clear()
         if self._requests.wants_everything:
             self._requests.wants_everything = False
-            self._told_mission = self._told_control = self._told_table = None
+            self._told.clear()
             self._due["site"] = float("-inf")
         self._authority.tick(now_s)
         is_slow = self._is_due("slow", 1.0, now_s)
@@ -458,46 +456,24 @@ class CommandServer(CommandInterface[ServerSettings]):
         self.policy = self._executor.policy if self._executor is not None else ""
         is_kept = self._executor is None and self._snapshot is not None and bool(self._snapshot.programs)
         mission = mission_summary(self._executor)
-        if not is_kept and (is_slow or mission != self._told_mission):  # who is told of none would give it up for lost
-            self._told_mission = mission
-            results.append(mission)
-        control = self._authority.state()
-        if is_slow or control != self._told_control:
-            self._told_control = control
-            results.append(control)
-        table = self._book.table()
-        if table != self._told_table:
-            self._told_table = table
-            results.append(table)
-        limits = self._limits()
-        if is_slow or limits != self._told_limits:
-            self._told_limits = limits
-            results.append(limits)
-        geofence = geofence_of(self._executor)
-        if not is_kept and (is_slow or geofence.digest != self._told_fence):
-            self._told_fence = geofence.digest
-            results.append(geofence)
+        results += [] if is_kept else self._news(mission, is_slow)  # who is told of none would give it up for lost
+        results += self._news(self._authority.state(), is_slow)
+        results += self._news(self._book.table(), False)
+        results += self._news(motion_limits(self._site.platform, self._facts, self._executor), is_slow)
+        results += [] if is_kept else self._news(geofence_of(self._executor), is_slow)
         if is_slow and self._facts.home is not None:
             results.append(Home(position_ned_m=self._facts.home.position_ned_m))
         return results
 
+    def _news(self, message: Message, is_due: bool) -> list[Result]:
+        """A message, if it is due or is not what was told last."""
+        if not is_due and self._told.get(type(message)) == message:
+            return []
+        self._told[type(message)] = message
+        return [message]
+
     def _grant_message(self) -> MotionGrant:
         return MotionGrant(action_id=self._granted.action_id, component=self._granted.component)
-
-    def _limits(self) -> MotionLimits:
-        limits = self._site.platform.limits
-        executor = self._executor
-        fence = executor.mission.mission.fence if executor is not None and executor.mission is not None else None
-        return MotionLimits(
-            speed_m_s=limits.speed_m_s,
-            climb_m_s=limits.climb_m_s,
-            acceleration_m_s2=limits.acceleration_m_s2,
-            height_min_m=limits.height_min_m,
-            height_max_m=limits.height_max_m,
-            fence=fence,
-            fence_margin_m=limits.fence_margin_m,
-            home_ned_m=self._facts.home_ned_m,
-        )
 
 
 def _was_under_way(kept: Snapshot | None) -> bool:

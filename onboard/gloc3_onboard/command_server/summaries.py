@@ -10,7 +10,7 @@ from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.model import GEO, digest_of
 from gloc3.mission.states import ActionState
 from gloc3.platform import Platform
-from gloc3.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, VehicleClass
+from gloc3.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, VehicleClass
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.motion import local_frame
 
@@ -108,4 +108,20 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         pose_sources=list(pose.sources) if pose is not None else [],
         pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
         is_armable=facts.is_autopilot_known and autopilot is not None and _would_arm(autopilot),
+    )
+
+
+def motion_limits(platform: Platform, facts: VehicleFacts, executor: MissionExecutor | None) -> MotionLimits:
+    """What the limiter keeps to: the platform's limits, and the fence of the mission that is flown."""
+    limits = platform.limits
+    fence = executor.mission.mission.fence if executor is not None and executor.mission is not None else None
+    return MotionLimits(
+        speed_m_s=limits.speed_m_s,
+        climb_m_s=limits.climb_m_s,
+        acceleration_m_s2=limits.acceleration_m_s2,
+        height_min_m=limits.height_min_m,
+        height_max_m=limits.height_max_m,
+        fence=fence,
+        fence_margin_m=limits.fence_margin_m,
+        home_ned_m=facts.home_ned_m,
     )

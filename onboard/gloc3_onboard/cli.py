@@ -27,6 +27,7 @@ app = App(
 
     `gloc3 onboard install my.yaml ...` has it started with the computer, as a service; docs/onboard-service.md.""",
     help_format="markdown",
+    usage="gloc3 onboard [OPTIONS] PLATFORM | gloc3 onboard COMMAND",
     version_flags=[],
 )
 

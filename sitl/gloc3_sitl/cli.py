@@ -49,6 +49,7 @@ app = App(
     - `gloc3 sitl --no-gps --sensors 7010`: with cameras and laser scanner, for `gloc3 onboard pelican --device`
     - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world, see docs/firmware.md""",
     help_format="markdown",
+    usage="gloc3 sitl [OPTIONS] | gloc3 sitl COMMAND",
     version_flags=[],
 )
 

@@ -8,6 +8,8 @@ import msgspec
 
 LISTED_MAX: Final = 16
 """Known words that a hint lists when none is near."""
+LEAST_BEGINNING: Final = 3
+"""So many letters of a word are enough where they begin only one that is known."""
 
 
 class Gloc3Error(Exception):
@@ -52,7 +54,8 @@ class InputError(Gloc3Error):
 
 def nearest(name: str, known: Sequence[str]) -> str:
     """A hint that names the known word nearest to `name`, or lists what is known."""
-    close = get_close_matches(name, known, n=1, cutoff=0.65)
+    begun = [word for word in known if len(name) >= LEAST_BEGINNING and word.startswith(name)]
+    close = begun if len(begun) == 1 else get_close_matches(name, known, n=1, cutoff=0.65)
     if close:
         return f"did you mean {close[0]!r}?"
     if not known:

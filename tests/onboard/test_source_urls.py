@@ -129,6 +129,6 @@ def test_a_platform_file_tells_sources_and_a_command_line_goes_before_it(
     found = source_urls(platform, ["laser", "ground_camera"], ["laser=carmen://other.log", "ground_camera=tcp://a:1"])
     assert found["laser"] == f"carmen://{tmp_path / 'other.log'}", "relative to where it was typed"
     assert found["ground_camera"] == "tcp://a:1"
-    for text, told in (("laser", "NAME=URL"), ("lidar=none://", "did you mean 'laser'")):
+    for text, told in (("laser", "NAME=URL"), ("lidar=none://", "known: laser, spare_laser")):
         with pytest.raises(Refused, match=told):
             source_urls(platform, ["laser"], [text])

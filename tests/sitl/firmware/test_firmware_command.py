@@ -194,7 +194,7 @@ async def test_a_px4_that_is_gone_may_come_again_and_a_second_one_is_turned_away
         (["--firmware", "ardupilot", "--firmware-binary", sys.executable, "--link", "udpin://0.0.0.0:1"], "udpout://"),
         (["--firmware", "px4", "--firmware-binary", sys.executable, "--link", "udpout://127.0.0.1:1"], "by itself"),
         (["--firmware", "px4", "--firmware-binary", sys.executable, "--firmware-port", "9"], "from 4560"),
-        (["--firmware-running"], "needs --firmware"),
+        (["--firmware-running"], "need --firmware"),
         (["--firmware", "px4", "--firmware-port", "99999"], "from 0 to 65535"),
     ],
 )

@@ -72,7 +72,9 @@ class ClockAnswer(Message, frozen=True):
 
 
 class HostPresence(Message, frozen=True):
-    """On the clock host: another host has come, or is lost."""
+    """On the clock host, for its command interface: another host is here, or is lost."""
 
     host: str
     is_here: bool
+    status: HostStatus | None = None
+    """What it told last; None where it has told nothing yet."""

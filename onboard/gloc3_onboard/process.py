@@ -49,7 +49,7 @@ from gloc3_onboard.nodes.host_process import HostOptions, run_host
 from gloc3_onboard.nodes.host_watch import HostWatch
 from gloc3_onboard.nodes.keeper import HostKeeper
 from gloc3_onboard.nodes.pipe import Order
-from gloc3_onboard.nodes.shared import Shared, alone, check_member, open_shared
+from gloc3_onboard.nodes.shared import Shared, alone, check_member, open_shared, renew
 from gloc3_onboard.rate_watch import RateWatch
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
@@ -133,6 +133,7 @@ async def run(options: ProcessOptions) -> int:
             devices=options.devices,
             log_limits=options.log_limits,
             is_quiet=options.is_quiet,
+            network=options.network,
         )
         await run_host(share, platform, host, opened, manager)
         manager.close()
@@ -346,20 +347,16 @@ class OnboardProcess:
 
     async def renew_network(self) -> None:
         """Reads the network file again; where it is wrong, everything stays as it is."""
-        options, exchange = self._options, self.exchange
-        if options.network is None or self._on_network is None:
+        network = self._options.network
+        if network is None or self._on_network is None:
             return
-        try:  # the loop has a vehicle to fly meanwhile
-            member = await self._loop.run_in_executor(None, read_network, options.network, datetime.now(UTC))
-            check_member(self._platform, self._place.host, member)
+        try:
+            member = await renew(self.exchange, self._endpoint, self._platform, self._place.host, network, self._loop)
         except (InputError, Refused) as error:
             self.say(Severity.ERROR, f"{error}: the network stays as it was")
             return
-        await exchange.renew(member.node(*filter(None, [self._endpoint])), member.settings())  # type: ignore[attr-defined] # who is on a network has Zenoh's
         self._on_network.roles = member.file.roles
-        self.say(
-            Severity.NOTICE, f"{options.network} is read again: {counted(len(member.file.others), 'other member')}"
-        )
+        self.say(Severity.NOTICE, f"{network} is read again: {counted(len(member.file.others), 'other member')}")
 
     def _forged(self, station: str, reason: str) -> None:
         self._network_news.say(Severity.WARNING, f"a request of {station} is not taken: {reason}")

@@ -35,6 +35,26 @@ def test_the_old_primary_is_then_brought_up_quietly_and_is_the_new_standby() -> 
     assert supervision.in_charge("spare") == "main"
 
 
+def test_a_primary_that_is_lost_with_its_host_gives_way_at_once_and_goes_quiet_when_it_is_back() -> None:
+    supervision = pair()
+    steps = supervision.lose("main", "host vision is lost", 5.0)
+    assert words(steps) == ["spare: resume"]
+    assert steps[0].reason == "main: host vision is lost"
+    assert supervision.receive_reply(reply_to(steps[0], State.WORKING), 5.01) == []
+    assert words(told(supervision, 9.0, main=State.WORKING)) == ["main: goquiet"]
+    assert supervision.in_charge("main") == "spare"
+
+
+def test_a_component_that_is_lost_with_its_host_is_not_waited_for_but_its_policy_is_told_once() -> None:
+    supervision = Supervision(ALONE)
+    told(supervision, 0.0, alone=State.WORKING)
+    reason = "host vision is lost"
+    assert supervision.lose("alone", reason, 1.0) == [Verdict("alone", FaultPolicy.HOLD, reason)]
+    assert supervision.lose("alone", reason, 2.0) == []
+    assert supervision.tick(60.0) == []
+    assert supervision.lose("nobody", reason, 2.0) == []
+
+
 def test_without_a_standby_a_component_is_initialized_again_with_pauses_that_double_and_then_it_is_lost() -> None:
     supervision = Supervision(ALONE)
     told(supervision, 0.0, alone=State.WORKING)

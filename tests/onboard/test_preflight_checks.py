@@ -6,9 +6,11 @@ import msgspec
 import pytest
 
 from gloc3.ci import Health
-from gloc3.platform import Failsafes, LinkLossFailsafe, LowBatteryFailsafe, PoseLostFailsafe, load_platform
+from gloc3.host_messages import HostPresence, HostStatus
+from gloc3.platform import Failsafes, HostRow, LinkLossFailsafe, LowBatteryFailsafe, PoseLostFailsafe, load_platform
 from gloc3.preflight import Check, Verdict, in_order, red, summary, worst
 from gloc3.readiness import AutopilotSetup, ComputerState, LinkCondition
+from gloc3.software import own_software
 from gloc3.vehicle import AutopilotState, FlightMode, Pose, Style
 from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Condition, Readings
@@ -304,3 +306,38 @@ def test_a_list_is_summed_up_worst_first_and_kept_in_order() -> None:
     assert worst(lines) is Verdict.RED
     assert in_order(lines[::-1])[0].group == "autopilot"
     assert worst([]) is Verdict.OK
+
+
+def with_hosts() -> Any:
+    rows = tuple(
+        msgspec.structs.replace(row, host="vision") if row.name == "limiter" else row for row in PELICAN.components
+    )
+    hosts = {"vehicle": HostRow(), "vision": HostRow(), "base": HostRow()}
+    return msgspec.structs.replace(PELICAN, hosts=hosts, components=rows)
+
+
+def host(name: str, **told: Any) -> HostPresence:
+    known = {"clock_bound_s": 0.002, "clock_age_s": 1.0, **own_software()._asdict(), **told}
+    status = HostStatus(host=name, is_clock_host=False, processes=[], **known)
+    return HostPresence(host=name, is_here=True, status=status)
+
+
+def test_another_host_is_here_speaks_as_we_do_and_knows_the_time() -> None:
+    lines = found(platform=with_hosts(), hosts={"vision": host("vision"), "base": host("base")})
+    assert lines["components: host vision"].verdict is Verdict.OK
+    assert lines["components: host vision: time"].finding == "to within 2.0 ms, asked 1 s ago"
+    assert "components: host vehicle" not in lines, "it is the one that looks"
+
+
+def test_a_host_that_is_away_is_red_where_a_required_component_is_on_it() -> None:
+    lines = found(platform=with_hosts(), hosts={"vision": HostPresence(host="vision", is_here=False)})
+    assert lines["components: host vision"].verdict is Verdict.RED
+    assert "--host vision" in lines["components: host vision"].advice
+    assert lines["components: host base"].verdict is Verdict.WARNING
+
+
+def test_a_host_that_speaks_differently_is_red_and_one_that_knows_the_time_badly_is_doubted() -> None:
+    known = {"vision": host("vision", protocol="0badc0de"), "base": host("base", clock_bound_s=0.05)}
+    lines = found(platform=with_hosts(), hosts=known)
+    assert lines["components: host vision"].verdict is Verdict.RED
+    assert lines["components: host base: time"].verdict is Verdict.WARNING

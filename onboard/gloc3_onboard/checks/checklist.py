@@ -5,6 +5,7 @@ from gloc3.software import compared
 from gloc3_onboard.checks.autopilot import autopilot_checks
 from gloc3_onboard.checks.computer import computer_checks
 from gloc3_onboard.checks.failsafes import failsafe_checks
+from gloc3_onboard.checks.hosts import host_checks
 from gloc3_onboard.checks.own_sensors import own_sensor_checks
 from gloc3_onboard.checks.platform_parts import component_checks, mission_checks
 from gloc3_onboard.checks.readings import Readings
@@ -20,6 +21,7 @@ def checklist(readings: Readings) -> list[Check]:
             *sensor_checks(readings),
             *own_sensor_checks(readings),
             *component_checks(readings),
+            *host_checks(readings),
             *mission_checks(readings),
             *computer_checks(readings),
             *(compared(f"station {name}", other, "there") for name, other in readings.stations.items()),

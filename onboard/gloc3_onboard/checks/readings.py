@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from gloc3.ci import Health
+from gloc3.host_messages import HostPresence
 from gloc3.mission.model import Mission
 from gloc3.platform import Platform
 from gloc3.readiness import AutopilotSetup, ComputerState
@@ -44,5 +45,7 @@ class Readings:
     """Why the autopilot does not hold the mission's fence."""
     stations: Mapping[str, Software] = field(default_factory=dict)
     """What the stations have that are there, by their names."""
+    hosts: Mapping[str, HostPresence] = field(default_factory=dict)
+    """The other hosts of the platform that have been here, by their names."""
     pilot_reason: str = ""
     """Why a pilot has control; empty while none has."""

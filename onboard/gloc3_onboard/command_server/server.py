@@ -273,8 +273,11 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     def _see_host(self, supervision: Supervision, told: HostPresence, now_s: float) -> list[Step]:
         """What follows from the loss of a host; when it is back its components speak for themselves."""
+        known = self._requests.gate.hosts
+        was_here, known[told.host] = told.host in known and known[told.host].is_here, told
         if told.is_here:
-            self._say(Severity.NOTICE, f"host {told.host} is here", "supervision")
+            if not was_here:
+                self._say(Severity.NOTICE, f"host {told.host} is here", "supervision")
             return []
         reason = f"host {told.host} is lost"
         self._say(Severity.ERROR, reason, "supervision")

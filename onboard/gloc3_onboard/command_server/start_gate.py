@@ -5,6 +5,7 @@ from typing import Final, NamedTuple
 
 from gloc3.ci import CiReply, CiRequest, RequestAction, RequestTask, Steer, health_of
 from gloc3.errors import Refused
+from gloc3.host_messages import HostPresence
 from gloc3.mission.model import Mission
 from gloc3.preflight import Check, PreflightReport, red
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
@@ -54,6 +55,8 @@ class StartGate:
         self._number = 0
         self.stations: Mapping[str, Software] = {}
         """What the stations have that are there."""
+        self.hosts: dict[str, HostPresence] = {}
+        """The other hosts, as far as they were ever here."""
 
     def see(self, fact: AutopilotSetup | ComputerState | HeightAboveGround) -> None:
         """Takes in what the list is made from, beside the vehicle's facts."""
@@ -134,6 +137,7 @@ class StartGate:
             components=self._conditions(now_s),
             mission=mission,
             stations=self.stations,
+            hosts=self.hosts,
             fence_problem=fence_problem,
             pilot_reason=(driver.pilot_reason or "it says no reason") if driver is not None and has_pilot else "",
         )

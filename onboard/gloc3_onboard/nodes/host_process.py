@@ -10,7 +10,8 @@ from typing import Final
 
 import msgspec
 
-from gloc3.errors import Misuse
+from gloc3.clock import monotonic_s
+from gloc3.errors import InputError, Misuse, Refused
 from gloc3.host import ComponentHost
 from gloc3.hosted import HUNG
 from gloc3.lci import State
@@ -24,7 +25,7 @@ from gloc3_onboard.nodes.loop import PlatformLoop
 from gloc3_onboard.nodes.node import Node
 from gloc3_onboard.nodes.offset import Estimate
 from gloc3_onboard.nodes.pipe import Order
-from gloc3_onboard.nodes.shared import Shared
+from gloc3_onboard.nodes.shared import Shared, renew
 from gloc3_onboard.run_log import LogLimits
 from gloc3_onboard.service.manager import ServiceManager
 
@@ -45,6 +46,8 @@ class HostOptions(msgspec.Struct, frozen=True, kw_only=True):
     devices: tuple[str, ...] = ()
     log_limits: LogLimits = LogLimits()
     is_quiet: bool = False
+    network: Path | None = None
+    """Read again on SIGHUP."""
 
 
 async def run_host(options: HostOptions, platform: Platform, host: str, opened: Open, manager: ServiceManager) -> None:
@@ -66,6 +69,7 @@ async def run_host(options: HostOptions, platform: Platform, host: str, opened: 
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
+    loop.add_signal_handler(signal.SIGHUP, lambda: None)  # there is nothing to be read again yet
     narrator = Narrator()
 
     def say(severity: Severity, text: str) -> None:
@@ -177,7 +181,7 @@ class HostProcess:
         onboard.begin()
         names = [row.name for row in (*self._node.rows, *(stand_in.row for stand_in in self._keeper.led))]
         self._say(Severity.INFO, f"{self._platform.platform}: {len(names)} components; log in {self._node.log}")
-        feeding = self._loop.create_task(self._feed())
+        tasks = [self._loop.create_task(self._feed()), self._loop.create_task(self._renew_when_told())]
         waits = [self._loop.create_task(event.wait()) for event in (stopped, self._jumped)]
         try:
             await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
@@ -187,7 +191,7 @@ class HostProcess:
             else:
                 self._say(Severity.WARNING, "the platform's time has jumped: all components begin anew")
         finally:
-            for task in (feeding, *waits):
+            for task in (*tasks, *waits):
                 task.cancel()
             self._keeper.give_up_beginning()
             await onboard.stop(lambda text: self._say(Severity.WARNING, text))
@@ -196,6 +200,23 @@ class HostProcess:
             for end in self._ends:
                 end()
             await self._node.close()
+
+    async def _renew_when_told(self) -> None:
+        """Goes on by the network file as it is then, whenever SIGHUP comes."""
+        told, network = asyncio.Event(), self._options.network
+        self._loop.add_signal_handler(signal.SIGHUP, told.set)
+        while True:
+            await told.wait()
+            told.clear()
+            self._manager.reloading(monotonic_s())
+            if network is not None:
+                try:
+                    shared = self._shared
+                    await renew(shared.exchange, shared.endpoint, self._platform, self._host, network, self._loop)
+                    self._say(Severity.NOTICE, f"{network} is read again")
+                except (InputError, Refused) as error:
+                    self._say(Severity.ERROR, f"{error}: the network stays as it was")
+            self._manager.ready()
 
     async def _feed(self) -> None:
         """Tells the service manager that the work goes on, unless a required component here hangs."""

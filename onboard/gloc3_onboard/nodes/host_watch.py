@@ -42,6 +42,8 @@ class HostWatch:
         status = envelope.payload
         if isinstance(status, HostStatus) and status.host != self._own:
             self._sensors[status.host] = status.sensors
+            if self._here.get(status.host):
+                self._tell(HostPresence(host=status.host, is_here=True, status=status))
 
     def _changed(self, token: str, is_here: bool) -> None:
         host = token.rpartition("/")[2]
@@ -51,5 +53,7 @@ class HostWatch:
         if not is_here:
             self._sensors.pop(host, None)
         self._say(Severity.NOTICE if is_here else Severity.ERROR, f"host {host} is {'here' if is_here else 'lost'}")
-        presence = HostPresence(host=host, is_here=is_here)
+        self._tell(HostPresence(host=host, is_here=is_here))
+
+    def _tell(self, presence: HostPresence) -> None:
         self._publisher.publish(self._topic, presence, self._context.loop.time())

@@ -6,6 +6,7 @@ import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from hashlib import blake2s
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -105,3 +106,23 @@ def check_member(platform: Platform, host: str, member: "Membership | None") -> 
         raise Refused(f"host {host} reaches the others by a network: --network FILE (gloc3 network init makes one)")
     if member is not None and member.file.member != name:
         raise Refused(f"{member.path}: it is {member.file.member}'s, and this is {name}")
+
+
+async def renew(
+    exchange: Exchange, endpoint: str, platform: Platform, host: str, network: Path, loop: asyncio.AbstractEventLoop
+) -> "Membership":
+    """Reads a network file again, and goes on by what stands there; the loop has other things to do meanwhile.
+
+    Raises:
+        InputError: it is wrong, and everything stays as it was.
+        Refused: it is another member's; likewise.
+        Gloc3Error: no session could be opened.
+    """
+    from gloc3.exchange.zenoh import ZenohExchange
+    from gloc3.network.file import read_network
+
+    member = await loop.run_in_executor(None, read_network, network, datetime.now(UTC))
+    check_member(platform, host, member)
+    assert isinstance(exchange, ZenohExchange)
+    await exchange.renew(member.node(*filter(None, [endpoint])), member.settings())
+    return member

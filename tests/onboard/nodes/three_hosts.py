@@ -1,10 +1,12 @@
 """One vehicle on three hosts, each a network namespace with its own clock: the vehicle, a vision computer, a base station."""
 
 import asyncio
+import fcntl
 import math
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager, contextmanager
@@ -22,6 +24,7 @@ from gloc3.ci import Verb
 from gloc3.log.reader import LogReader
 from gloc3_groundstation.plans import Plan
 
+LOCK: Final = Path(tempfile.gettempdir()) / "gloc3-namespaces.lock"
 ROOT: Final = Path(__file__).parents[3]
 VEHICLE, VISION, BASE = "vehicle", "vision", "base"
 NETS: Final = {VISION: "10.77.1", BASE: "10.77.2"}
@@ -256,7 +259,16 @@ async def three_hosts(folder: Path) -> AsyncIterator[Hosts]:
 
 @contextmanager
 def namespaces() -> Iterator[None]:
-    """Three hosts, the vehicle joined with each of the others and with this computer by a line of its own."""
+    """Three hosts, the vehicle joined with each of the others and with this computer by a line of its own.
+
+    Their names and addresses are this computer's: one test at a time has them.
+    """
+    with LOCK.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield from _joined()
+
+
+def _joined() -> Iterator[None]:
     _clear()
     try:
         for host in (VEHICLE, *NETS):

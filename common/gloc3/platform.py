@@ -1,6 +1,6 @@
 """The platform file: what a vehicle is, can do, is limited to, and which components make it up."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +10,7 @@ import msgspec
 from gloc3 import schema
 from gloc3.camera_model import CameraModel
 from gloc3.deployment import ComponentRow, FaultPolicy
-from gloc3.document import Document, load_bytes, parse
+from gloc3.document import load_bytes, parse
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame
 
@@ -268,19 +268,3 @@ def read_platform(
         for finding in sorted(findings):
             warn(finding)
     return platform
-
-
-FrameTable = Mapping[str, LocalFrame]
-"""Local frames by name."""
-
-
-def read_frames(document: Document) -> FrameTable:
-    """The frames of any file that has `frames:` at its top, such as a world."""
-    findings: list[Finding] = []
-    node = document.root.children.get("frames")
-    if node is None:
-        return {}
-    rows = schema.check(node, dict[str, FrameRow], document.file, findings, "frames")
-    if rows is None:
-        raise InputError(findings)
-    return {name: row.frame() for name, row in rows.items()}

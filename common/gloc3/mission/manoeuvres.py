@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.messages import Severity
 from gloc3.mission.arguments import Arguments, LandOrder, ReturnHome
-from gloc3.mission.assignments import MOTION, Assignment
+from gloc3.mission.assignments import Assignment
 from gloc3.mission.board import Board, Condition, Manoeuvre
 from gloc3.mission.items import Program
 from gloc3.mission.policy import MANOEUVRES, SEVERITY, Policy, resolved
@@ -188,8 +188,3 @@ def _fall_back(board: Board, manoeuvre: Manoeuvre, reason: str, now_s: float) ->
             manoeuvre.trouble = reason
             board.tell(Severity.ERROR, f"{reason}; trying again")
         manoeuvre.again_s = now_s + AGAIN_S
-
-
-def is_motion_claimed(board: Board) -> bool:
-    """Whether an action or a policy's manoeuvre owns motion."""
-    return MOTION in board.assignments.claims

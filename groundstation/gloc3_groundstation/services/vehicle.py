@@ -68,10 +68,6 @@ class VehicleServices:
         """What the vehicle says of itself, asked for if need be; what it does not tell stays unknown."""
         return await self._facts.learn(self._machines)
 
-    def files_of(self, component: int) -> FileService:
-        """The files of another component of the vehicle, as its camera or companion."""
-        return FileService(self._machines, self._ftp, Address(self.target.system, component))
-
     async def close(self) -> None:
         """Ends what is under way, which is refused, and MAVSDK's process."""
         self.calibration.close()

@@ -56,10 +56,6 @@ class Table:
         """Whether a column has room."""
         return any(column.title == title for _, column in self._columns)
 
-    def width_of(self, title: str) -> int:
-        """Characters of a column; 0 where it has no room."""
-        return next((column.width for _, column in self._columns if column.title == title), 0)
-
     def header(self) -> Line:
         """The titles."""
         return self._line([Span(column.title, Tone.DIM) for _, column in self._columns])

@@ -2,12 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
-
-MATRIX_MAX: Final = 64
 
 
 class Values:

@@ -9,8 +9,6 @@ from gloc3_onboard.scan_matching.planar import Array, Planar
 
 SAME_M: Final = 0.05
 """A point this near to one of the map, and on its line, is the same."""
-NOTHING_M: Final = 1e3
-"""Where a point without a neighbour is said to have one."""
 
 
 class Neighbours(NamedTuple):

@@ -93,17 +93,7 @@ class Mover(Activity):
         self.yaw_rad = wrap_pi(self.yaw_rad + turn)
         return self.yaw_rad
 
-    def distance_to(self, position_ned_m: Vector3) -> float:
-        """From where the vehicle is believed to be."""
-        n, e, d = self.craft.estimator.inertial.position_ned_m
-        tn, te, td = position_ned_m
-        return sqrt((tn - n) ** 2 + (te - e) ** 2 + (td - d) ** 2)
-
     def horizontal_distance_to(self, position_ned_m: Vector3) -> float:
-        """The same on the map."""
+        """From where the vehicle is believed to be, on the map."""
         n, e, _ = self.craft.estimator.inertial.position_ned_m
         return hypot(position_ned_m[0] - n, position_ned_m[1] - e)
-
-    def has_arrived(self, within_m: float = 0.3) -> bool:
-        """Whether the trajectory has ended and the vehicle is there."""
-        return self.trajectory.distance_m < 0.05 and self.distance_to(self.trajectory.target) < within_m

@@ -162,8 +162,8 @@ class _Form:
         self.bulk = bulky[0] if len(bulky) == 1 else None
         self._type = message_type
         self._twin = twin
-        self._decoder = msgspec.msgpack.Decoder(twin, strict=False)
         is_flat = not any(_holds_named(field.type) for field in fields)
+        self._decoder = msgspec.msgpack.Decoder(_array_like(message_type) if is_flat else twin, strict=False)
         self.arrange = msgspec.structs.astuple if is_flat else self._convert
         """The message as something that is written as an array."""
         self._is_flat = is_flat
@@ -178,12 +178,24 @@ class _Form:
             WireError: the array does not fit the type.
         """
         try:
-            twin = self._decoder.decode(array)
+            found = self._decoder.decode(array)
             if self._is_flat:
-                return self._type(**msgspec.structs.asdict(twin))
-            return msgspec.convert(twin, self._type, from_attributes=True)
+                msgspec.structs.force_setattr(found, "__class__", self._type)
+                return found
+            return msgspec.convert(found, self._type, from_attributes=True)
         except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError, RecursionError) as error:
             raise WireError(f"{self._type.__name__}: {error}") from error
+
+
+def _array_like(message_type: type[Message]) -> type[Message]:
+    """The same type, read from arrays; what is read becomes of the type itself by its class alone."""
+    if message_type.__struct_config__.array_like:
+        return message_type
+    made = msgspec.defstruct(
+        message_type.__name__, [], bases=(message_type,), array_like=True, frozen=True, kw_only=True, gc=False
+    )
+    assert issubclass(made, message_type)
+    return made
 
 
 @cache

@@ -3,11 +3,24 @@
 import sys
 from collections.abc import Callable
 
-from tests.benchmarks import footprint, fusion, ground, laser, parts, router, stereo, terminal, turnaround, world
+from tests.benchmarks import (
+    footprint,
+    fusion,
+    ground,
+    laser,
+    network,
+    parts,
+    router,
+    stereo,
+    terminal,
+    turnaround,
+    world,
+)
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
     "turnaround": turnaround.run,
+    "network": network.run,
     "router": router.run,
     "footprint": footprint.run,
     "terminal": terminal.run,

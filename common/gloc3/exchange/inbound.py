@@ -9,7 +9,7 @@ from threading import Lock
 from typing import Any, Final
 
 DEPTH: Final = 1024
-"""So many messages of one subscription may wait for a loop that is busy."""
+"""So many things may wait for a loop that is busy, where nothing else is said."""
 BATCH: Final = 64
 """So many are worked off before the loop does something else."""
 

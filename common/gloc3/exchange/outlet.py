@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import zenoh
@@ -21,28 +22,17 @@ SETTLE_S: Final = 1.0
 """After so long a node knows who asks for a topic that it has begun to publish."""
 
 
-class Handling(NamedTuple):
-    """What Zenoh is told for a service."""
-
-    priority: zenoh.Priority
-    congestion: zenoh.CongestionControl
-    reliability: zenoh.Reliability
-
-    @property
-    def may_wait(self) -> bool:
-        """Whether a message waits for a link that is full, so that a thread has to send it."""
-        return self.congestion is zenoh.CongestionControl.BLOCK
-
-
-WAITS: Final = (zenoh.CongestionControl.BLOCK, zenoh.Reliability.RELIABLE)
-DROPS: Final = (zenoh.CongestionControl.DROP, zenoh.Reliability.BEST_EFFORT)
-SERVICES: Final[Mapping[Service, Handling]] = {
-    Service.CONTROL: Handling(zenoh.Priority.REAL_TIME, *DROPS),
-    Service.COMMAND: Handling(zenoh.Priority.INTERACTIVE_HIGH, *WAITS),
-    Service.STREAM: Handling(zenoh.Priority.DATA_HIGH, *DROPS),
-    Service.REPORT: Handling(zenoh.Priority.DATA, *WAITS),
-    Service.BULK: Handling(zenoh.Priority.DATA_LOW, *DROPS),
+SERVICES: Final[Mapping[Service, tuple[zenoh.Priority, zenoh.Reliability]]] = {
+    Service.CONTROL: (zenoh.Priority.REAL_TIME, zenoh.Reliability.BEST_EFFORT),
+    Service.COMMAND: (zenoh.Priority.INTERACTIVE_HIGH, zenoh.Reliability.RELIABLE),
+    Service.STREAM: (zenoh.Priority.DATA_HIGH, zenoh.Reliability.BEST_EFFORT),
+    Service.REPORT: (zenoh.Priority.DATA, zenoh.Reliability.RELIABLE),
+    Service.BULK: (zenoh.Priority.DATA_LOW, zenoh.Reliability.BEST_EFFORT),
 }
+"""What Zenoh is told for each service. Nothing ever waits in the loop: what does not fit a link's queue is dropped, and
+the queue of each priority holds so much that only a receiver that stands still loses what is reliable."""
+HUGE: Final = 500_000
+"""Messages of so many bytes might not fit the queue of a link: a thread sends them, and waits for it."""
 UNKNOWN: Final = TopicRow(Message, service=Service.REPORT)
 """For topics that nobody has declared."""
 
@@ -54,25 +44,26 @@ class Means(NamedTuple):
     loop: asyncio.AbstractEventLoop
     arrivals: Arrivals
     types: TypeRegistry
-    memory: SharedMemory
-    senders: Mapping[Service, Sender]
-    """Of the services whose messages may have to wait."""
+    memory: SharedMemory | None
+    sender: Sender
+    """Sends what is huge."""
 
 
 class Outlet:
     """Sends one topic while somebody elsewhere asks for it, or while that is not known yet."""
 
     def __init__(self, means: Means, topic: str, row: TopicRow) -> None:
-        handling = SERVICES[row.travels]
+        priority, reliability = SERVICES[row.travels]
         self._topic = topic
-        self._types, self._memory = means.types, means.memory
-        self._sender = means.senders.get(row.travels)
+        self._priority = priority
+        self._types, self._memory, self._sender = means.types, means.memory, means.sender
+        self._session = means.session
         self._publisher = means.session.declare_publisher(
             topic,
             allowed_destination=zenoh.Locality.REMOTE,
-            priority=handling.priority,
-            congestion_control=handling.congestion,
-            reliability=handling.reliability,
+            priority=priority,
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=reliability,
         )
         self.is_wanted = True
         self._is_settled = False
@@ -88,26 +79,33 @@ class Outlet:
             )
 
     def send(self, envelope: Envelope[Any]) -> str:
-        """Sends a message, or gives it to who does; returns why it was dropped, or an empty text."""
+        """Sends a message, or gives it to who does; returns why it was dropped here, or an empty text."""
         if self._held:
             self.last = envelope
         if not self.is_wanted:
             return ""
         apart = self._types.encode_apart(envelope)
         head, body = (None, self._types.encode(envelope)) if apart is None else apart
-        if len(body) < LARGE:
-            return self._put(body, None)
-        shared = self._memory.hold(body)
-        if shared is None and self._sender is None:
-            return "receivers hold all of the shared memory"
-        return self._put(body if shared is None else shared, head)
-
-    def _put(self, payload: bytes | zenoh.shm.ZShmMut, attachment: bytes | None) -> str:
-        if self._sender is None:
-            self._publisher.put(payload, attachment=attachment)
+        payload: Any = body
+        if len(body) >= LARGE and self._memory is not None:
+            payload = self._memory.hold(body)
+            if payload is None:
+                return "receivers hold all of the shared memory"
+        if len(body) < HUGE:
+            self._publisher.put(payload, attachment=head)
             return ""
-        is_taken = self._sender.give(self._publisher.put, payload, attachment)
-        return "" if is_taken else "too many messages wait for a link"
+        return "" if self._sender.give(partial(self._wait_and_put, payload, head)) else "others still wait for a link"
+
+    def _wait_and_put(self, payload: Any, head: bytes | None) -> None:
+        """In the sender's thread."""
+        self._session.put(
+            self._topic,
+            payload,
+            attachment=head,
+            allowed_destination=zenoh.Locality.REMOTE,
+            priority=self._priority,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
 
     def look(self) -> None:
         """In the loop: who asks for it has changed."""

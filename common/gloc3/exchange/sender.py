@@ -1,21 +1,18 @@
-"""A thread that sends what must arrive, so that a link which takes nothing more holds up no loop."""
+"""A thread that sends what may have to wait, so that a link which takes nothing more holds up no loop."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from threading import Condition, Thread
-from typing import Any, Final
+from typing import Final
 
 from gloc3.guard import guard
 
-WAITING: Final = 4096
-"""So many messages may wait for a link."""
 LEAVE_S: Final = 1.0
 """What waits may take so long to leave when everything ends."""
 
-Send = Callable[..., None]
+Send = Callable[[], None]
 
 
 class Sender:
@@ -23,24 +20,28 @@ class Sender:
 
     Args:
         name: of the thread.
+        depth: so many may wait.
         failed: is told, in the thread, of a message that could not be sent.
     """
 
-    def __init__(self, name: str, failed: Callable[[BaseException], None]) -> None:
+    def __init__(self, name: str, depth: int, failed: Callable[[BaseException], None]) -> None:
+        self._depth = depth
         self._failed = failed
-        self._waiting: deque[tuple[Send, Any, Any]] = deque()
+        self._waiting: deque[Send] = deque()
         self._changed = Condition()
+        self._is_idle = False
         self._is_open = True
         self._thread = Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def give(self, send: Send, payload: Any, attachment: Any) -> bool:
+    def give(self, send: Send) -> bool:
         """Takes a message over, unless the queue is full; never waits."""
-        if len(self._waiting) >= WAITING:
+        if len(self._waiting) >= self._depth:
             return False
-        with self._changed:
-            self._waiting.append((send, payload, attachment))
-            self._changed.notify()
+        self._waiting.append(send)
+        if self._is_idle:
+            with self._changed:
+                self._changed.notify()
         return True
 
     def close(self) -> None:
@@ -52,12 +53,23 @@ class Sender:
 
     def _run(self) -> None:
         while True:
-            with self._changed:
-                while not self._waiting:
-                    if not self._is_open:
-                        return
-                    self._changed.wait()
-                send, payload, attachment = self._waiting.popleft()
-            _, error = guard(partial(send, payload, attachment=attachment))
+            try:
+                send = self._waiting.popleft()
+            except IndexError:
+                if not self._rest():
+                    return
+                continue
+            _, error = guard(send)
             if error is not None:
                 self._failed(error)
+
+    def _rest(self) -> bool:
+        """Waits for a message; False when none will come any more."""
+        with self._changed:
+            self._is_idle = True  # before the look: who gives one after it will notify
+            while not self._waiting:
+                if not self._is_open:
+                    return False
+                self._changed.wait()
+            self._is_idle = False
+            return True

@@ -1,13 +1,14 @@
 """Memory that processes of one host share: a large message is copied into it once, and out of it once."""
 
+from threading import Thread
 from typing import Final
 
 import zenoh
 
 LARGE: Final = 16_384
 """Messages of so many bytes go through shared memory."""
-POOL: Final = 32 * 1024 * 1024
-"""Bytes of it that a process takes, when it sends the first large message."""
+POOL: Final = 16 * 1024 * 1024
+"""Bytes of it that a process takes when it has the first large message; that takes 0.1 s, so a thread does it."""
 
 
 class SharedMemory:
@@ -15,14 +16,21 @@ class SharedMemory:
 
     def __init__(self) -> None:
         self._provider: zenoh.shm.ShmProvider | None = None
+        self._maker: Thread | None = None
 
-    def hold(self, data: bytes) -> zenoh.shm.ZShmMut | None:
-        """A copy of some bytes in shared memory; None while receivers still hold all of it."""
+    def hold(self, data: bytes) -> bytes | zenoh.shm.ZShmMut | None:
+        """A copy of some bytes in shared memory, or, while that is being made, these; None where receivers hold all."""
         if self._provider is None:
-            self._provider = zenoh.shm.ShmProvider.default_backend(POOL)
+            if self._maker is None:
+                self._maker = Thread(target=self._make, name="shared memory", daemon=True)
+                self._maker.start()
+            return data
         try:
             place = self._provider.alloc(len(data), policy=zenoh.shm.GarbageCollect())
         except zenoh.ZError:
             return None
         place[0 : len(data)] = data
         return place
+
+    def _make(self) -> None:
+        self._provider = zenoh.shm.ShmProvider.default_backend(POOL)

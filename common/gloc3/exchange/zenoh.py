@@ -16,9 +16,9 @@ from typing import Any, Final, NamedTuple
 import zenoh
 
 from gloc3.exchange.base import Deliver, Unsubscribe
-from gloc3.exchange.inbound import DEPTH, Arrivals, Inbound
+from gloc3.exchange.inbound import Arrivals, Inbound
 from gloc3.exchange.local import LocalExchange
-from gloc3.exchange.outlet import LATCHED, SERVICES, UNKNOWN, Means, Outlet, latched_token
+from gloc3.exchange.outlet import LATCHED, UNKNOWN, Means, Outlet, latched_token
 from gloc3.exchange.sender import Sender
 from gloc3.exchange.shared_memory import SharedMemory
 from gloc3.exchange.zenoh_session import Node, new_session, plain
@@ -26,8 +26,12 @@ from gloc3.messages import Envelope, Source
 from gloc3.topics import Service, TopicTable, matches
 from gloc3.wire import VersionsDiffer, WireError
 
-BULK_DEPTH: Final = 8
-"""So many large messages of one subscription wait for a loop that is busy: they hold shared memory."""
+DEPTHS: Final = {Service.CONTROL: 64, Service.STREAM: 1024, Service.BULK: 8}
+"""So many messages of one subscription wait for a loop that is busy; large ones hold shared memory meanwhile."""
+RELIABLE_DEPTH: Final = 16_384
+"""The same for what has to arrive, and for patterns that many topics fit."""
+HUGE_DEPTH: Final = 4
+"""So many huge messages wait for links."""
 ANSWER_S: Final = 5.0
 """How long the last message of a latched topic may take."""
 COUNTED_PLACES: Final = 200
@@ -58,7 +62,9 @@ def open_exchange(
     Raises:
         Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
     """
-    exchange = ZenohExchange(new_session(node, settings), loop, topics, troubled)
+    is_shared = (settings or {}).get("transport/shared_memory/enabled", True)
+    memory = SharedMemory() if is_shared else None
+    exchange = ZenohExchange(new_session(node, settings), loop, topics, troubled, memory)
     try:
         yield exchange
     finally:
@@ -73,6 +79,7 @@ class ZenohExchange:
         loop: calls the subscribers.
         topics: the types that may travel.
         troubled: is told, in the loop, of what was lost or refused: at the first, the tenth, the hundredth time…
+        memory: for large messages; without it they are copied through the links.
     """
 
     def __init__(
@@ -81,6 +88,7 @@ class ZenohExchange:
         loop: asyncio.AbstractEventLoop,
         topics: TopicTable,
         troubled: Troubled = lambda *_: None,
+        memory: SharedMemory | None = None,
     ) -> None:
         self.here: Final = LocalExchange(topics)
         """What passes inside this process: what it published, and what came in because somebody here asked for it."""
@@ -98,8 +106,8 @@ class ZenohExchange:
         self._arrivals = Arrivals(loop, self._take)
         self._sequences: dict[tuple[str, Source], int] = {}
         """The last number of each topic and source, to tell losses by."""
-        senders = {service: Sender(f"zenoh {service}", self._fail) for service, how in SERVICES.items() if how.may_wait}
-        self._means = Means(session, loop, self._arrivals, topics.types, SharedMemory(), senders)
+        sender = Sender("zenoh huge", HUGE_DEPTH, self._fail)
+        self._means = Means(session, loop, self._arrivals, topics.types, memory, sender)
         self._is_open = True
 
     # --- the exchange ---
@@ -122,9 +130,8 @@ class ZenohExchange:
         """Asks for a topic or a pattern of topics, here and elsewhere."""
         subscription = self._sources.get(pattern)
         if subscription is None:
-            row = self._topics.row(pattern)
-            is_bulk = row is not None and row.travels is Service.BULK
-            subscription = self._sources[pattern] = _Subscription(BULK_DEPTH if is_bulk else DEPTH)
+            row = self._topics.row(pattern) or UNKNOWN
+            subscription = self._sources[pattern] = _Subscription(DEPTHS.get(row.travels, RELIABLE_DEPTH))
             self._declare(pattern, subscription)
             self._owners.clear()
         subscription.users += 1
@@ -192,8 +199,7 @@ class ZenohExchange:
         """Sends and hears nothing from now on; what waits to be sent still leaves."""
         self._is_open = False
         self._arrivals.close()
-        for sender in self._means.senders.values():
-            sender.close()
+        self._means.sender.close()
         _end_session(self._session, self._outlets)
 
     # --- what only this middleware has ---
@@ -241,8 +247,8 @@ class ZenohExchange:
     def troubles(self) -> dict[str, int]:
         """How many messages were lost or refused so far, by the reason in a word and the topic, `WORD TOPIC`.
 
-        `unsent`: dropped here, because a link or receiver was too slow; `lost`: missing in what came; `late`: dropped
-        here, because the loop was too slow (part of the lost); `damaged`, `versions`, `misplaced`: not taken.
+        `unsent`: dropped here, because receivers were too slow; `lost`: missing in what came, wherever it was dropped;
+        `late`: dropped here, because the loop was too slow (part of the lost); `damaged`, `versions`, `misplaced`: not taken.
         """
         late = {f"late {p}": s.inbound.dropped for p, s in self._sources.items() if s.inbound.dropped}
         return {**self._counts, **late}

@@ -20,8 +20,8 @@ LEASE_S: Final = 2.0
 """A node from which nothing came for so long is gone."""
 RETRY_S: Final = (0.2, 1.0)
 """How long a node waits before it tries again to reach another: at first, and at most."""
-STALLED_S: Final = 1.0
-"""A link that takes nothing for so long is given up, and opened anew."""
+STALLED_S: Final = 5.0
+"""A link that takes nothing for so long, although its other end is there, is given up, and opened anew."""
 QUEUES: Final = (
     "control",
     "real_time",
@@ -32,8 +32,8 @@ QUEUES: Final = (
     "data_low",
     "background",
 )
-QUEUED_BATCHES: Final = 4
-"""So many packets of at most 64 kB wait for a link, of each priority."""
+QUEUED_BATCHES: Final = 16
+"""So many packets of at most 64 kB wait for a link, of each priority; Zenoh takes no more."""
 UNIX: Final = "unixsock-stream"
 
 

@@ -147,7 +147,6 @@ async def test_a_receiver_that_stands_still_holds_up_no_loop_and_goes_by_its_lea
             worst_s = max(worst_s, loop.time() - begin_s)
             await asyncio.sleep(0)
         assert worst_s < 0.5, "publishing waited for a link"
-        assert main.troubles()[f"unsent {EVENT}"] > 0
         await until(lambda: alive == [True, False])
         process.kill()
         await process.wait()

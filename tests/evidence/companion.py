@@ -11,7 +11,10 @@ from typing import Any
 from tests.evidence.page import Bar, Figure, Progress
 from tests.evidence.suites import suite
 
-TOOLS = ("mavsdk", "mavproxy", "qgc")
+TOOLS = (
+    *(f"tests/onboard/test_{name}_through_the_onboard_process.py" for name in ("mavsdk", "mavproxy", "qgc")),
+    "tests/onboard/test_stations_on_all_kinds_of_links.py",
+)
 SERVICES = (
     "tests/flight/test_stations_of_others.py",
     "tests/flight/test_parameters_and_files_of_the_companion.py",
@@ -31,9 +34,7 @@ def tools(progress: Progress) -> list[Figure]:
     return [
         Figure("MAVSDK", version("mavsdk")),
         Figure("MAVProxy", found.strip() or "not here: MAVPROXY_PYTHON names no Python"),
-        *suite("other-tools", [f"tests/onboard/test_{name}_through_the_onboard_process.py" for name in TOOLS])(
-            progress
-        ),
+        *suite("other-tools", list(TOOLS))(progress),
     ]
 
 
@@ -115,11 +116,11 @@ def services(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "other-tools",
-        "MAVSDK, MAVProxy and QGroundControl's sequences through the router",
+        "MAVSDK, MAVProxy, QGroundControl's and dronekit's sequences through the router",
         "MAVSDK 4.1 and MAVProxy, unmodified, and the messages that QGroundControl sends, by its public sources, when it "
         "connects and uploads a plan, reach the autopilot and the onboard computer through `gloc3 onboard`: link up, "
-        "parameters fetched, missions uploaded and flown, mode changed. MAVProxy is taken from the Python that "
-        "`MAVPROXY_PYTHON` names.",
+        "parameters fetched, missions uploaded and flown, mode changed; so do stations on UDP, TCP and a serial line at once, "
+        "while the one on TCP flies as dronekit does. MAVProxy is taken from the Python that `MAVPROXY_PYTHON` names.",
         tools,
     ),
     Bar(

@@ -76,13 +76,6 @@ async def run_host(options: HostOptions, platform: Platform, host: str, opened: 
         if not options.is_quiet and severity <= Severity.INFO:
             narrator.say(f"{host}: {text}", severity)
 
-    def reload() -> None:
-        where = clock_host(platform)
-        say(
-            Severity.NOTICE, f"settings are read again by a reload on {where}; what else is in the file needs a restart"
-        )
-
-    loop.add_signal_handler(signal.SIGHUP, reload)
     try:
         while not stopped.is_set():
             manager.status(f"waiting for {clock_host(platform)}, whose clock is the platform's time")

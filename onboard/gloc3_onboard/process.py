@@ -16,7 +16,7 @@ from gloc3.ci import StationRole
 from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.counting import counted
-from gloc3.errors import InputError, Refused
+from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.exchange.base import Exchange
 from gloc3.exchange.link_budget import budget_of
 from gloc3.host import ComponentHost
@@ -354,6 +354,9 @@ class OnboardProcess:
             member = await renew(self.exchange, self._endpoint, self._platform, self._place.host, network, self._loop)
         except (InputError, Refused) as error:
             self.say(Severity.ERROR, f"{error}: the network stays as it was")
+            return
+        except Gloc3Error as error:
+            self.say(Severity.ERROR, f"{error}: nobody else is reached")
             return
         self._on_network.roles = member.file.roles
         self.say(Severity.NOTICE, f"{network} is read again: {counted(len(member.file.others), 'other member')}")

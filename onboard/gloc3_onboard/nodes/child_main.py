@@ -24,6 +24,8 @@ from gloc3_onboard.nodes.node import Node
 from gloc3_onboard.nodes.pipe import Beat, FromChild, Here, Leave, Order, Pass, Pipe, Tell, ToChild, first_message
 
 PR_SET_PDEATHSIG: Final = 1
+OOM_SCORE: Final = Path("/proc/self/oom_score_adj")
+FIRST_TO_GO: Final = "500"
 BEAT_S: Final = 0.25
 BEATS_TO_TELL: Final = 4
 """Every so many beats it is told how the sensors are."""
@@ -38,6 +40,8 @@ def main() -> int:
         signal.signal(number, signal.SIG_IGN)
     end = socket.socket(fileno=int(sys.argv[1]))
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    with suppress(OSError):  # when memory ends, a child goes before the main process, which brings it up again
+        OOM_SCORE.write_text(FIRST_TO_GO)
     order = first_message(end)
     if order is None or os.getppid() != order.parent:
         return 0
@@ -52,6 +56,7 @@ def main() -> int:
 
 async def _run(end: socket.socket, order: Order) -> None:
     loop = asyncio.get_running_loop()
+    assert isinstance(loop, PlatformLoop)
     topics = TopicTable.installed()
     platform = load_platform(order.platform)
     joining = zenoh_session.Node(name=order.process, connect=(order.endpoint,), is_child=True)
@@ -71,7 +76,7 @@ async def _run(end: socket.socket, order: Order) -> None:
             _say,
         )
         try:
-            await Child(end, order, node, exchange).run()
+            await Child(end, order, node, exchange, loop).run()
         finally:
             await node.close()
 
@@ -105,8 +110,10 @@ async def joined(exchange: ZenohExchange, token: str) -> None:
 class Child:
     """The process's life between its begin and its end."""
 
-    def __init__(self, end: socket.socket, order: Order, node: Node, exchange: ZenohExchange) -> None:
-        self._loop = asyncio.get_running_loop()
+    def __init__(
+        self, end: socket.socket, order: Order, node: Node, exchange: ZenohExchange, loop: PlatformLoop
+    ) -> None:
+        self._loop = loop
         self._order, self._node, self._exchange = order, node, exchange
         self._ended = asyncio.Event()
         self._beats = 0
@@ -136,8 +143,7 @@ class Child:
             case Pass(envelope=data):
                 self._exchange.here.publish(self._node.context.topics.types.decode(data))
             case Tell(offset_s=offset_s):
-                with suppress(AttributeError):
-                    self._loop.steer(offset_s)  # type: ignore[attr-defined]
+                self._loop.steer(offset_s)
             case Leave() | None:
                 self._ended.set()
 

@@ -11,7 +11,7 @@ from typing import Final
 import msgspec
 
 from gloc3.clock import monotonic_s
-from gloc3.errors import InputError, Misuse, Refused
+from gloc3.errors import Gloc3Error, InputError, Misuse, Refused
 from gloc3.host import ComponentHost
 from gloc3.hosted import HUNG
 from gloc3.lci import State
@@ -114,6 +114,7 @@ async def _first_offset(
                 if looks % round(REMIND_S / LOOK_S) == 0:
                     manager.extend(3.0 * REMIND_S)
                     say(Severity.WARNING, f"{clock_host(platform)} does not answer: it has the platform's time")
+                    manager.extend(3.0 * REMIND_S)
         finally:
             clock.close()
     best = known[-1]
@@ -209,6 +210,8 @@ class HostProcess:
                     self._say(Severity.NOTICE, f"{network} is read again")
                 except (InputError, Refused) as error:
                     self._say(Severity.ERROR, f"{error}: the network stays as it was")
+                except Gloc3Error as error:
+                    self._say(Severity.ERROR, f"{error}: nobody else is reached")
             self._manager.ready()
 
     async def _feed(self) -> None:

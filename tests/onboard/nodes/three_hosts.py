@@ -2,7 +2,6 @@
 
 import asyncio
 import fcntl
-import math
 import signal
 import subprocess
 import sys
@@ -158,7 +157,7 @@ async def fly(
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "p.yaml").write_text(platform(odometer))
     length = calm_s + sum(fault.for_s + 10.0 for fault in faults)
-    there_and_back = ", ".join(["[6, 0, 1.5], [0, 0, 1.5]"] * max(1, math.ceil(length * 0.4 / 12.0)))
+    there_and_back = ", ".join(["[3, 0, 1.5], [0, 0, 1.5]"] * max(1, round(length * 0.4 / 6.0)))
     healed: dict[str, float] = {}
     wrong: list[str] = []
     async with three_hosts(folder) as hosts, station(f"udpin://{GROUND}.2:{STATION}", 255) as operator:

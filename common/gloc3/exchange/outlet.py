@@ -63,6 +63,7 @@ class Outlet:
             allowed_destination=zenoh.Locality.REMOTE,
             priority=priority,
             congestion_control=zenoh.CongestionControl.DROP,
+            express=row.travels is Service.BULK,  # what is large fills packets of its own
             reliability=reliability,
         )
         self.is_wanted = True

@@ -34,6 +34,8 @@ HOST = "127.0.0.1"
 SETTLE_S = 1.5
 ROUNDS = 3
 BUFFER_BYTES = 1 << 23
+_CPU_CLOCK = 2
+"""Of the kernel's kinds of clocks of a process, as clock_getcpuclockid(3) makes them."""
 DIRECT, OURS, C_PEER, PYTHON_PEER = "no router", "gloc3", "mavlink-router", "MAVProxy"
 
 
@@ -136,9 +138,8 @@ def running(command: list[str], scratch: Path) -> Iterator[subprocess.Popen[byte
 
 
 def cpu_s(process: subprocess.Popen[bytes]) -> float:
-    """Processor time that a process has used."""
-    threads = Path(f"/proc/{process.pid}/task").iterdir()
-    return sum(int((thread / "schedstat").read_text().split()[0]) for thread in threads) * 1e-9
+    """Processor time that a process has used, that of threads which have ended included."""
+    return time.clock_gettime(~process.pid << 3 | _CPU_CLOCK)
 
 
 def passed(

@@ -74,7 +74,9 @@ async def test_a_picture_arrives_as_it_was_and_what_is_lost_of_many_is_counted(t
         for number in range(1, 41):
             show(number)
         time.sleep(1.0)  # a loop that is busy with something else
-        await until(lambda: came[-1].payload.reason == "40")
+        await asyncio.sleep(0.5)
+        show(41)
+        await until(lambda: came[-1].payload.reason == "41")
         assert isinstance(ends.station, ZenohExchange)
         missing = came[-1].sequence - came[0].sequence + 1 - len(came)
         troubles = ends.station.troubles()

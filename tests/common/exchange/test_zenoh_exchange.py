@@ -84,6 +84,23 @@ async def test_a_picture_arrives_as_it_was_and_what_is_lost_of_many_is_counted(t
         assert 0 < troubles[f"late {CAMERA}"] <= missing
 
 
+@pytest.mark.parametrize("megabytes", [0.3, 3.0])
+async def test_pictures_reach_a_computer_that_shares_no_memory(megabytes: float, tmp_path: Path) -> None:
+    settings = {"transport/shared_memory/enabled": False}
+    with node(tmp_path, "main", settings=settings) as main, node(tmp_path, "one", settings=settings) as one:
+        came: list[Envelope[Image]] = []
+        main.subscribe(CAMERA, came.append)
+        publisher = Publisher(one, PLATFORM, "camera", 7)
+        picture = Image(camera="front", width=1000, height=1000, data=bytes(range(200)) * round(megabytes * 5000))
+
+        def show() -> bool:
+            publisher.publish(CAMERA, picture, 0.25)
+            return False
+
+        await until(lambda: came or show())
+        assert came[0].payload == picture
+
+
 async def test_bytes_from_strangers_are_counted_and_told_never_raised(tmp_path: Path) -> None:
     told: list[str] = []
     with (

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from gloc3_onboard.vision.corners import GridCorners, Pixels
 from gloc3_onboard.vision.lucas_kanade import PatchTracker
 from gloc3_onboard.vision.picture import Picture
-from gloc3_onboard.vision.turned_picture import TurnedPicture
 
 Ids = NDArray[np.int32]
 
@@ -28,7 +27,7 @@ class PointTracker:
     """Follows points.
 
     Patches are taken from one picture, the anchor, as long as enough of them are seen, so that errors do not add up from
-    picture to picture. They are turned and scaled as the picture does.
+    picture to picture.
 
     Args:
         corners: finds points.
@@ -55,7 +54,7 @@ class PointTracker:
         """Points that the anchor had."""
         self.contrast: Pixels = NO_PIXELS[:, 0]
         """Of the patches around the points, (n,)."""
-        self._anchor: TurnedPicture | None = None
+        self._anchor: Picture | None = None
         self._anchor_px: Pixels = NO_PIXELS
         self._speed_px_s: Pixels = NO_PIXELS
         self._bad = 0
@@ -73,11 +72,10 @@ class PointTracker:
         """
         assert self._anchor is not None
         headed_for = (self.pixels + self._speed_px_s * np.float32(after_s)).astype(np.float32)
-        found, is_good = self._find(picture, headed_for, _NEAR_LEVELS)
+        start, contrast = self._anchor_px, self.contrast
+        found, is_good = self._patches.find(self._anchor, start, contrast, picture, headed_for, _NEAR_LEVELS)
         if is_good.sum() < _NEAR_SHARE * len(found):
             found, is_good = self._look_far(picture)
-        if self._anchor.turn(self._anchor_px[is_good], found[is_good]):
-            found, is_good = self._find(picture, found, _NEAR_LEVELS)
         count = int(is_good.sum())
         if count < max(_FEW, self._least_share * len(found)):
             return self._complain(f"only {count} of {len(found)} points are seen again")
@@ -103,18 +101,12 @@ class PointTracker:
         self.forget()
         return ""
 
-    def _find(self, picture: Picture, guess: Pixels, levels: int) -> tuple[Pixels, NDArray[np.bool_]]:
-        assert self._anchor is not None
-        start = self._anchor.places(self._anchor_px)
-        return self._patches.find(self._anchor.picture, start, self.contrast, picture, guess, levels)
-
     def _look_far(self, picture: Picture) -> tuple[Pixels, NDArray[np.bool_]]:
         """Finds points that are not where they were headed for: there and back, because much looks alike from afar."""
         assert self._anchor is not None
-        start, anchor = self._anchor.places(self._anchor_px), self._anchor.picture
-        found, is_good = self._find(picture, self.pixels, self._levels)
-        guess = start - self.pixels + found
-        back, is_back = self._patches.find(picture, found, self.contrast, anchor, guess, self._levels)
+        start, contrast, find = self._anchor_px, self.contrast, self._patches.find
+        found, is_good = find(self._anchor, start, contrast, picture, self.pixels, self._levels)
+        back, is_back = find(picture, found, contrast, self._anchor, start - self.pixels + found, self._levels)
         return found, is_good & is_back & (np.abs(back - start).max(axis=1, initial=0.0) < _BACK_MAX_PX)
 
     def keep(self, which: NDArray[np.bool_]) -> None:
@@ -135,4 +127,4 @@ class PointTracker:
         self.ids = np.concatenate([self.ids, ids])
         self.pixels = np.concatenate([self.pixels, added]).astype(np.float32)
         self.contrast = self._patches.contrast(picture, self.pixels)
-        self._anchor, self._anchor_px, self.anchored = TurnedPicture(picture), self.pixels, len(self.ids)
+        self._anchor, self._anchor_px, self.anchored = picture, self.pixels, len(self.ids)

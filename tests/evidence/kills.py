@@ -5,6 +5,7 @@ import random
 import tempfile
 from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import msgspec
@@ -39,6 +40,9 @@ def kills(progress: Progress) -> list[Figure]:
     lowest, highest = min(one["lowest_m"] for one in found), max(one["highest_m"] for one in found)
     away, back, lost = (max(one[name] for one in found) for name in ("farthest_m", "most_back_m", "most_lost_s"))
     unreadable = sum(len(one["unreadable"]) for one in found)
+    noticed_ms, over_ms = (
+        1e3 * median(t for one in found for t in one[name]) for name in ("noticed_s", "taken_over_s")
+    )
     is_level = lowest > HEIGHT_M - 0.7 and highest < HEIGHT_M + 0.7
     return [
         Figure("processes killed by SIGKILL in flight", str(count), f"≥ {KILLS}", count >= KILLS),
@@ -53,6 +57,13 @@ def kills(progress: Progress) -> list[Figure]:
         Figure("logs", str(sum(one["logs"] for one in found))),
         Figure("… of them unreadable", str(unreadable), "0", not unreadable),
         Figure("most that a killed main process's log lacks, in s", str(lost), f"≤ {LOST_S:g}", lost <= LOST_S),
+        Figure(
+            "from a child's end to the status that tells it, median, in ms",
+            f"{noticed_ms:.0f}",
+            "≤ 100",
+            noticed_ms <= 100.0,
+        ),
+        Figure("from there to the standby's work, median, in ms", f"{over_ms:.0f}", "≤ 100", over_ms <= 100.0),
         Figure("longest without a command interface, in s", str(max(one["longest_away_s"] for one in found))),
     ]
 

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from threading import Event, Thread
 from typing import Final
@@ -21,7 +22,9 @@ from tests.onboard.real_vehicle import flights, station, until
 import gloc3_onboard.platforms
 from gloc3.ci import Verb
 from gloc3.errors import Gloc3Error
+from gloc3.lci import OPERATING, State
 from gloc3.log.reader import LogReader
+from gloc3.messages import ComponentStatus
 from gloc3.topics import TopicTable
 from gloc3_groundstation.command_client import Declined
 from gloc3_groundstation.plans import Plan
@@ -32,6 +35,12 @@ from gloc3_sitl.flight_messages import TOPICS
 START_ATTEMPTS: Final = 30
 MAIN: Final = "main"
 CHILDREN: Final = ("one", "two", "looks")
+STANDBYS: Final = {
+    "pose": "pose_standby",
+    "pose_standby": "pose",
+    "limiter": "limiter_standby",
+    "limiter_standby": "limiter",
+}
 HEIGHT_M: Final = 1.5
 MISSION: Final = """\
 mission: round and round
@@ -97,6 +106,10 @@ class Report(msgspec.Struct, frozen=True):
     """Longest time before a kill of which the main process's log tells nothing."""
     longest_away_s: float
     """Longest time without a summary of the command interface."""
+    noticed_s: list[float]
+    """From the kill of a child to the first status that says so, of each; without those that were beginning."""
+    taken_over_s: list[float]
+    """From there to the standby's work, of each."""
 
 
 class Manager:
@@ -212,8 +225,8 @@ async def fly(
     chance = random.Random(seed)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "platform.yaml").write_text(platform())
-    rounds = max(1, round(len(victims) * sum(pause_s) / 2.0 * 0.4 / 16.0))
-    way = ", ".join(f"[{x}, {y}, {HEIGHT_M}]" for x, y in CORNERS * rounds)
+    legs = max(2, round(len(victims) * sum(pause_s) / 2.0 * 0.55 / 4.0))
+    way = ", ".join(f"[{x}, {y}, {HEIGHT_M}]" for x, y in (CORNERS * legs)[:legs])
     mission = MISSION.format(way=way)
     companion, ground = free_ports(2, socket.SOCK_DGRAM)
     onboard = ["onboard", "platform.yaml", "--autopilot", f"udpin://127.0.0.1:{companion}", "--out", "out"]
@@ -263,6 +276,8 @@ async def fly(
 
 def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: float, resumed: int) -> Report:
     unreadable, summaries_s, ends_s = [], [], []
+    noticed_s: list[float] = []
+    taken_over_s: list[float] = []
     logs = sorted((folder / "out").glob("log*.mcap"), key=lambda path: path.stat().st_mtime)
     for path in logs:
         with LogReader(path) as reader:
@@ -273,6 +288,8 @@ def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: f
         if path.stem.removeprefix("log-main-").removeprefix("log-main").isdecimal() or path.stem == "log-main":
             summaries_s += [e.envelope.t_s for e in entries if e.envelope.topic.endswith("/ci/summary")]
             ends_s.append(max(e.now_s for e in entries))
+            statuses = [(e.now_s, e.envelope.payload) for e in entries if e.envelope.topic.endswith("/status")]
+            _look_at_faults(statuses, killed, noticed_s, taken_over_s)
     with LogReader(folder / "truth" / "truth.mcap", TopicTable(TOPICS).types) as reader:
         truth = [(e.envelope.t_s, e.envelope.payload) for e in reader.entries()]
     truth = [(t_s, one) for t_s, one in truth if hasattr(one, "position_ned_m")]
@@ -299,7 +316,31 @@ def _measured(folder: Path, killed: list[tuple[float, str]], end: str, took_s: f
         unreadable=unreadable,
         most_lost_s=round(max(lost, default=0.0), 2),
         longest_away_s=round(max((b - a for a, b in pairwise(summaries_s)), default=0.0), 2),
+        noticed_s=noticed_s,
+        taken_over_s=taken_over_s,
     )
+
+
+def _look_at_faults(
+    statuses: list[tuple[float, ComponentStatus]],
+    killed: list[tuple[float, str]],
+    noticed_s: list[float],
+    taken_over_s: list[float],
+) -> None:
+    """How soon the ends of children were seen in one life of the main process, and their standbys at work."""
+    known: dict[str, State | None] = {}
+    for now_s, status in statuses:
+        was, known[status.name] = known.get(status.name), status.state
+        if status.state is not State.FAULTY or was not in OPERATING:
+            continue
+        kills_s = [t_s for t_s, name in killed if f"process {name} ended" in status.cause and t_s <= now_s]
+        if not kills_s:
+            continue
+        noticed_s.append(round(now_s - max(kills_s), 3))
+        other = STANDBYS.get(status.name)
+        if was is State.WORKING and other is not None and known.get(other) is State.QUIET:
+            up_s = (t_s for t_s, one in statuses if t_s >= now_s and one.name == other and one.state is State.WORKING)
+            taken_over_s.append(round(next(up_s, inf) - now_s, 3))
 
 
 def _away_m(place: tuple[float, float, float]) -> float:

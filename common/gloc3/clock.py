@@ -43,6 +43,11 @@ def utc_text(utc_s: float, form: str = "%Y-%m-%d %H:%M") -> str:
     return datetime.fromtimestamp(utc_s, UTC).strftime(form)
 
 
+def utc_now() -> datetime:
+    """The computer's date and time, as for certificates; never used in control."""
+    return datetime.now(UTC)
+
+
 class Clock:
     """The time of one process: `now_s()`, and what turns it into UTC for people and logs."""
 

@@ -2,7 +2,6 @@
 
 import asyncio
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -138,6 +137,7 @@ def station(
                 narrate(f"{error}\nthe mission did not pass the check")
                 return 1
             opens = mission
+    from gloc3.clock import utc_now
     from gloc3.link.signing_key import read_signing_key
     from gloc3.network.file import read_network
     from gloc3_groundstation.configuration import Configuration, ConfigurationFile, default_path
@@ -157,7 +157,7 @@ def station(
         key = None if key_file is None else read_signing_key(key_file.expanduser())
     except InputError as error:
         raise Refused(str(error)) from None
-    membership = None if network is None else read_network(network.expanduser(), datetime.now(UTC))
+    membership = None if network is None else read_network(network.expanduser(), utc_now())
     record = None if no_record else default_root()
     session = Session(
         link or ([] if membership is not None else configuration.links),

@@ -4,7 +4,6 @@ import asyncio
 import faulthandler
 import os
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from random import SystemRandom
@@ -13,7 +12,7 @@ from typing import Any, Final, Literal
 import msgspec
 
 from gloc3.ci import StationRole
-from gloc3.clock import Clock
+from gloc3.clock import Clock, utc_now
 from gloc3.context import HostContext
 from gloc3.counting import counted
 from gloc3.errors import Gloc3Error, InputError, Refused
@@ -123,7 +122,7 @@ async def run(options: ProcessOptions) -> int:
     if manager.is_there:
         faulthandler.enable()  # its watchdog ends us by SIGABRT: then the journal says where we hung
     host = choose_host(platform, options.host)
-    member = None if options.network is None else read_network(options.network, datetime.now(UTC))
+    member = None if options.network is None else read_network(options.network, utc_now())
     check_member(platform, host, member)
     opened = partial(open_shared, platform, host, options.folder(platform), loop, partial(_lament, options), member)
     if host != clock_host(platform):

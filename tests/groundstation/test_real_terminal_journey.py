@@ -25,6 +25,11 @@ tasks:
 """
 
 
+def widths(shown: str, begin: str) -> list[int]:
+    """How long the lines are that begin so."""
+    return [len(line) for line in shown.splitlines() if line.startswith(begin)]
+
+
 def journey(screen: RealTerminal, folder: Path) -> None:
     """Opens a mission, checks it, puts right what is wrong, streams, starts, pauses, resumes, aborts, quits."""
     wait(screen, lambda shown: re.search(r"health +all \d+ well", shown) is not None, "all components work")
@@ -55,8 +60,8 @@ def journey(screen: RealTerminal, folder: Path) -> None:
     screen.resize(60, 20)
     until(screen, "This terminal has 60 × 20 characters.", "The station needs 80 × 24: enlarge it.")
     screen.resize(250, 70)
-    shown = until(screen, "look around: running", "? Help")
-    assert [len(line) for line in shown.splitlines() if line.startswith("─events")] == [250]
+    until(screen, "look around: running", "? Help")
+    wait(screen, lambda shown: widths(shown, "─events") == [250], "the screen has its new width")
     screen.resize(80, 24)
     until(screen, "armed, in air", "look around: running", "? Help")
     screen.press("a")

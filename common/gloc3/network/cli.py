@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 from cyclopts import App, Parameter
 
+from gloc3.clock import utc_now
 from gloc3.narrate import narrate
 from gloc3.network import register
 from gloc3.network.access import Role, access_control, grants
@@ -52,7 +53,7 @@ def init(folder: Path, /, *, name: str | None = None, days: Days = AUTHORITY_DAY
         days: How long the authority is valid.
     """
     folder = folder.expanduser()
-    register.found(folder, name or folder.absolute().name, _now(), timedelta(days=days))
+    register.found(folder, name or folder.absolute().name, utc_now(), timedelta(days=days))
     narrate(f"{folder} holds a network; keep authority.key secret: who has it can make members")
     return 0
 
@@ -87,7 +88,7 @@ def add(
     entry = register.Member(
         role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
     )
-    changed = register.add(folder, member, entry, _now(), timedelta(days=days), is_renewed=renew)
+    changed = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew)
     narrate(f"{folder / member} is for {member} alone; its certificate is valid for {days} days")
     if not entry.listen and not register.read_register(folder).connections(member):
         narrate(f"nobody listens yet to whom {member} could connect: add a platform with --listen")
@@ -117,7 +118,7 @@ def check(file: Path, /) -> int:
     Args:
         file: A member's network.yaml.
     """
-    membership = read_network(file.expanduser(), _now())
+    membership = read_network(file.expanduser(), utc_now())
     narrate(f"{file} is right: {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
     return 0
 
@@ -130,7 +131,7 @@ def show(file: Path, /, *, json: Annotated[bool, Parameter(negative=())] = False
         file: A member's network.yaml.
         json: As the rules that Zenoh gets.
     """
-    membership = read_network(file.expanduser(), _now())
+    membership = read_network(file.expanduser(), utc_now())
     own = membership.file
     if json:
         rules = msgspec.json.format(msgspec.json.encode(access_control(own.own, own.others)), indent=2)
@@ -161,7 +162,3 @@ def _tell(changed: Iterable[str]) -> None:
     names = ", ".join(changed)
     if names:
         narrate(f"network.yaml is new for {names}: copy it there, and send SIGHUP to what runs with it")
-
-
-def _now() -> datetime:
-    return datetime.now(UTC)

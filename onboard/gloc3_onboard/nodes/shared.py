@@ -6,11 +6,11 @@ import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from hashlib import blake2s
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from gloc3.clock import utc_now
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.base import Exchange
@@ -121,7 +121,7 @@ async def renew(
     from gloc3.exchange.zenoh import ZenohExchange
     from gloc3.network.file import read_network
 
-    member = await loop.run_in_executor(None, read_network, network, datetime.now(UTC))
+    member = await loop.run_in_executor(None, read_network, network, utc_now())
     check_member(platform, host, member)
     assert isinstance(exchange, ZenohExchange)
     await exchange.renew(member.node(*filter(None, [endpoint])), member.settings())

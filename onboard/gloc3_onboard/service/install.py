@@ -8,12 +8,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from gloc3.clock import utc_now
 from gloc3.errors import Finding, Refused
 from gloc3.network.file import read_network
 from gloc3.places import choose_host
@@ -104,7 +104,7 @@ def make_plan(
 
 def _network(platform: Platform, host: str, path: Path | None) -> list[Path]:
     """The network file with certificate and key, once it is known to be right."""
-    member = None if path is None else read_network(path.expanduser().absolute(), datetime.now(UTC))
+    member = None if path is None else read_network(path.expanduser().absolute(), utc_now())
     check_member(platform, host, member)
     if member is None:
         return []

@@ -42,7 +42,8 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
     """
     options.check()
     from gloc3.link.signing_key import read_signing_key
-    from gloc3_onboard.process import ProcessOptions, run
+    from gloc3_onboard.process import run
+    from gloc3_onboard.process_options import ProcessOptions
     from gloc3_onboard.run_log import LogLimits
 
     key = options.signing_key

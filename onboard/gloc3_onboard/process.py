@@ -9,8 +9,6 @@ from pathlib import Path
 from random import SystemRandom
 from typing import Any, Final, Literal
 
-import msgspec
-
 from gloc3.ci import StationRole
 from gloc3.clock import Clock, utc_now
 from gloc3.context import HostContext
@@ -49,10 +47,11 @@ from gloc3_onboard.nodes.host_watch import HostWatch
 from gloc3_onboard.nodes.keeper import HostKeeper
 from gloc3_onboard.nodes.pipe import Order
 from gloc3_onboard.nodes.shared import Shared, alone, check_member, open_shared, renew
+from gloc3_onboard.process_options import ProcessOptions
 from gloc3_onboard.rate_watch import RateWatch
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
-from gloc3_onboard.run_log import LogLimits, RunLog
+from gloc3_onboard.run_log import RunLog
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.service.manager import ServiceManager
@@ -71,35 +70,6 @@ DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
 """What this host has; installed packages bring more."""
 LOOK_AFTER_S: Final = 3.0
 LOOK_EVERY_S: Final = 1.0
-
-
-class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What `gloc3 onboard` was asked for."""
-
-    platform: str
-    autopilot: str
-    stations: tuple[str, ...]
-    devices: tuple[str, ...] = ()
-    """Sources that differ from the platform file's, as NAME=URL."""
-    out: Path | None = None
-    logs: Path | None = None
-    """Where logs and pictures go; None for where the rest goes."""
-    system_id: int = 1
-    is_quiet: bool = False
-    signing_key: bytes | None = None
-    """Of the links to ground stations; None for links that are not signed."""
-    takes_plans: bool = False
-    """Plans that stations of others send to the autopilot become missions, and do not reach it."""
-    log_limits: LogLimits = LogLimits()
-    host: str | None = None
-    """Which of the platform's hosts this is; None for the only one."""
-
-    network: Path | None = None
-    """The network file of this host; None where nothing leaves this computer but MAVLink."""
-
-    def folder(self, platform: Platform) -> Path:
-        """Where state and logs are."""
-        return self.out or Path(f"gloc3-{platform.platform}")
 
 
 def _lament(options: ProcessOptions, _kind: str, text: str) -> None:

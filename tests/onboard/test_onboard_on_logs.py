@@ -9,7 +9,8 @@ import pytest
 
 from gloc3.messages import Envelope
 from gloc3.platform import load_platform
-from gloc3_onboard.process import DEVICES, OnboardProcess, ProcessOptions
+from gloc3_onboard.process import DEVICES, OnboardProcess
+from gloc3_onboard.process_options import ProcessOptions
 
 from .scripted_sources import euroc
 

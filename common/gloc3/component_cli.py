@@ -1,18 +1,16 @@
 """`gloc3 component`: list components and describe them."""
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 
 import msgspec
 from cyclopts import App, Parameter
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 from gloc3.component_description import KIND_NAMES, Description, FieldLine, PortLine, describe, find_class, installed
 from gloc3.deployment import ComponentRow
 from gloc3.errors import Gloc3Error, nearest
 from gloc3.platform import Platform, load_platform
+from gloc3.tables import console, default_text, print_json, print_table, value_text
 from gloc3.topics import TopicTable
 
 app = App(
@@ -31,8 +29,6 @@ app = App(
 OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name of an installed platform.")]
 AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON instead of tables.")]
 
-WIDTH_WITHOUT_TERMINAL: Final = 120
-
 
 @app.command(name="list")
 def list_components(*, platform: OnPlatform = None, json_output: AsJson = False) -> int:
@@ -44,12 +40,12 @@ def list_components(*, platform: OnPlatform = None, json_output: AsJson = False)
     """
     rows = _installed_rows() if platform is None else _platform_rows(load_platform(platform))
     if json_output:
-        _print_json(rows)
+        print_json(rows)
     elif not rows:
-        _console().print("no component is installed; packages bring them by the entry points gloc3.components")
+        console().print("no component is installed; packages bring them by the entry points gloc3.components")
     else:
         shown = [{**row, "class": row["class"].rpartition(":")[2]} for row in rows] if platform else rows
-        _print_table(list(rows[0]), [[_text(value) for value in row.values()] for row in shown])
+        print_table(list(rows[0]), [[value_text(value) for value in row.values()] for row in shown])
     return 0
 
 
@@ -71,7 +67,7 @@ def describe_component(name: str, /, *, platform: OnPlatform = None, json_output
         bound = {port: row.topics(port) for port in (*cls.inputs, *cls.outputs)}
         found = describe(cls, topics, bound)
     if json_output:
-        _print_json({**msgspec.to_builtins(found), "row": row})
+        print_json({**msgspec.to_builtins(found), "row": row})
     else:
         _print_description(found, row)
     return 0
@@ -118,31 +114,31 @@ def _platform_rows(platform: Platform) -> list[dict[str, Any]]:
 
 
 def _print_description(found: Description, row: ComponentRow | None) -> None:
-    console = _console()
-    console.print(f"[bold]{found.class_path}[/bold]  {found.kind}, {KIND_NAMES[found.kind]}", highlight=False)
-    console.print(found.doc, markup=False)
+    to = console()
+    to.print(f"[bold]{found.class_path}[/bold]  {found.kind}, {KIND_NAMES[found.kind]}", highlight=False)
+    to.print(found.doc, markup=False)
     if row is not None:
         cycles = [f"{row.rate_hz:g} Hz"] if row.rate_hz else []
         cycles += [f"begun by {', '.join(row.triggers)}"] if row.triggers else []
-        console.print(f"\nhere: {row.name}, {', '.join(cycles)}, begins {row.begin}", markup=False)
+        to.print(f"\nhere: {row.name}, {', '.join(cycles)}, begins {row.begin}", markup=False)
     if found.devices:
-        console.print(f"\ndevices: {', '.join(found.devices)}", markup=False)
+        to.print(f"\ndevices: {', '.join(found.devices)}", markup=False)
     _print_ports("inputs", found.inputs)
     _print_ports("outputs", found.outputs)
     given = row.settings if row is not None else {}
     _print_fields("settings", found.settings, given)
     if found.functions:
-        _print_table(
+        print_table(
             ["functions", "arguments", "reply", ""],
             [[f.name, _signature(f.arguments), _signature(f.results), f.doc] for f in found.functions],
         )
     if found.loggable:
-        console.print(f"\nloggable: {', '.join(found.loggable)}", markup=False)
+        to.print(f"\nloggable: {', '.join(found.loggable)}", markup=False)
 
 
 def _print_ports(title: str, ports: Sequence[PortLine]) -> None:
     if ports:
-        _print_table(
+        print_table(
             [title, "message", "topics", "rate", "frame" if title == "outputs" else "keeps"],
             [[p.name, p.message, ", ".join(p.topics), _rate(p.rate_hz), p.frame or p.queue] for p in ports],
         )
@@ -154,13 +150,9 @@ def _print_fields(title: str, fields: Sequence[FieldLine], given: dict[str, Any]
     columns = [title, "type", "bounds", "default", *(["here"] if given else []), ""]
     lines = []
     for field in fields:
-        here = [_text(given[field.name]) if field.name in given else ""] if given else []
-        lines.append([field.name, field.type, field.bounds, _default(field), *here, field.doc])
-    _print_table(columns, lines)
-
-
-def _default(field: FieldLine) -> str:
-    return "(required)" if field.is_required else _text(field.default)
+        here = [value_text(given[field.name]) if field.name in given else ""] if given else []
+        lines.append([field.name, field.type, field.bounds, default_text(field), *here, field.doc])
+    print_table(columns, lines)
 
 
 def _signature(fields: Iterable[FieldLine]) -> str:
@@ -173,32 +165,3 @@ def _rate(rate_hz: float | None) -> str:
     if rate_hz is None:
         return ""
     return f"{rate_hz:g} Hz" if rate_hz else "on events"
-
-
-def _text(value: Any) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return str(value)
-
-
-def _console() -> Console:
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=WIDTH_WITHOUT_TERMINAL)
-
-
-def _print_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for column in columns:
-        table.add_column(column, overflow="fold", no_wrap=column == "class")
-    for row in rows:
-        table.add_row(*(cell.replace("[", r"\[") for cell in row))
-    console = _console()
-    console.print()
-    console.print(table)
-
-
-def _print_json(value: Any) -> None:
-    data = msgspec.json.format(msgspec.json.encode(value), indent=2)
-    _console().out(data.decode(), highlight=False)

@@ -9,6 +9,7 @@ from gloc3.deployment_check import problems_of
 from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
 from gloc3.mission.arguments import argument_kinds
+from gloc3.mission.model import ActionFile
 from gloc3.place_check import place_problems
 from gloc3.platform import Platform
 from gloc3.topics import TopicTable
@@ -75,13 +76,20 @@ def _settings(row: ComponentRow, document: Document, where: Where) -> Iterator[F
 
 
 def _capabilities(platform: Platform, document: Document) -> Iterator[Finding]:
-    kinds = sorted(argument_kinds())
+    kinds = argument_kinds()
     names = [row.name for row in platform.components]
     for name, row in platform.capabilities.items():
         where = ("capabilities", name)
         if row.arguments not in kinds:
-            hint = nearest(row.arguments, kinds)
+            hint = nearest(row.arguments, sorted(kinds))
             yield document.finding((*where, "arguments"), f"unknown kind of arguments {row.arguments!r}", hint)
+        elif lacking := [one for one in kinds[row.arguments].claims() if one not in row.claims]:
+            claims = ", ".join([*row.claims, *lacking])
+            message = f"{name} does not claim {', '.join(lacking)}, which {row.arguments} always needs for itself"
+            yield document.finding(where, message, f"claims: [{claims}]", at_key=True)
+        if name in ActionFile.__struct_fields__:
+            hint = "give it another name"
+            yield document.finding(where, f"{name!r} is a key of every action, and no capability", hint, at_key=True)
         if row.performed_by not in names and (row.performed_by or row.arguments != "wait"):
             hint = nearest(row.performed_by, names)
             yield document.finding((*where, "performed_by"), f"no component {row.performed_by!r}", hint)

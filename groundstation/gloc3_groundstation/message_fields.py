@@ -6,27 +6,8 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from gloc3.counting import counted
+from gloc3.units import split_unit
 
-UNITS: Final[Mapping[str, str]] = {
-    "_rad_s2": "rad/s²",
-    "_rad_s": "rad/s",
-    "_m_s2": "m/s²",
-    "_m_s": "m/s",
-    "_n_m": "N m",
-    "_rad": "rad",
-    "_deg": "°",
-    "_percent": "%",
-    "_hz": "Hz",
-    "_kg": "kg",
-    "_pa": "Pa",
-    "_m": "m",
-    "_s": "s",
-    "_n": "N",
-    "_v": "V",
-    "_a": "A",
-    "_w": "W",
-}
-"""Endings of names, the longer ones first."""
 GEO: Final = ("geo", "origin_geo")
 LONG: Final = 8
 """More items than this are counted, not shown."""
@@ -90,14 +71,6 @@ def _walk(values: Mapping[Any, Any], path: str, depth: int) -> Iterator[Field]:
         yield Field(place, depth, label, None if is_tree else _short(value), unit, bool(is_tree))
         if is_tree:
             yield from _walk(value, place, depth + 1)
-
-
-def split_unit(name: str) -> tuple[str, str]:
-    """A field's name without its unit, and the unit: `speed_m_s` is `speed` in `m/s`."""
-    for ending, unit in UNITS.items():
-        if name.endswith(ending) and len(name) > len(ending):
-            return name.removesuffix(ending), unit
-    return name, ""
 
 
 def _short(value: Any) -> Any:

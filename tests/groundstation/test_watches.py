@@ -11,10 +11,11 @@ from gloc3.messages import Envelope, Message, Source
 from gloc3.readiness import ComputerState, LinkCondition
 from gloc3.standard_topics import TOPICS
 from gloc3.topics import TopicTable
+from gloc3.units import split_unit
 from gloc3.vehicle import HeightAboveGround, Pose
 from gloc3.watch import LEASE_S, RENEW_S, Preview, TopicActivity, TopicEntry, Want, pack
 from gloc3.wire import type_name
-from gloc3_groundstation.message_fields import fields_of, numbers_of, split_unit
+from gloc3_groundstation.message_fields import fields_of, numbers_of
 from gloc3_groundstation.preview_size import SIZES, PreviewSize
 from gloc3_groundstation.watches import HISTORY, Watches
 

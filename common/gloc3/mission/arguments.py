@@ -1,19 +1,19 @@
 """What the actions of a mission take: typed arguments as written in the file, and as ordered from a component in NED.
 
 An action's arguments are written in the mission's frame (`FollowWaypoints`) and handed to the component in NED
-(`FollowWaypointsOrder`). Where nothing is a position, both are the same structure. Other packages bring more kinds
-through the entry point group `gloc3.capabilities`, whose entries are subclasses of `Arguments`.
+(`FollowWaypointsOrder`). Where nothing is a position, both are the same structure. Every package, ours too, brings its
+kinds through the entry points `gloc3.capabilities`, which are subclasses of `Arguments`; see docs/capabilities.md.
 """
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from math import radians
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from gloc3.errors import Misuse, Refused
+from gloc3.errors import Gloc3Error, Misuse, Refused
 from gloc3.frames import Vector3
 from gloc3.mission.legs import Budget, Leg, climb, fly
 from gloc3.mission.placement import Placement, written_for
@@ -34,10 +34,22 @@ WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
 
 
 class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The base of the arguments of an action."""
+    """The base of the arguments of an action: what it takes, and what it costs in resources, way, time and energy."""
 
     moves: ClassVar[bool] = False
     """Whether the action moves the vehicle, or keeps it in place on purpose."""
+    resources: ClassVar[tuple[str, ...]] = ()
+    """What it always needs for itself while it runs; a platform's row must claim them. `motion`, where it moves."""
+    power_w: ClassVar[float] = 0.0
+    """What its device draws while it runs, beside what the vehicle takes, in watts."""
+
+    example: ClassVar[str] = "{}"
+    """What may stand for it in a mission file, in YAML, in a local frame."""
+
+    @classmethod
+    def claims(cls) -> tuple[str, ...]:
+        """The resources, `motion` among them where it moves the vehicle."""
+        return (*(("motion",) if cls.moves and "motion" not in cls.resources else ()), *cls.resources)
 
     @property
     def is_endless(self) -> bool:
@@ -105,6 +117,8 @@ class SetOff(Arguments, frozen=True, kw_only=True):
 class TakeOff(SetOff, frozen=True, kw_only=True):
     """Arm (where that is allowed) and climb straight up."""
 
+    example = "{height_m: 1.5}"
+
     height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
     """Height above the place where the vehicle stands."""
 
@@ -125,6 +139,8 @@ class DriveOff(SetOff, frozen=True, kw_only=True):
 
 class Dive(SetOff, frozen=True, kw_only=True):
     """Arm (where that is allowed) at the surface, and go straight down."""
+
+    example = "{depth_m: 3}"
 
     depth_m: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)]
     """Depth below the place where the vehicle floats."""
@@ -171,6 +187,7 @@ class Hold(Arguments, frozen=True, kw_only=True):
     """Keep position."""
 
     moves = True
+    example = "{duration_s: 10}"
 
     duration_s: Seconds | None = None
     """How long; None for until it is told to end."""
@@ -253,6 +270,8 @@ class _Flight(Arguments, frozen=True, kw_only=True):
 class FollowWaypoints(_Flight, frozen=True, kw_only=True):
     """Fly through positions in their order."""
 
+    example = "{waypoints_m: [[2, 1, 2], [8, 1, 2]], speed_m_s: 0.5}"
+
     waypoints_m: Annotated[tuple[LocalPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
     """`[x, y, height]` each, in a local frame."""
     waypoints: Annotated[tuple[GeoPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
@@ -271,6 +290,8 @@ class FollowWaypoints(_Flight, frozen=True, kw_only=True):
 class GoTo(_Flight, frozen=True, kw_only=True):
     """Fly straight to a position; the component gets it as `FollowWaypointsOrder` with one waypoint."""
 
+    example = "{position_m: [2, 1, 2]}"
+
     position_m: LocalPosition | None = None
     """`[x, y, height]`, in a local frame."""
     position: GeoPosition | None = None
@@ -284,6 +305,8 @@ class GoTo(_Flight, frozen=True, kw_only=True):
 
 class RecordImages(Arguments, frozen=True, kw_only=True):
     """Take pictures by distance flown or by time, until told to end or so many are taken."""
+
+    example = "{camera: ground, every_m: 0.5}"
 
     camera: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
     every_m: Distance | None = None
@@ -311,6 +334,8 @@ class RecordImages(Arguments, frozen=True, kw_only=True):
 class Wait(Arguments, frozen=True, kw_only=True):
     """Let time pass; carried out by the executor itself, without a component."""
 
+    example = "{duration_s: 5}"
+
     duration_s: Seconds
 
     def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
@@ -326,29 +351,29 @@ def _down(start_ned_m: Vector3, budget: Budget) -> Leg:
     return Leg(start=start_ned_m, end=end, duration_s=duration_s)
 
 
-BUILT_IN: Final[Mapping[str, type[Arguments]]] = {
-    "take_off": TakeOff,
-    "drive_off": DriveOff,
-    "dive": Dive,
-    "land": Land,
-    "hold": Hold,
-    "return_home": ReturnHome,
-    "follow_waypoints": FollowWaypoints,
-    "go_to": GoTo,
-    "record_images": RecordImages,
-    "wait": Wait,
-}
-"""The kinds of arguments that every installation knows."""
-
-
 @cache
 def argument_kinds() -> Mapping[str, type[Arguments]]:
-    """All kinds of arguments by name: ours, and those of other packages (entry points `gloc3.capabilities`)."""
-    kinds = dict(BUILT_IN)
+    """All kinds of arguments by name, of all installed packages (entry points `gloc3.capabilities`).
+
+    Raises:
+        Gloc3Error: a package's entry point cannot be loaded.
+        Misuse: one is no subclass of `Arguments`, two packages use one name, or ours are not there.
+    """
+    kinds: dict[str, type[Arguments]] = {}
     for point in sorted(entry_points(group="gloc3.capabilities"), key=lambda p: (p.name, p.value)):
-        found: Any = point.load()
-        if not (isinstance(found, type) and issubclass(found, Arguments)):
-            raise Misuse(f"entry point {point.name} of gloc3.capabilities is no subclass of Arguments")
+        found = _loaded(point)
         if kinds.setdefault(point.name, found) is not found:
             raise Misuse(f"two packages bring arguments called {point.name!r}")
+    if "wait" not in kinds:
+        raise Misuse("the installed gloc3 is older than its source and brings no capabilities: install it again")
     return kinds
+
+
+def _loaded(point: EntryPoint) -> type[Arguments]:
+    try:
+        found: Any = point.load()
+    except (ImportError, AttributeError) as error:
+        raise Gloc3Error(f"entry point {point.name} of gloc3.capabilities cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Arguments)):
+        raise Misuse(f"entry point {point.name} of gloc3.capabilities is no subclass of Arguments")
+    return found

@@ -60,7 +60,7 @@ class Circumstances:
         if self.platform is not None:
             return wait | self.platform.capabilities
         return wait | {
-            name: Capability(arguments=name, performed_by="", claims=("motion",) if kind.moves else ())
+            name: Capability(arguments=name, performed_by="", claims=kind.claims())
             for name, kind in argument_kinds().items()
         }
 

@@ -37,6 +37,7 @@ app = App(
 
     - `gloc3 mission check my.yaml --platform pelican_rtk`: all that is wrong with it, with file, line and column
     - `gloc3 mission show inspection`: tasks and actions in their order, with estimated times
+    - `gloc3 mission capabilities go_to --platform pelican`: what an action takes, with units, bounds and an example
     - `gloc3 mission convert field.plan field.yaml`: from QGroundControl's plan; the other way and waypoints, too
 
     Exit codes: 0 done; 1 it is not fit to fly, or cannot be converted; 2 wrong use.""",
@@ -112,6 +113,39 @@ def show(
     except InputError as error:
         return _fail(error)
     _print(mermaid(found) if mermaid_output else drawing(report, Circumstances(platform=on).capabilities(), on), end="")
+    return OK
+
+
+@app.command
+def capabilities(
+    name: str | None = None,
+    /,
+    *,
+    platform: OnPlatform = None,
+    json_output: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
+    """Tell what missions can ask for: all capabilities, or one with its arguments, units, bounds and an example.
+
+    Args:
+        name: The capability to explain; all are listed without it.
+        platform: Whose capabilities; without it the kinds that the installed packages bring.
+        json_output: For programs.
+    """
+    from gloc3.mission.capability_lines import capability_line, capability_lines
+    from gloc3.mission.capability_report import explain, list_capabilities
+    from gloc3.tables import print_json
+
+    try:
+        on = _platform(platform)
+        found = capability_line(name, on) if name is not None else capability_lines(on)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    if json_output:
+        print_json(found)
+    elif isinstance(found, tuple):
+        list_capabilities(found, on)
+    else:
+        explain(found, on)
     return OK
 
 

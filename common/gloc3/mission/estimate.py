@@ -1,7 +1,7 @@
 """Estimates when each action of a mission runs, which way the vehicle makes, and what energy that takes."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import dist
 
 from gloc3.frames import Vector3
@@ -89,6 +89,8 @@ def estimate(
             start_s=start_s, end_s=end_s, legs=legs, energy_wh=energy_wh, is_endless=is_endless
         )
     _end_companions(mission, found)
+    if power is not None:
+        _add_devices(mission, found)
     return Estimate(
         actions=found,
         duration_s=max((part.end_s for part in found.values()), default=0.0),
@@ -147,3 +149,11 @@ def _end_companions(mission: Mission, found: dict[str, ActionEstimate]) -> None:
         if not action.order.is_endless and part.end_s > part.start_s:
             end_s = min(end_s, part.end_s)
         found[target] = ActionEstimate(start_s=part.start_s, end_s=end_s, legs=part.legs, energy_wh=part.energy_wh)
+
+
+def _add_devices(mission: Mission, found: dict[str, ActionEstimate]) -> None:
+    """Adds what the actions' own devices take from the battery."""
+    actions = mission.actions()
+    for target, part in found.items():
+        drawn_wh = actions[target].arguments.power_w * (part.end_s - part.start_s) / 3600.0
+        found[target] = replace(part, energy_wh=part.energy_wh + drawn_wh)

@@ -9,11 +9,11 @@ from gloc3.mission.arguments import Arguments
 from gloc3.mission.checker import Report
 from gloc3.mission.model import Action, ItemFile, Mission, Task
 from gloc3.platform import Capability, Platform
+from gloc3.units import split_unit
 
 WIDTH: Final = 80
 _BAR: Final = 22
 _LEFT: Final = WIDTH - _BAR - 1
-_UNITS: Final = {"_m_s2": "m/s²", "_m_s": "m/s", "_m": "m", "_s": "s", "_deg": "°"}
 
 
 def drawing(report: Report, capabilities: Mapping[str, Capability], platform: Platform | None = None) -> str:
@@ -132,14 +132,13 @@ def summary(action: Action) -> str:
 def _words(arguments: Arguments) -> Iterator[str]:
     entries = msgspec.to_builtins(arguments).items()
     for key, value in sorted(entries, key=lambda entry: not isinstance(entry[1], list | tuple)):
-        suffix = next((one for one in _UNITS if key.endswith(one)), "")
-        word = key.removesuffix(suffix)
+        word, unit = split_unit(key)
         if isinstance(value, list | tuple):
             yield f"{len(value)} {word}" if value and isinstance(value[0], list | tuple) else word
         elif isinstance(value, dict):
             yield f"{word} {next(iter(value), '')}"
         elif isinstance(value, float | int) and not isinstance(value, bool):
-            yield f"{word} {value:g} {_UNITS.get(suffix, '')}".rstrip()
+            yield f"{word} {value:g} {unit}".rstrip()
         elif key == "camera":
             yield str(value)
         else:

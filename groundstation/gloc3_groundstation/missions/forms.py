@@ -12,8 +12,8 @@ from gloc3.document import parse
 from gloc3.errors import Gloc3Error, InputError
 from gloc3.mission.arguments import Arguments, argument_kinds
 from gloc3.platform import Capability, Platform
+from gloc3.units import split_unit
 
-UNITS: Final = {"_m_s": "m/s", "_m_s2": "m/s²", "_m": "m", "_s": "s", "_deg": "°"}
 PAIRS: Final = {"waypoints_m": "waypoints", "position_m": "position", "at_m": "at"}
 """Arguments in a local frame, and those that stand for them in frame geo."""
 
@@ -110,8 +110,8 @@ def arguments_of(form: Form, row: Capability, typed: Mapping[str, str]) -> dict[
 
 
 def _field(line: FieldLine, options: tuple[str, ...], *, is_geo: bool) -> Field:
-    suffix = max((one for one in UNITS if line.name.endswith(one)), key=len, default="")
     name, place = line.name, "latitude, longitude, height" if is_geo else "x, y, height"
+    label, unit = split_unit(name)
     shape, hint = Shape.VALUE, line.bounds
     if name in ("waypoints_m", "waypoints"):
         shape, hint = Shape.POSITIONS, f"{place}; {place}; …"
@@ -123,8 +123,8 @@ def _field(line: FieldLine, options: tuple[str, ...], *, is_geo: bool) -> Field:
     default = "" if line.default is None else str(line.default)
     return Field(
         name=name,
-        label=name.removesuffix(suffix).replace("_", " "),
-        unit=UNITS.get(suffix, "") if shape is Shape.VALUE else "",
+        label=label.replace("_", " "),
+        unit=unit if shape is Shape.VALUE else "",
         shape=shape,
         hint=" | ".join(choices) if choices else hint.replace(">= ", "≥ ").replace("<= ", "≤ "),
         doc=_plain_doc(line.doc) if shape is Shape.VALUE and name != "heading" else "",

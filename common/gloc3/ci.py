@@ -387,6 +387,10 @@ class MissionSummary(Message, frozen=True):
     """Task, and `TASK.ACTION`, to why it failed, or what it waits for beside its turn."""
     elsewhere: dict[str, str] = {}
     """The tasks that other platforms perform, each with its platform."""
+    silence: str = ""
+    """The `TASK` or `TASK.ACTION` whose planned silence has begun and is not over; empty where none has."""
+    silent_until_s: float = 0.0
+    """With a silence: when contact is due, on the platform's clock."""
 
 
 class ControlState(Message, frozen=True):

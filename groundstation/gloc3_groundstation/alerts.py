@@ -162,7 +162,11 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
         if platform.is_doubled(now_s):
             yield Cause(platform.name, "name", Severity.ERROR, TWO_OF_ONE_NAME)
         if platform.is_quiet_link(now_s):
-            text = _silence(is_flying=platform.is_armed, has_companion=platform.has_companion)
+            if platform.is_silent_as_planned(now_s):
+                continue
+            text = _silence(
+                is_flying=platform.is_armed, has_companion=platform.has_companion, is_overdue=platform.is_overdue(now_s)
+            )
             yield Cause(platform.name, LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text)
             continue
         if platform.table is not None and platform.table.version:
@@ -177,8 +181,10 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
         yield from _component_causes(platform, is_settled=is_settled)
 
 
-def _silence(*, is_flying: bool, has_companion: bool) -> str:
+def _silence(*, is_flying: bool, has_companion: bool, is_overdue: bool) -> str:
     """That a vehicle is silent, what it does meanwhile, and what to do."""
+    if is_overdue:
+        return "overdue: its planned silence is over, and nothing is heard of it; it keeps to the mission's on_overdue"
     if not is_flying:
         return "nothing is heard of it any more: is it switched on, and its link open (Fleet)?"
     policy = "it keeps to the mission's on_link_loss" if has_companion else "it keeps to its own failsafe"

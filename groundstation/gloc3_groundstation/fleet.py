@@ -16,10 +16,18 @@ from gloc3.ci import (
     VehicleSummary,
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.clock import utc_text
 from gloc3.messages import Envelope, Severity
 from gloc3.standard_topics import TOPICS
 from gloc3.vehicle import ObstacleScan
-from gloc3_groundstation.snapshots import Fleet, FleetEvent, LinkStatistics, PlatformSnapshot, Timed
+from gloc3_groundstation.snapshots import (
+    Fleet,
+    FleetEvent,
+    LinkStatistics,
+    PlannedSilence,
+    PlatformSnapshot,
+    Timed,
+)
 
 EVENTS_KEPT: Final = 500
 SMOOTHING: Final = 0.05
@@ -67,14 +75,16 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     else:
         platform = known
         if known.is_quiet_link(now_s):
-            silence_s = known.age_s(now_s)
-            fleet = note(fleet, name, Severity.NOTICE, f"is heard again after {silence_s:.0f} s of silence", now_s)
+            text = f"is heard again after {known.age_s(now_s):.0f} s of silence{_judged(known, now_s)}"
+            fleet = note(fleet, name, Severity.NOTICE, text, now_s)
     if topic in _COUNTED:
         link = _counted(platform.link, topic, envelope.sequence)
         if link is None:
             return with_platform(fleet, replace(platform, heard_s=now_s))
         platform = replace(platform, link=link)
     platform = reduce(replace(platform, heard_s=now_s), envelope.payload, now_s)
+    if isinstance(envelope.payload, MissionSummary):
+        platform = replace(platform, silence=_planned(platform, envelope, fleet.utc_offset_s, now_s))
     if isinstance(envelope.payload, CiEvent):
         event = envelope.payload
         fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source)
@@ -96,6 +106,28 @@ def with_platform(fleet: Fleet, platform: PlatformSnapshot) -> Fleet:
 def without(fleet: Fleet, name: str) -> Fleet:
     """The fleet without a platform."""
     return replace(fleet, platforms={key: platform for key, platform in fleet.platforms.items() if key != name})
+
+
+def _judged(platform: PlatformSnapshot, now_s: float) -> str:
+    """Whether a silence that has just ended was planned."""
+    if platform.silence is None:
+        return ""
+    late_s = now_s - platform.silence.due_s
+    return f", {late_s:.0f} s overdue" if late_s > 0.0 else ", as planned"
+
+
+def _planned(
+    platform: PlatformSnapshot, envelope: Envelope[Any], utc_offset_s: float, now_s: float
+) -> PlannedSilence | None:
+    """The silence that a mission summary tells of, on the station's clock; reckoned once, so that it stands still."""
+    told: MissionSummary = envelope.payload
+    if not told.silence:
+        return None
+    if platform.silence is not None and platform.silence.until_s == told.silent_until_s:
+        return platform.silence
+    due_s = now_s + told.silent_until_s - envelope.t_s
+    text = f"{utc_text(due_s + utc_offset_s, '%H:%M:%S')} UTC"
+    return PlannedSilence(target=told.silence, until_s=told.silent_until_s, due_s=due_s, due_text=text)
 
 
 def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:

@@ -37,8 +37,8 @@ class Headless:
         self._tell = tell
         self._platform = platform
         self._narrator = Narrator(station.now_s())
-        self._told: dict[str, tuple[bool, float]] = {}
-        """Platform to whether it was silent when its progress was told last, and when that was."""
+        self._told: dict[str, tuple[bool, bool, float]] = {}
+        """Platform to whether it was silent, and overdue, when its progress was told last, and when that was."""
         self._loop = asyncio.get_running_loop()
         self._unlisten: Unsubscribe = lambda: None
         self._timer: asyncio.TimerHandle | None = None
@@ -120,9 +120,10 @@ class Headless:
         now_s = self._station.now_s()
         for platform in self._station.fleet:
             is_silent = platform.is_quiet_link(now_s)
-            is_flying = platform.is_armed
-            was_silent, told_s = self._told.get(platform.name, (False, float("-inf")))
+            is_flying, is_overdue = platform.is_armed, platform.is_overdue(now_s)
+            was_silent, was_overdue, told_s = self._told.get(platform.name, (False, False, float("-inf")))
+            is_news = is_silent > was_silent or is_overdue > was_overdue
             period_s = PATIENT_PROGRESS_EVERY_S if is_silent and was_silent else PROGRESS_EVERY_S
-            if (is_flying or is_silent) and (is_silent > was_silent or now_s - told_s >= period_s):
-                self._told[platform.name] = is_silent, now_s
+            if (is_flying or is_silent) and (is_news or now_s - told_s >= period_s):
+                self._told[platform.name] = is_silent, is_overdue, now_s
                 self._tell(self._narrator.progress(platform, now_s))

@@ -118,6 +118,19 @@ DOUBLED_FOR_S: Final = 10.0
 """So long after it was seen last that two platforms have one name it is taken to be so."""
 
 
+class PlannedSilence(msgspec.Struct, frozen=True, kw_only=True):
+    """A silence that the platform's mission plans, as it has told while it was heard."""
+
+    target: str
+    """The task or action that states it."""
+    until_s: float
+    """When contact is due, on the platform's clock."""
+    due_s: float
+    """The same on the station's clock."""
+    due_text: str
+    """The same for people: `14:03:20 UTC`."""
+
+
 class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """One platform as it was last heard."""
 
@@ -134,6 +147,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     site: Timed[SiteSummary] | None = None
     obstacles: Timed[ObstacleScan] | None = None
     mission: Timed[MissionSummary] | None = None
+    silence: PlannedSilence | None = None
     control: Timed[ControlState] | None = None
     summary: Timed[Summary] | None = None
     """The last part of the summary that came; the components' own lines are in `lines`."""
@@ -170,6 +184,14 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     def is_quiet_link(self, now_s: float) -> bool:
         """Whether nothing came for longer than it should."""
         return now_s - self.heard_s >= QUIET_LINK_S
+
+    def is_silent_as_planned(self, now_s: float) -> bool:
+        """Whether nothing comes because its mission says so, and contact is not due yet."""
+        return self.is_quiet_link(now_s) and self.silence is not None and now_s < self.silence.due_s
+
+    def is_overdue(self, now_s: float) -> bool:
+        """Whether nothing comes although its planned silence should be over."""
+        return self.is_quiet_link(now_s) and self.silence is not None and now_s >= self.silence.due_s
 
     def is_doubled(self, now_s: float) -> bool:
         """Whether two platforms speak under its name."""
@@ -240,6 +262,8 @@ class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
 class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """Every platform that a station has heard, and what happened lately."""
 
+    utc_offset_s: float = 0.0
+    """Add it to the station's time for seconds since 1970."""
     platforms: Mapping[str, PlatformSnapshot] = {}
     """By name, in the order in which they were first heard."""
     events: tuple[FleetEvent, ...] = ()

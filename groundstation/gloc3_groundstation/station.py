@@ -5,6 +5,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Final
 
 from gloc3.ci import Hello, MissionSummary
+from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages import Envelope, Severity
 from gloc3.software import own_software
@@ -26,7 +27,7 @@ class Station:
 
     def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, station: str, boot: int) -> None:
         """A station; see `CommandClient` for the arguments."""
-        self.fleet = Fleet()
+        self.fleet = Fleet(utc_offset_s=Clock(loop).utc_offset_s)
         self.client: Final = CommandClient(exchange, loop, station, boot)
         self.watcher: Final = Watcher(exchange, loop, self.client)
         """Looks at topics of platforms, for as long as somebody in the station does."""

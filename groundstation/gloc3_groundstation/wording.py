@@ -99,9 +99,14 @@ def clock(seconds: float) -> str:
 
 
 def silence(platform: PlatformSnapshot, now_s: float) -> str:
-    """`nothing heard for 7 s` where that is so, else empty."""
+    """`nothing heard for 7 s` where that is so, `silent as planned (dive), due 14:03:20 UTC`, or overdue; else empty."""
     if not platform.is_quiet_link(now_s):
         return ""
+    planned = platform.silence
+    if planned is not None and now_s < planned.due_s:
+        return f"silent as planned ({planned.target}), due {planned.due_text}"
+    if planned is not None:
+        return f"OVERDUE by {duration(now_s - planned.due_s)} ({planned.target}), was due {planned.due_text}"
     return f"nothing heard for {duration(platform.age_s(now_s))}"
 
 

@@ -13,9 +13,11 @@ from gloc3.ci import (
     Summary,
     TableRow,
 )
+from gloc3.clock import VIRTUAL_EPOCH_S
 from gloc3.messages import Envelope, Message, Severity, Source
 from gloc3.wire import type_name
 from gloc3_groundstation import fleet as reducers
+from gloc3_groundstation import wording
 from gloc3_groundstation.alerts import causes
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
@@ -170,3 +172,13 @@ def test_events_are_kept_in_a_bounded_ring_and_counted() -> None:
 def test_two_platforms_are_kept_apart() -> None:
     fleet = heard(heard(Fleet(), VEHICLE, 0.0), VEHICLE, 5.0, platform="hummingbird")
     assert [(platform.name, platform.heard_s) for platform in fleet] == [("heron", 0.0), ("hummingbird", 5.0)]
+
+
+def test_a_planned_silence_is_no_alarm_until_contact_is_due() -> None:
+    told = MissionSummary(name="m", digest="d", state="running", silence="dive", silent_until_s=70.0)
+    fleet = heard(Fleet(utc_offset_s=VIRTUAL_EPOCH_S), told, 40.0)  # the platform's clock was at 0 then
+    platform = heron(fleet)
+    assert wording.silence(platform, 99.0) == "silent as planned (dive), due 00:01:50 UTC"
+    assert not list(causes(fleet, 99.0))
+    assert wording.silence(platform, 115.0) == "OVERDUE by 5 s (dive), was due 00:01:50 UTC"
+    assert [cause.text.partition(":")[0] for cause in causes(fleet, 115.0)] == ["overdue"]

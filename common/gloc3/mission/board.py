@@ -11,7 +11,7 @@ from gloc3.mission.items import MISSION, ActionRun, Item, Program, TaskRun
 from gloc3.mission.model import Mission, Policies
 from gloc3.mission.policy import Policy
 from gloc3.mission.requests import Told
-from gloc3.mission.snapshot import Snapshot
+from gloc3.mission.snapshot import PlannedSilence, Snapshot
 from gloc3.mission.states import ActionState, Trigger
 from gloc3.platform import Capability, Platform
 
@@ -23,6 +23,8 @@ class Condition(StrEnum):
     """What can befall the vehicle, whatever it is doing."""
 
     LINK_LOST = "link lost"
+    OVERDUE = "overdue"
+    """A planned silence has lasted longer than stated."""
     LOW_BATTERY = "low battery"
     POSE_LOST = "pose lost"
     FENCE_BREACHED = "fence breached"
@@ -76,6 +78,8 @@ class Board:
         """Those that arose while a pilot had control."""
         self.others: dict[str, OtherPlatform] = {}
         """The other platforms of the mission that is under way."""
+        self.silence: PlannedSilence | None = None
+        """The planned silence that has begun, and is not over."""
         self.missing: Mapping[str, tuple[str, ...]] = {}
         """Capabilities that are not available, with what they lack."""
         self.missing_since_s: Final[dict[str, float]] = {}
@@ -116,10 +120,18 @@ class Board:
         """
         item.move(trigger, now_s, reason)
         self.is_changed = True
+        if trigger is Trigger.START and item.starts == 1 and item.options.silence is not None:
+            self._expect_silence(item.target, item.options.silence.expected_s, now_s)
         severity = Severity.WARNING if item.state is ActionState.FAILED else Severity.INFO
         label = "mission" if isinstance(item, Program) and item.is_mission else item.target
         if not isinstance(item, Program) or item.is_mission:
             self.tell(severity, f"{label} {item.state}" + (f": {reason}" if reason else ""))
+
+    def _expect_silence(self, target: str, expected_s: float, now_s: float) -> None:
+        """A task or action begins that states a silence; of several the one counts that lasts longest."""
+        if self.silence is None or self.silence.until_s < now_s + expected_s:
+            self.silence = PlannedSilence(target=target, began_s=now_s, until_s=now_s + expected_s)
+            self.tell(Severity.NOTICE, f"from {target} on {expected_s:g} s of silence are planned")
 
     def tell(self, severity: Severity, text: str) -> None:
         """Notes something for the operators and the log."""
@@ -178,4 +190,5 @@ class Board:
             policy=self.manoeuvre.policy if self.manoeuvre is not None else None,
             cause=self.manoeuvre.cause if self.manoeuvre is not None else "",
             has_pilot=self.has_pilot,
+            silence=self.silence,
         )

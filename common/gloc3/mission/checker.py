@@ -17,6 +17,7 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.legs import Budget
 from gloc3.mission.model import Mission, where_of
 from gloc3.mission.reader import Reading, Surroundings, inspect_mission
+from gloc3.mission.silence_check import silence_findings
 from gloc3.mission.space_check import flight_findings, space_findings
 from gloc3.mission.structure import PartialOrder, structure_findings
 from gloc3.platform import Capability, Limits, Platform
@@ -148,6 +149,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
         start_ned_m=circumstances.start_ned_m,
     )
     findings += budget_findings(mission, figures, platform)
+    findings += silence_findings(mission, figures, platform)
     if platform is not None:
         findings += agreement_findings(mission, platform)
     if circumstances.home_ned_m is not None:

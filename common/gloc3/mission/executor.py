@@ -12,7 +12,7 @@ from typing import Final, Literal
 from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Severity
-from gloc3.mission import elsewhere, flow, manoeuvres, steering
+from gloc3.mission import elsewhere, flow, manoeuvres, silence, steering
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.items import MISSION, ActionRun, Program
@@ -243,22 +243,16 @@ class MissionExecutor:
 
     def condition(self, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
         """Whether a condition holds; its policy is carried out once, when it arises."""
-        board = self.board
-        if is_on == (condition in board.conditions):
-            return
-        if is_on:
-            board.conditions[condition] = reason
-            manoeuvres.meet(board, condition, reason, now_s)
-        else:
-            del board.conditions[condition]
-            board.unanswered.pop(condition, None)
-            board.tell(Severity.INFO, f"{condition}: over")
-        self.settle(now_s)
+        if is_on != (condition in self.board.conditions):
+            manoeuvres.set_condition(self.board, condition, is_on, reason, now_s)
+            self.settle(now_s)
 
     def link(self, silent_s: float, now_s: float) -> None:
-        """For how long nothing was heard from the holder of control."""
-        after_s = self.board.policies.link_loss_after_s
-        self.condition(Condition.LINK_LOST, silent_s >= after_s, f"nothing heard for {after_s:g} s", now_s)
+        """For how long nothing was heard from the holder of control; see `silence`."""
+        before = set(self.board.conditions)
+        silence.look(self.board, silent_s, now_s)
+        if set(self.board.conditions) != before:
+            self.settle(now_s)
 
     def elsewhere(self, platform: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
         """What is told of another platform's part of the mission.

@@ -22,6 +22,19 @@ _CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
 }
 
 
+def set_condition(board: Board, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
+    """Notes whether a condition holds; its policy is carried out once, when it arises."""
+    if is_on == (condition in board.conditions):
+        return
+    if is_on:
+        board.conditions[condition] = reason
+        meet(board, condition, reason, now_s)
+    else:
+        del board.conditions[condition]
+        board.unanswered.pop(condition, None)
+        board.tell(Severity.INFO, f"{condition}: over")
+
+
 def meet(board: Board, condition: Condition, reason: str, now_s: float) -> None:
     """Answers a condition that has just arisen with the governing policies."""
     if board.has_pilot:
@@ -39,6 +52,8 @@ def _policy_for(board: Board, condition: Condition) -> Policy:
     match condition:
         case Condition.LINK_LOST:
             wanted = Policy(policies.on_link_loss)
+        case Condition.OVERDUE:
+            wanted = Policy(policies.on_overdue or policies.on_link_loss)
         case Condition.LOW_BATTERY:
             wanted = Policy(policies.on_low_battery)
         case Condition.POSE_LOST:

@@ -75,6 +75,8 @@ class Policies(_Part, frozen=True, kw_only=True):
     on_link_loss: ConditionPolicy = "hold"
     """When nothing was heard from the holder of control for `link_loss_after_s`."""
     link_loss_after_s: Annotated[float, msgspec.Meta(ge=0.5, le=86_400.0)] = 5.0
+    on_overdue: ConditionPolicy | None = None
+    """When a planned silence has lasted longer than stated; None: `on_link_loss`."""
     on_low_battery: ConditionPolicy = "return"
     on_pose_lost: ConditionPolicy = "land"
     on_platform_loss: PlatformLossPolicy = "hold"
@@ -87,6 +89,13 @@ class Policies(_Part, frozen=True, kw_only=True):
     """How long a policy's hold waits for an operator before it lands."""
 
 
+class Silence(_Part, frozen=True, kw_only=True):
+    """A time without contact that is planned, such as a dive's."""
+
+    expected_s: Annotated[float, msgspec.Meta(gt=0.0, le=864_000.0)]
+    """From the start of the task or action until contact is due."""
+
+
 class ItemFile(_Part, frozen=True, kw_only=True):
     """What tasks and actions both take."""
 
@@ -96,6 +105,8 @@ class ItemFile(_Part, frozen=True, kw_only=True):
     """It fails when it runs longer; pauses are not counted."""
     on_failure: Policy | None = None
     """None: the next level's."""
+    silence: Silence | None = None
+    """From its start a lost link is no fault until the stated time has passed; then it is overdue: `on_overdue`."""
     retries: Retries = 0
     """Attempts after the first before `on_failure` applies; `on_failure: retry` alone means one."""
 

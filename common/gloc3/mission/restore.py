@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from gloc3.errors import InputError
 from gloc3.messages import Severity
-from gloc3.mission import elsewhere, flow, manoeuvres
+from gloc3.mission import elsewhere, flow, manoeuvres, silence
 from gloc3.mission.arguments import LandOrder, SetOff
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.items import ActionRun, Program
@@ -52,6 +52,7 @@ def restore(
         elif program.is_open:
             board.end_all(program, Trigger.ABORT, now_s, _RESTART)
             board.move(program, Trigger.ABORT, now_s, _RESTART)
+    board.silence = silence.restored(snapshot.silence, now_s)
     mission = board.mission
     if snapshot.has_pilot:
         executor.pilot(True, f"he had it before the {_RESTART}", now_s)

@@ -88,6 +88,8 @@ def _relations(options: ItemFile) -> list[str]:
     found = [f"after {', '.join(options.after)}"] if options.after else []
     if options.deadline_s is not None:
         found.append(f"deadline {options.deadline_s:g} s")
+    if options.silence is not None:
+        found.append(f"silent for {options.silence.expected_s:g} s")
     if options.on_failure is not None:
         found.append(f"on failure {options.on_failure}")
     if options.retries:

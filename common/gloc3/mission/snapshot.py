@@ -34,6 +34,16 @@ class ProgramSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """By `TASK` and `TASK.ACTION`."""
 
 
+class PlannedSilence(msgspec.Struct, frozen=True, kw_only=True):
+    """A silence that the mission has announced, and that has begun."""
+
+    target: str
+    """The `TASK` or `TASK.ACTION` that states it."""
+    began_s: float
+    until_s: float
+    """When contact is due, on the platform's clock."""
+
+
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The executor at one moment."""
 
@@ -46,3 +56,5 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Why."""
     has_pilot: bool = False
     """A pilot has control, and no operator has said resume since."""
+    silence: PlannedSilence | None = None
+    """The planned silence that had begun; its times are those of the process that kept it."""

@@ -28,10 +28,19 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
     states = {target: str(state) for target, state in executor.states().items()}
     progress = {target: round(share, 2) for target, share in executor.progress().items()}
     reasons = _reasons(executor)
-    program = executor.mission
+    program, planned = executor.mission, executor.board.silence
+    silence, until_s = ("", 0.0) if planned is None else (planned.target, round(planned.until_s, 3))
     if program is None:
         return MissionSummary(
-            name="", digest="", state="", tasks=states, progress=progress, policy=executor.policy, reasons=reasons
+            name="",
+            digest="",
+            state="",
+            tasks=states,
+            progress=progress,
+            policy=executor.policy,
+            reasons=reasons,
+            silence=silence,
+            silent_until_s=until_s,
         )
     return MissionSummary(
         name=program.mission.name,
@@ -43,6 +52,8 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
         policy=executor.policy,
         reasons=reasons,
         elsewhere={task.target: task.elsewhere for task in program.tasks.values() if task.elsewhere},
+        silence=silence,
+        silent_until_s=until_s,
     )
 
 

@@ -77,6 +77,11 @@ def link(view: View) -> Span:
     platform = view.platform
     if platform is None:
         return Span("no link", Tone.STALE)
+    planned = platform.silence
+    if planned is not None and platform.is_silent_as_planned(view.now_s):
+        return Span(f"silent as planned, due {planned.due_text}", Tone.WARN)
+    if planned is not None and platform.is_overdue(view.now_s):
+        return Span(f"OVERDUE {wording.duration(view.now_s - planned.due_s)}", Tone.ALARM)
     if platform.is_quiet_link(view.now_s):
         return Span(f"SILENT {wording.duration(platform.age_s(view.now_s))}", Tone.ALARM)
     if platform.link.loss >= wording.LOSS_WORTH_TELLING:

@@ -151,6 +151,10 @@ def alerts_title(view: View) -> str:
 
 def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
     """`ok`, `12 % lost`, or for how long it has been silent."""
+    if platform.silence is not None and platform.is_silent_as_planned(now_s):
+        return Span(f"due {platform.silence.due_text.removesuffix(' UTC')}", Tone.WARN)
+    if platform.is_overdue(now_s):
+        return Span("OVERDUE", Tone.BAD)
     if platform.is_quiet_link(now_s):
         return Span(f"silent {wording.roughly(platform.age_s(now_s))}", Tone.BAD)
     if platform.link.loss >= wording.LOSS_WORTH_TELLING:
@@ -160,6 +164,10 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
 
 def link_detail(view: View, platform: PlatformSnapshot) -> Span:
     """`98 % arrives, 320 ms there and back`, or for how long it has been silent."""
+    if platform.is_silent_as_planned(view.now_s):
+        return Span(wording.silence(platform, view.now_s), Tone.WARN)
+    if platform.is_overdue(view.now_s):
+        return Span(wording.silence(platform, view.now_s), Tone.BAD)
     if platform.is_quiet_link(view.now_s):
         return Span(f"silent for {wording.duration(platform.age_s(view.now_s))}", Tone.BAD)
     loss, trip_s = platform.link.loss, view.round_trip_s

@@ -51,7 +51,11 @@ class Document:
         line, column = node.line, node.column
         if at_key and where:
             line, column = self.node(where[:-1]).key_places.get(str(where[-1]), (line, column))
-        return Finding(file=self.file, line=line, column=column, message=message, hint=hint, is_warning=is_warning)
+        if node.note:
+            message = f"{message} ({node.note})"
+        return Finding(
+            file=node.file or self.file, line=line, column=column, message=message, hint=hint, is_warning=is_warning
+        )
 
 
 def load_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:

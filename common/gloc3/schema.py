@@ -118,17 +118,18 @@ class _Checker:
             if key in fields:
                 self.visit(child, fields[str(key)].type, str(key))
             elif forbids:
-                self._add(*node.key_places[str(key)], f"unknown key {key!r}", nearest(str(key), sorted(fields)))
+                hint = nearest(str(key), sorted(fields))
+                self._add(child, f"unknown key {key!r}", hint, place=node.key_places[str(key)])
         for key, field in fields.items():
             if field.required and key not in node.children:
                 owner = f" in {name}" if name else ""
-                self._add(node.line, node.column, f"{key!r} is missing{owner}")
+                self._add(node, f"{key!r} is missing{owner}")
 
     def _key(self, node: Node, key: str, kind: Any) -> None:
         try:
             msgspec.convert(key, kind)
         except msgspec.ValidationError as error:
-            self._add(*node.key_places[key], f"name {key!r}: {in_words(error)}")
+            self._add(node.children[key], f"name {key!r}: {in_words(error)}", place=node.key_places[key])
 
     def _sequence(self, node: Node, shape: Any, name: str) -> None:
         items = typing.get_args(shape)
@@ -153,7 +154,12 @@ class _Checker:
                 message += f" ({str(node.value)[:_SHOWN_MAX]})"
                 if isinstance(node.value, bool) and "text" in message:
                     hint = "put it in quotes"
-            self._add(node.line, node.column, f"{name}: {message}" if name else message, hint)
+            self._add(node, f"{name}: {message}" if name else message, hint)
 
-    def _add(self, line: int, column: int, message: str, hint: str = "") -> None:
-        self.findings.append(Finding(file=self._file, line=line, column=column, message=message, hint=hint))
+    def _add(self, node: Node, message: str, hint: str = "", place: tuple[int, int] | None = None) -> None:
+        line, column = place or (node.line, node.column)
+        if node.note:
+            message = f"{message} ({node.note})"
+        self.findings.append(
+            Finding(file=node.file or self._file, line=line, column=column, message=message, hint=hint)
+        )

@@ -28,13 +28,17 @@ _WHOLE_MAX: Final = 2**63 - 1
 class Node:
     """A value of a document with its place."""
 
-    __slots__ = ("children", "column", "key_places", "line", "value")
+    __slots__ = ("children", "column", "file", "key_places", "line", "note", "value")
 
-    def __init__(self, value: Any, line: int, column: int) -> None:
+    def __init__(self, value: Any, line: int, column: int, file: str = "", note: str = "") -> None:
         self.value: Any = value
         """Plain Python: None, bool, int, float, str, list or dict with text keys."""
         self.line = line
         self.column = column
+        self.file = file
+        """Where it stands, if not in the document's own file."""
+        self.note = note
+        """What whoever is told of it should know besides: what it was put there for."""
         self.children: dict[str | int, Node] = {}
         """The nodes below, by key or index."""
         self.key_places: dict[str, tuple[int, int]] = {}

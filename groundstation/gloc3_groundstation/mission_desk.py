@@ -194,7 +194,7 @@ class MissionDesk:
 
     def is_at_hand(self, mission: MissionSummary | None) -> bool:
         """Whether a platform holds the mission at hand."""
-        return mission is not None and self.draft is not None and mission.digest == digest_of(self.draft.text)
+        return mission is not None and self.draft is not None and mission.digest == digest_of(self.draft.carried)
 
     def lacks_order(self, platform: PlatformSnapshot) -> bool:
         """Whether the order of the mission that a platform holds is not known, and should be asked for."""

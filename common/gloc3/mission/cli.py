@@ -9,7 +9,6 @@ from typing import Annotated, Final
 from cyclopts import App, Parameter
 
 from gloc3.counting import counted
-from gloc3.document import load_bytes
 from gloc3.errors import Finding, InputError
 from gloc3.mission.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import find_mission
@@ -204,7 +203,8 @@ def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = (
             file=file, findings=findings, mission=report.mission, estimate=report.estimate, order=report.order
         )
     found = {one.platform: one for one in known}
-    return check_text(load_bytes(path), str(path), Circumstances(platform=platform, known=found.get if found else None))
+    file, text, _ = mission_text(str(path))
+    return check_text(text, file, Circumstances(platform=platform, known=found.get if found else None))
 
 
 def _verdict(report: Report) -> str:

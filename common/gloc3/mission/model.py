@@ -125,10 +125,73 @@ class TaskOptions(ItemFile, frozen=True, kw_only=True):
     """The platform that performs it; in a mission for several each task names its own."""
 
 
-class TaskFile(TaskOptions, frozen=True, kw_only=True):
-    """A task as written; each action holds one capability with its arguments, and `ActionFile`'s keys."""
+Actions = Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
+"""By name: each holds one capability with its arguments, and `ActionFile`'s keys."""
 
-    actions: Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
+
+class TaskFile(TaskOptions, frozen=True, kw_only=True):
+    """A task as written: its actions, or the use of a definition that has them."""
+
+    actions: Actions | None = None
+    use: Name | None = None
+    """A definition of this file, or of a library that it includes; what else the task says goes before that."""
+    with_: dict[Name, Any] = msgspec.field(name="with", default={})
+    """With `use`: the values of the definition's parameters."""
+
+
+class ParameterFile(_Part, frozen=True, kw_only=True):
+    """What a definition leaves open: `$NAME` stands for it there, as a whole value."""
+
+    kind: Literal["number", "whole", "text", "flag", "choice", "point", "points", "any"]
+    default: Any = None
+    """Where a use says nothing; without one it must."""
+    unit: str = ""
+    about: str = ""
+    at_least: float | None = None
+    at_most: float | None = None
+    of: tuple[str | int | float, ...] = ()
+    """With `choice`: what is possible."""
+
+    def __post_init__(self) -> None:
+        if (self.kind == "choice") != bool(self.of):
+            raise ValueError("'of' lists what is possible, and goes with kind: choice")
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        words = {
+            "number": "a number",
+            "whole": "a whole number",
+            "flag": "true or false",
+            "choice": "one of " + ", ".join(str(one) for one in self.of),
+            "point": "a point: [x, y] or [x, y, height]",
+            "points": "a list of points",
+            "any": "a value",
+        }
+        return words.get(self.kind, "text") + (f" in {self.unit}" if self.unit else "")
+
+
+Open = Annotated[str, msgspec.Meta(pattern=r"^\$")]
+"""A parameter in place of a value."""
+
+
+class DefinitionFile(_Part, frozen=True, kw_only=True):
+    """A task that is defined once and used often."""
+
+    about: str = ""
+    parameters: dict[Name, ParameterFile] = {}
+    actions: Actions
+    deadline_s: float | Open | None = None
+    on_failure: str | None = None
+    retries: int | Open = 0
+    platform: PlatformName | None = None
+
+
+class LibraryFile(_Part, frozen=True, kw_only=True):
+    """A file of definitions, for missions to include."""
+
+    about: str = ""
+    define: dict[Name, DefinitionFile]
 
 
 class MissionFile(Policies, frozen=True, kw_only=True):
@@ -145,6 +208,10 @@ class MissionFile(Policies, frozen=True, kw_only=True):
     deadline_s: Seconds | None = None
     """It fails when it runs longer; pauses are not counted."""
     geofence: GeofenceFile | None = None
+    include: tuple[str, ...] | dict[str, str] = ()
+    """Libraries of definitions, relative to this file; a mission that is on its way carries their content."""
+    define: dict[Name, DefinitionFile] = {}
+    """Tasks to be used by name."""
     tasks: Annotated[dict[Name, TaskFile], msgspec.Meta(min_length=1)]
 
 

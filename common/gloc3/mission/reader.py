@@ -9,7 +9,9 @@ from gloc3.document import Document, Where, load_bytes, parse
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.frames import GeoPoint, LocalFrame
 from gloc3.mission.arguments import Arguments, argument_kinds
+from gloc3.mission.definitions import expanded
 from gloc3.mission.fence_reader import read_fence
+from gloc3.mission.library import bundled
 from gloc3.mission.model import (
     GEO,
     Action,
@@ -109,7 +111,8 @@ def load_mission(name: str, surroundings: Surroundings | None = None) -> Mission
     from gloc3.mission.examples import find_mission
 
     path = find_mission(name)
-    return read_mission(load_bytes(path), str(path), surroundings)
+    text = load_bytes(path).decode("utf-8-sig", "surrogateescape")
+    return read_mission(bundled(text, path), str(path), surroundings)
 
 
 def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) -> Reading:
@@ -122,6 +125,7 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
     findings: list[Finding] = []
     if not isinstance(document.value, dict):
         raise InputError([document.finding((), "a mission file is a mapping", "begin with 'mission: NAME'")])
+    document = expanded(document, findings)
     written = schema.check(document.root, MissionFile, file, findings)
     placement = _placement(document, surroundings, findings)
     tasks: dict[str, Task] = {}
@@ -131,6 +135,9 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
         task = _options(node, TaskOptions, file, [], name)
         is_elsewhere = None not in (task.platform, surroundings.platform) and task.platform != surroundings.platform
         actions: dict[str, Action] = {}
+        if isinstance(node.value, dict) and not {"actions", "use"} & {*node.children}:
+            hint = "give it actions, or use a definition"
+            findings.append(document.finding(("tasks", name), f"'actions' is missing in {name}", hint))
         for action_name, action_node in _entries(node, "actions"):
             where: Where = ("tasks", name, "actions", action_name)
             if not isinstance(action_node.value, dict):

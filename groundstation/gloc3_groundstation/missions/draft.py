@@ -8,7 +8,8 @@ import msgspec
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions, find_mission
-from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES, exported, mission_text
+from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES, exported, mission_text, written_text
+from gloc3.mission.library import bundled
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.platform import Platform
 from gloc3_groundstation.missions.outline import Outline, outline_of
@@ -48,6 +49,8 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
     """Of the last check, in order of place."""
     outline: Outline | None = None
     """None where no order can be drawn."""
+    carried: str = ""
+    """The text as it is streamed: with the libraries that it includes."""
     platform: str = ""
     """Checked for; empty where the platform's file is not installed here."""
 
@@ -85,7 +88,7 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
         return Plan(
             name=self.name,
             title=self.outline.title,
-            text=self.text,
+            text=self.carried,
             converted_from=untouched,
             platforms=self.outline.platforms,
             warnings=tuple(str(warning) for warning in warnings),
@@ -117,7 +120,11 @@ def opened(name: str, platform: Platform | None) -> Draft:
     is_plan = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
     is_example = path in example_missions().values()
     try:
-        _, text, left_out = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
+        left_out: list[Finding] = []
+        if is_plan:
+            _, text, left_out = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
+        else:
+            text = written_text(path)
     except InputError as error:
         return Draft(name=path.name, text=_shown(path), is_fixed=True, findings=_own(error.findings, path.name))
     draft = Draft(
@@ -136,7 +143,11 @@ def checked(draft: Draft, platform: Platform | None) -> Draft:
     if draft.is_fixed:
         return draft
     circumstances = Circumstances(platform=platform, known=known_platform)
-    report = check_text(draft.text, draft.name, circumstances)
+    try:
+        carried = bundled(draft.text, Path(draft.path or draft.name))
+    except InputError as error:
+        return msgspec.structs.replace(draft, findings=_own(error.findings, draft.name), outline=None)
+    report = check_text(carried, draft.name, circumstances)
     findings = report.findings
     if platform is None:
         findings = tuple(finding for finding in findings if not finding.is_warning)
@@ -144,13 +155,14 @@ def checked(draft: Draft, platform: Platform | None) -> Draft:
         draft,
         findings=findings,
         outline=outline_of(report, circumstances.capabilities()),
+        carried=carried,
         platform=platform.platform if platform is not None else "",
     )
 
 
 def edited(draft: Draft, text: str) -> Draft:
     """The same with another text, not checked yet: nothing is known of it."""
-    return draft if draft.is_fixed else msgspec.structs.replace(draft, text=text)
+    return draft if draft.is_fixed else msgspec.structs.replace(draft, text=text, carried=text)
 
 
 def is_mission_file(path: Path) -> bool:
@@ -166,7 +178,7 @@ def written_as(draft: Draft, path: Path, platform: Platform | None) -> tuple[str
     """
     if is_mission_file(path):
         return draft.text, ()
-    mission = read_mission(draft.text, draft.name, Surroundings.of(platform))
+    mission = read_mission(draft.carried, draft.name, Surroundings.of(platform))
     text, lost = exported(mission, path.suffix, draft.name)
     return text, tuple(lost)
 

@@ -13,6 +13,7 @@ from gloc3.mission.formats.plan_source import MAX_BYTES
 from gloc3.mission.formats.plan_writer import write_plan
 from gloc3.mission.formats.to_mission import to_mission
 from gloc3.mission.formats.wpl import read_wpl, write_wpl
+from gloc3.mission.library import bundled
 from gloc3.mission.model import Mission
 from gloc3.mission.writer import write_mission
 
@@ -31,6 +32,7 @@ __all__ = [
     "to_mission",
     "write_plan",
     "write_wpl",
+    "written_text",
 ]
 
 
@@ -49,8 +51,21 @@ def load_plan(path: Path) -> Plan:
     raise InputError([Finding(file=str(path), message=f"unknown kind of file {path.suffix!r}", hint=f"known: {known}")])
 
 
+def written_text(path: Path) -> str:
+    """The content of a mission file, as it is written.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        return load_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        finding = Finding(file=str(path), message="not UTF-8 text", hint="save the file as UTF-8")
+        raise InputError([finding]) from error
+
+
 def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, str, list[Finding]]:
-    """The text of any mission: an example by name, a mission file, or a plan that is converted.
+    """The text of any mission: an example by name, a mission file with its libraries, or a plan that is converted.
 
     Args:
         name: a path, or the name of an example.
@@ -64,11 +79,7 @@ def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, 
     """
     path = find_mission(name)
     if path.suffix in MISSION_SUFFIXES or path.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
-        try:
-            return str(path), load_bytes(path).decode("utf-8-sig"), []
-        except UnicodeDecodeError as error:
-            finding = Finding(file=str(path), message="not UTF-8 text", hint="save the file as UTF-8")
-            raise InputError([finding]) from error
+        return str(path), bundled(written_text(path), path), []
     text, warnings = to_mission(load_plan(path), path.stem, str(path), speed_limit_m_s)
     return str(path), text, warnings
 

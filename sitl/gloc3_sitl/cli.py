@@ -18,9 +18,9 @@ from gloc3_sitl.autopilot.mavlink.links import Receive
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.record_cli import record
 from gloc3_sitl.sensor_server import SensorServer
-from gloc3_sitl.simulator import STYLES, LinkKind, Simulator
+from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.truth_log import TruthLog
-from gloc3_sitl.vehicles import VEHICLES
+from gloc3_sitl.vehicles.table import style_of
 from gloc3_sitl.wind import CALM, gusty
 from gloc3_sitl.world import World
 
@@ -123,7 +123,7 @@ def read_parameter(text: str) -> tuple[str, float]:
 def sitl(
     *,
     vehicle: str = "pelican",
-    autopilot: str = "px4",
+    autopilot: str | None = None,
     world: str = "hold",
     home: str | None = None,
     speed: float = 1.0,
@@ -147,7 +147,7 @@ def sitl(
 
     Args:
         vehicle: Model of the vehicle.
-        autopilot: Style of the autopilot: px4 or ardupilot.
+        autopilot: Style of the autopilot: px4 or ardupilot; else the usual one of the vehicle.
         world: World to fly in: the name of one of ours, or a world file.
         home: Place of departure as LAT,LON,ALT,HEADING; for worlds that can be moved.
         speed: How many times faster than real time.
@@ -170,10 +170,7 @@ def sitl(
         firmware_running: It is started by somebody else, and waited for.
         firmware_port: Where our physics listens for it, in place of UDP 9002 (ArduPilot) or TCP 4560 (PX4).
     """
-    if vehicle not in VEHICLES:
-        raise Refused(f"no vehicle {vehicle!r}; {nearest(vehicle, list(VEHICLES))}")
-    if autopilot not in STYLES:
-        raise Refused(f"no autopilot {autopilot!r}; {nearest(autopilot, list(STYLES))}")
+    autopilot = style_of(vehicle, autopilot)
     if not 0.0 < speed <= 1000.0:
         raise Refused("--speed must be above 0, and 1000 at most")
     if not 0.0 <= wind <= 30.0:

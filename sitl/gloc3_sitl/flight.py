@@ -64,6 +64,7 @@ from gloc3_sitl.sim_devices import NoCamera
 from gloc3_sitl.sim_imu import SimImu
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.table import style_of, vehicle_of_type
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
 
@@ -88,7 +89,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     platform: str = "pelican_rtk"
     name: str = ""
     """What the platform is called, where several are of one kind; empty for the name in its file."""
-    autopilot: str = "px4"
+    autopilot: str = ""
+    """`px4` or `ardupilot`; empty for the usual one of the vehicle."""
     is_firmware: bool = False
     """That autopilot's real firmware flies, in place of one of ours; `autopilot` is `ardupilot` then."""
     seed: int = 0
@@ -170,6 +172,8 @@ class Flight:
         self.mission_file: Final = find_mission(plan.mission)
         self.mission: Final[Mission] = load_mission(plan.mission, Surroundings.of(self.platform))
         self.loop: Final = asyncio.get_running_loop()
+        self.vehicle: Final = vehicle_of_type(self.platform.vehicle.type)
+        """What stands for the platform in the simulation."""
         self.clock: Final = Clock(self.loop)
         self.random: Final = Random(plan.seed)
         self.topics: Final = TopicTable.installed()
@@ -200,13 +204,18 @@ class Flight:
         self._truth_timer: asyncio.TimerHandle | None = None
         self.exchange.subscribe(f"{self.platform.platform}/pose", self._see_pose)
 
+    @property
+    def autopilot(self) -> str:
+        """The autopilot's style."""
+        return style_of(self.vehicle, self.plan.autopilot or None)
+
     # --- setting up ---
 
     def _open_log(self) -> Recorder | None:
         if self.plan.out is None:
             return None
         self.plan.out.mkdir(parents=True, exist_ok=True)
-        metadata = {"platform": self.platform.platform, "autopilot": self.plan.autopilot, "seed": str(self.plan.seed)}
+        metadata = {"platform": self.platform.platform, "autopilot": self.autopilot, "seed": str(self.plan.seed)}
         recorder = Recorder(self.plan.out / "log.mcap", self.clock, self.topics, metadata, flush_s=FLUSH_S)
         recorder.attach_file(PLATFORM_FILE, "application/yaml", find_platform(self.plan.platform).read_bytes())
         recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
@@ -226,11 +235,12 @@ class Flight:
     def _simulator(self, world: World) -> Simulator | FirmwareInStep:
         plan, is_without_gps = self.plan, is_without_satellites(self.platform)
         if plan.is_firmware:
-            settings = BodySettings(seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
+            settings = BodySettings(vehicle=self.vehicle, seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
             return FirmwareInStep(world, settings, plan.parameters, plan.out)
         return Simulator(
             world,
-            style=plan.autopilot,
+            vehicle=self.vehicle,
+            style=plan.autopilot or None,
             seed=plan.seed,
             wind=plan.wind,
             is_plain_gps=plan.is_plain_gps,

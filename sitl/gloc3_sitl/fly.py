@@ -30,7 +30,8 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     mission: Path
     """A file of any format."""
     platform: str = "pelican_rtk"
-    autopilot: str = "px4"
+    autopilot: str = ""
+    """`px4` or `ardupilot`; empty for the usual one of the vehicle."""
     is_firmware: bool = False
     """The real firmware of that name in place of an autopilot of ours."""
     seed: int = 0
@@ -76,9 +77,7 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
     )
     async with Flight(plan) as flight:
         schedule_faults(flight, options.faults)
-        watch = FlightWatch(
-            flight.exchange, flight.name, mission.mission.name, options.autopilot, options.seed, narrate
-        )
+        watch = FlightWatch(flight.exchange, flight.name, mission.mission.name, flight.autopilot, options.seed, narrate)
         report = watch.report
         ready_s = Clock.cost_s()
         report.mission_state, report.reason = await _to_the_end(flight, mission.duration_s)

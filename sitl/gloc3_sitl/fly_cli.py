@@ -51,7 +51,7 @@ def fly(
     /,
     *,
     platform: str | None = None,
-    autopilot: Literal["px4", "ardupilot"] = "px4",
+    autopilot: Literal["px4", "ardupilot"] | None = None,
     firmware: Literal["ardupilot"] | None = None,
     seed: int = 0,
     wind: float = 0.0,
@@ -67,7 +67,7 @@ def fly(
         mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, patrol.
         platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
             Pelican, with a receiver for satellites where the mission is on Earth.
-        autopilot: The style of the simulated autopilot.
+        autopilot: The style of the simulated autopilot; else the usual one of the vehicle.
         firmware: A real autopilot in its place, in step with the flight's clock, whose program is on PATH; see
             docs/firmware.md.
         seed: Of all chance: sensor noise, turbulence, links, boot numbers.
@@ -107,7 +107,7 @@ def fly(
     options = FlyOptions(
         mission=path,
         platform=platform,
-        autopilot=firmware or autopilot,
+        autopilot=firmware or autopilot or "",
         is_firmware=firmware is not None,
         seed=seed,
         wind=gusty(wind, from_deg=270.0) if wind > 0.0 else CALM,

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3_sitl.physics import Quadrotor
+from gloc3_sitl.body import Body
 from gloc3_sitl.world import World
 
 PERIOD_STEPS: Final = 10
@@ -11,9 +11,9 @@ _STEP_UP_M: Final = 0.3
 """What is higher above the vehicle than this is not ground that it has sunk into, but something that it is under."""
 
 
-def raise_ground(quadrotor: Quadrotor, world: World, now_s: float) -> None:
+def raise_ground(body: Body, world: World, now_s: float) -> None:
     """Brings the ground under the vehicle to the height of the box or slope below it."""
-    truth = quadrotor.truth()
+    truth = body.truth()
     x, y, height = world.local(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
     ground_m = world.height_at(x, y, now_s, height + _STEP_UP_M)
-    quadrotor.set_ground(world.frame.origin.altitude_m + ground_m)
+    body.set_ground(world.frame.origin.altitude_m + ground_m)

@@ -1,6 +1,7 @@
 """The vehicle's physics: a quadrotor on JSBSim, stepped with four throttles (the only importer of jsbsim)."""
 
 import os
+from collections.abc import Sequence
 from importlib.resources import files
 from math import exp, pi, sqrt
 from typing import Final
@@ -20,7 +21,7 @@ from gloc3.frames import (
     to_euler,
 )
 from gloc3_sitl.truth import Motion, Truth
-from gloc3_sitl.vehicles import VEHICLES, MultirotorModel
+from gloc3_sitl.vehicles import MULTIROTORS, MultirotorModel
 from gloc3_sitl.wind import CALM, Wind
 
 __all__ = ["Motion", "Quadrotor", "Truth"]
@@ -79,11 +80,11 @@ class Quadrotor:
         rate_hz: int = 200,
         heading_deg: float = 0.0,
     ) -> None:
-        if model not in VEHICLES:
-            raise Misuse(f"no vehicle named {model!r}; there are: {', '.join(sorted(VEHICLES))}")
+        if model not in MULTIROTORS:
+            raise Misuse(f"no vehicle named {model!r}; there are: {', '.join(sorted(MULTIROTORS))}")
         if rate_hz < 120:
             raise Misuse(f"contacts need at least 120 steps per second, not {rate_hz}")
-        self.model: Final[MultirotorModel] = VEHICLES[model]
+        self.model: Final[MultirotorModel] = MULTIROTORS[model]
         self.home: Final = GeoPoint(*home)
         self.rate_hz: Final = rate_hz
         self.steps = 0
@@ -188,7 +189,7 @@ class Quadrotor:
         self._truth: Truth | None = None
         self.wind = self._wind
 
-    def step(self, throttles: tuple[float, float, float, float]) -> None:
+    def step(self, throttles: Sequence[float], /) -> None:
         """Advance by one period with these throttles in [0, 1]; what is out of range or not a number is clipped."""
         get_u, get_v, get_w, get_p, get_q, get_r = self._motion
         put_x, put_y, put_z, put_l, put_m, put_n = self._forces

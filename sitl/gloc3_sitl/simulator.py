@@ -9,33 +9,28 @@ from typing import Final
 from msgspec.structs import replace
 
 from gloc3.clock import VIRTUAL_EPOCH_S
-from gloc3.errors import Misuse, nearest
 from gloc3.messages import Severity
-from gloc3_sitl.autopilot.autopilot import STEP_S, Autopilot
-from gloc3_sitl.autopilot.control.mixer import IDLE, Throttles
+from gloc3_sitl.autopilot.autopilot import Autopilot
+from gloc3_sitl.autopilot.control.control import Outputs
 from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
-from gloc3_sitl.autopilot.modes import Style
+from gloc3_sitl.autopilot.periods import STEP_S
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.sources import WITHOUT_SATELLITES
-from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
-from gloc3_sitl.autopilot.styles.px4 import PX4
 from gloc3_sitl.autopilot.surroundings import Failure, Power, Unit
 from gloc3_sitl.autopilot.verdict import Verdict
+from gloc3_sitl.body import Situation
 from gloc3_sitl.ground import PERIOD_STEPS, raise_ground
 from gloc3_sitl.injection import inject
-from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.sensors.height import level_ground
 from gloc3_sitl.sensors.magnetic_field import declination_deg
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
 from gloc3_sitl.truth import Truth
+from gloc3_sitl.vehicles.table import style_of, vehicle_named
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
 from gloc3_sitl.world.probe import WorldProbe
-
-STYLES: Final[Mapping[str, Style]] = {"px4": PX4, "ardupilot": ARDUPILOT}
-"""Autopilots that can be simulated, by name."""
 
 PERIOD_S: Final = 0.02
 """How often a running simulator advances, in simulated time: the period of the autopilot's outer loops."""
@@ -75,7 +70,7 @@ class Simulator:
     Args:
         world: where it flies.
         vehicle: what flies, by the name of a model.
-        style: `px4` or `ardupilot`.
+        style: `px4` or `ardupilot`; None for the usual one of the vehicle.
         seed: of turbulence and of all sensor noise.
         wind: what the air does.
         is_plain_gps: metre-level fixes in place of RTK-grade ones.
@@ -93,7 +88,7 @@ class Simulator:
         world: World,
         *,
         vehicle: str = "pelican",
-        style: str = "px4",
+        style: str | None = None,
         seed: int = 0,
         wind: Wind = CALM,
         is_plain_gps: bool = False,
@@ -101,21 +96,32 @@ class Simulator:
         battery_remaining: float = 1.0,
         parameters: Mapping[str, float] | None = None,
     ) -> None:
-        if style not in STYLES:
-            raise Misuse(f"no autopilot style {style!r}: {nearest(style, list(STYLES))}")
+        row = vehicle_named(vehicle)
+        style = style_of(vehicle, style)
         self.world: Final = world
-        self.quadrotor: Final = Quadrotor(
-            vehicle, world.home, wind=wind, seed=seed, rate_hz=round(1.0 / STEP_S), heading_deg=world.heading_deg
+        self._vehicle_class: Final = row.vehicle_class
+        self.body: Final = row.body(
+            Situation(
+                home=world.home,
+                wind=wind,
+                water=world.water,
+                seed=seed,
+                rate_hz=round(1.0 / STEP_S),
+                heading_deg=world.heading_deg,
+            )
         )
         self.sensors: Final = SensorSuite(
             seed,
             world.home,
-            model=self.quadrotor.model,
+            pack=row.pack,
             is_plain_gps=is_plain_gps,
             battery_remaining=battery_remaining,
             probe=level_ground if world.is_flat else WorldProbe(world),
+            more=row.sensors(seed, world.home),
         )
-        self._style: Final = STYLES[style]
+        self.style: Final = style
+        """Name of the autopilot."""
+        self._style: Final = row.styles[style]
         self.autopilot = self._new_autopilot()
         if is_without_gps:
             self.sensors.fail("fix", "lost")
@@ -130,12 +136,12 @@ class Simulator:
         """How many it has said in all."""
         self.front = Front(self.autopilot)
         self._wires: list[_Wire] = []
-        self._step: Callable[[Sequence[Reading], float], Throttles] = self.autopilot.step
+        self._step: Callable[[Sequence[Reading], float], Outputs] = self.autopilot.step
         self._boot_s = 0.0
         self._up_s = inf
         self.late = 0
         """Times that a wall clock ran away."""
-        self._throttles = IDLE
+        self._outputs = self._idle = self.autopilot.control.stopped
         self._timer: TimerHandle | None = None
         self._is_flat = world.is_flat
 
@@ -144,20 +150,20 @@ class Simulator:
     @property
     def now_s(self) -> float:
         """Simulated seconds since the start."""
-        return self.quadrotor.now_s
+        return self.body.now_s
 
     def advance(self, now_s: float) -> None:
         """Simulates up to a time, in whole steps of 5 ms; a time that is past already changes nothing."""
-        quadrotor, sample = self.quadrotor, self.sensors.sample
-        throttles = self._throttles
-        rate_hz = quadrotor.rate_hz
-        for count in range(quadrotor.steps + 1, int(now_s * rate_hz + 1e-6) + 1):
-            quadrotor.step(throttles)
+        body, sample = self.body, self.sensors.sample
+        outputs = self._outputs
+        rate_hz = body.rate_hz
+        for count in range(body.steps + 1, int(now_s * rate_hz + 1e-6) + 1):
+            body.step(outputs)
             t_s = count / rate_hz
-            throttles = self._step(sample(quadrotor, t_s), t_s)
+            outputs = self._step(sample(body, t_s), t_s)
             if not self._is_flat and count % PERIOD_STEPS == 0:
-                raise_ground(quadrotor, self.world, self.now_s)
-        self._throttles = throttles
+                raise_ground(body, self.world, self.now_s)
+        self._outputs = outputs
 
     def start(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:
         """Has an event loop advance it from now on, `speed` times as fast as the loop's clock."""
@@ -210,16 +216,16 @@ class Simulator:
 
     def truth(self) -> Truth:
         """What the vehicle really does now."""
-        return self.quadrotor.truth()
+        return self.body.truth()
 
     @property
     def wind(self) -> Wind:
         """What the air does; may be set at any time."""
-        return self.quadrotor.wind
+        return self.body.wind
 
     @wind.setter
     def wind(self, wind: Wind) -> None:
-        self.quadrotor.wind = wind
+        self.body.wind = wind
 
     # -- power --------------------------------------------------------------------------------------------------------
 
@@ -238,17 +244,17 @@ class Simulator:
         self._up_s = self.now_s + BOOT_S if power is Power.REBOOT else inf
         self._step = self._go_down
 
-    def _go_down(self, readings: Sequence[Reading], t_s: float) -> Throttles:
+    def _go_down(self, readings: Sequence[Reading], t_s: float) -> Outputs:
         for wire in self._wires:
             wire.receive = _deaf
         self._step = self._stay_down
         return self._stay_down(readings, t_s)
 
-    def _stay_down(self, readings: Sequence[Reading], t_s: float) -> Throttles:
+    def _stay_down(self, readings: Sequence[Reading], t_s: float) -> Outputs:
         del readings
         if t_s >= self._up_s:
             self._boot(t_s)
-        return IDLE
+        return self._idle
 
     def _boot(self, t_s: float) -> None:
         """Begins anew, with the clock of the autopilot at 0 and what stood on its memory card."""
@@ -261,14 +267,21 @@ class Simulator:
             wire.receive = self.front.attach(wire.send, wire.kind, is_datagram=wire.is_datagram)
         self._step = self._step_since_boot
 
-    def _step_since_boot(self, readings: Sequence[Reading], t_s: float) -> Throttles:
+    def _step_since_boot(self, readings: Sequence[Reading], t_s: float) -> Outputs:
         boot_s = self._boot_s
         shifted = [replace(reading, t_s=reading.t_s - boot_s) for reading in readings]
         return self.autopilot.step(shifted, t_s - boot_s)
 
     def _new_autopilot(self, before: Autopilot | None = None) -> Autopilot:
         declination = radians(declination_deg(self.world.home))
-        return Autopilot(self._style, self._say, declination_rad=declination, surroundings=self, before=before)
+        return Autopilot(
+            self._style,
+            self._say,
+            vehicle=self._vehicle_class,
+            declination_rad=declination,
+            surroundings=self,
+            before=before,
+        )
 
     def inject(self, unit: Unit, failure: Failure) -> Verdict:
         """Makes something fail, or repairs it."""
@@ -283,4 +296,4 @@ class Simulator:
         self.front.say(severity, text)
 
 
-__all__ = ["PERIOD_S", "STYLES", "LinkKind", "Simulator"]
+__all__ = ["PERIOD_S", "LinkKind", "Simulator"]

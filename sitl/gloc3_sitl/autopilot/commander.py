@@ -8,7 +8,7 @@ from gloc3.frames import Vector3
 from gloc3.messages import Severity
 from gloc3_sitl.autopilot.arming import Check, arming_problems
 from gloc3_sitl.autopilot.authorization import Authorization, Leave
-from gloc3_sitl.autopilot.behaviours.base import Activity
+from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
 from gloc3_sitl.autopilot.behaviours.hold import Hold
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
@@ -99,7 +99,7 @@ class Commander:
         craft = self.craft
         if not craft.is_armed:
             return ACCEPTED
-        if not craft.is_landed and not is_forced:
+        if not (craft.is_landed or is_forced or self.style.disarms_under_way):
             return self._refuse("Disarming denied: not landed")
         craft.is_armed = False
         craft.say(Severity.INFO, f"Disarmed by {author}")
@@ -115,7 +115,7 @@ class Commander:
         self.is_terminated = True
         self.craft.say(Severity.EMERGENCY, "Flight terminated")
         self.disarm(Author.FAILSAFE, is_forced=True)
-        self.activity = activity_for(Behaviour.TERMINATED, self.craft, nan, is_guided=False)
+        self.activity = activity_for(Behaviour.TERMINATED, self.craft, nan, self.style)
 
     def set_home(self, position_ned_m: Vector3 | None = None) -> Verdict:
         """Makes a place home; without one, here."""
@@ -202,10 +202,8 @@ class Commander:
             verdict = self.set_mode(wanted, Author.COMMAND)
             if not verdict.is_accepted:
                 return verdict
-        if isinstance(self.activity, Hold):
+        if isinstance(self.activity, GoesTo):
             self.activity.go_to(position_ned_m, yaw_rad, speed_m_s)
-        elif isinstance(self.activity, Guided):
-            self.activity.go_to(position_ned_m, yaw_rad)
         return ACCEPTED
 
     def orbit(self, circle: Circle) -> Verdict:
@@ -231,8 +229,7 @@ class Commander:
 
     def _restart_activity(self) -> None:
         target, self._takeoff_down_m = self._takeoff_down_m, nan
-        is_guided = self.style.takeoff_in_streamed
-        self.activity = activity_for(self.mode.behaviour, self.craft, target, is_guided=is_guided)
+        self.activity = activity_for(self.mode.behaviour, self.craft, target, self.style)
 
     def _refuse(self, reason: str) -> Verdict:
         self.craft.say(Severity.WARNING, reason)

@@ -79,6 +79,8 @@ class Craft:
     home: Home | None = None
     now_s: float = 0.0
     is_armed: bool = False
+    range_mount_m: float = 0.0
+    """Height of the range finder over the ground when the vehicle stands, as its readings tell."""
     fault: str = ""
     """Something that is broken, in words; arming is refused while it stands."""
     last_setpoint: Setpoint = LANDED

@@ -38,7 +38,7 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     velocity_ned_m_s: Vector3
     ned_from_frd: Quaternion
     thrust: float
-    throttles: tuple[float, float, float, float]
+    outputs: tuple[float, ...]
     is_landed: bool = False
     failsafe: str = ""
     battery: float = 1.0
@@ -151,7 +151,6 @@ class FlightLogger:
         n, e, d = inertial.position_ned_m
         vn, ve, vd = inertial.velocity_ned_m_s
         w, x, y, z = inertial.ned_from_frd
-        first, second, third, fourth = autopilot.throttles
         log.add(
             LogRecord(
                 t_s=round(now_s, 3),
@@ -159,8 +158,8 @@ class FlightLogger:
                 position_ned_m=(round(n, 3), round(e, 3), round(d, 3)),
                 velocity_ned_m_s=(round(vn, 3), round(ve, 3), round(vd, 3)),
                 ned_from_frd=(round(w, 5), round(x, 5), round(y, 5), round(z, 5)),
-                thrust=round(autopilot.thrust, 3),
-                throttles=(round(first, 3), round(second, 3), round(third, 3), round(fourth, 3)),
+                thrust=round(autopilot.control.thrust, 3),
+                outputs=tuple(round(output, 3) for output in autopilot.outputs),
                 is_landed=autopilot.craft.is_landed,
                 failsafe=autopilot.failsafes.cause,
                 battery=round(autopilot.commander.battery_share, 3),

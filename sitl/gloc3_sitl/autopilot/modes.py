@@ -1,12 +1,16 @@
 """Modes: what a vehicle can be doing, and the form of each style's table of them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gloc3_sitl.autopilot.parameters import ParameterRow
 from gloc3_sitl.autopilot.tuning import Tuning
+
+if TYPE_CHECKING:
+    from gloc3_sitl.autopilot.behaviours.base import Activity
+    from gloc3_sitl.autopilot.craft import Craft
 
 
 class Behaviour(StrEnum):
@@ -124,6 +128,12 @@ class Style:
     """Of the firmware whose manners are followed."""
     orbit_mode: int | None = None
     """Where there is one."""
+    activities: Mapping[Behaviour, Callable[["Craft"], "Activity"]] = field(default_factory=dict)
+    """Behaviours that are not those of multirotors, and what makes them."""
+    unsupported: frozenset[int] = frozenset()
+    """MAV_CMDs that are for other classes of vehicles."""
+    disarms_under_way: bool = False
+    """Whether a vehicle that is not on the ground may be disarmed: one that stops when its motors do."""
 
     def mode(self, custom_mode: int) -> Mode | None:
         """The row with this number."""

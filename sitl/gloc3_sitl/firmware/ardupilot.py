@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Sequence
 from typing import Final
 
-from gloc3_sitl.firmware.body import MOTORS, Body
+from gloc3_sitl.firmware.body import SensedBody
 from gloc3_sitl.firmware.json_wire import Servos, State, read_servos, state_text
 from gloc3_sitl.sensors.readings import ImuReading, RangeReading, Reading
 
@@ -11,8 +11,6 @@ RATE_HZ: Final = 800
 """Steps of the physics per second: ArduCopter does not arm with fewer than 1.8 samples of the gyro to each of its 400 loops."""
 NO_ECHO_M: Final = 1000.0
 """Sent as a range where there is no echo: farther than any range finder tells, so the firmware says *out of range*."""
-
-_PWM_LOW_US, _PWM_SPAN_US = 1000.0, 1000.0
 
 
 class ArduPilotBridge:
@@ -31,7 +29,7 @@ class ArduPilotBridge:
         body: the vehicle; `RATE_HZ` steps a second.
     """
 
-    def __init__(self, body: Body) -> None:
+    def __init__(self, body: SensedBody) -> None:
         self.steps = 0
         """Servo packets that were steps."""
         self.repeats = 0
@@ -103,7 +101,9 @@ class ArduPilotBridge:
     def _step(self, servos: Servos) -> None:
         self.steps += 1
         self._frame = servos.frame
-        self._take(self._body.step([(pulse - _PWM_LOW_US) / _PWM_SPAN_US for pulse in servos.pwm_us[:MOTORS]]))
+        vehicle, pulses = self._body.vehicle_class, servos.pwm_us
+        wanted_us = [pulses[number - 1] or vehicle.rest_us for number in vehicle.output_numbers]  # 0: no pulses at all
+        self._take(self._body.step([(pulse_us - vehicle.rest_us) / vehicle.span_us for pulse_us in wanted_us]))
         truth = self._body.truth()
         imu = self._imu
         force, rate = (

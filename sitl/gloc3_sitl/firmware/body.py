@@ -6,17 +6,16 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Misuse
+from gloc3_sitl.body import Situation
 from gloc3_sitl.ground import PERIOD_STEPS, raise_ground
-from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.sensors.height import level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
 from gloc3_sitl.truth import Truth
+from gloc3_sitl.vehicles.table import vehicle_named
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
 from gloc3_sitl.world.probe import WorldProbe
-
-MOTORS: Final = 4
 
 
 class BodySettings(msgspec.Struct, frozen=True, kw_only=True):
@@ -34,8 +33,8 @@ class BodySettings(msgspec.Struct, frozen=True, kw_only=True):
     """Metre-level fixes in place of RTK-grade ones."""
 
 
-class Body:
-    """One vehicle in one world; the same throttles give the same flight bit for bit.
+class SensedBody:
+    """One vehicle in one world; the same outputs give the same flight bit for bit.
 
     Args:
         world: where it flies.
@@ -52,21 +51,27 @@ class Body:
 
     def _make(self) -> None:
         settings, world = self.settings, self.world
-        self.quadrotor = Quadrotor(
-            settings.vehicle,
-            world.home,
-            wind=settings.wind,
-            seed=settings.seed,
-            rate_hz=self.rate_hz,
-            heading_deg=world.heading_deg,
+        row = vehicle_named(settings.vehicle)
+        self.vehicle_class = row.vehicle_class
+        self._needed = len(row.vehicle_class.output_numbers)
+        self.body = row.body(
+            Situation(
+                home=world.home,
+                wind=settings.wind,
+                water=world.water,
+                seed=settings.seed,
+                rate_hz=self.rate_hz,
+                heading_deg=world.heading_deg,
+            )
         )
         self.sensors = SensorSuite(
             settings.seed,
             world.home,
-            model=self.quadrotor.model,
+            pack=row.pack,
             is_plain_gps=settings.is_plain_gps,
             imu_rate_hz=float(self.rate_hz),
             probe=level_ground if self._is_flat else WorldProbe(world),
+            more=row.sensors(settings.seed, world.home),
         )
         if settings.is_without_gps:
             self.sensors.fail("fix", "lost")
@@ -75,11 +80,12 @@ class Body:
         """Begins anew: at home, at rest, at time 0."""
         self._make()
 
-    def step(self, throttles: Sequence[float]) -> list[Reading]:
+    def step(self, outputs: Sequence[float]) -> list[Reading]:
         """Advances by one step.
 
         Args:
-            throttles: of the four motors, front right, rear left, front left, rear right, 0 to 1; more are ignored.
+            outputs: as the body takes them (of a quadrotor: front right, rear left, front left, rear right, 0 to 1);
+                more are ignored.
 
         Returns:
             The readings that arrive now.
@@ -87,21 +93,21 @@ class Body:
         Raises:
             Misuse: there are fewer.
         """
-        if len(throttles) < MOTORS:
-            raise Misuse(f"{MOTORS} throttles are needed, not {len(throttles)}")
-        one, two, three, four = throttles[:MOTORS]
-        quadrotor = self.quadrotor
-        quadrotor.step((one, two, three, four))
-        now_s = quadrotor.now_s
-        if not self._is_flat and quadrotor.steps % PERIOD_STEPS == 0:
-            raise_ground(quadrotor, self.world, now_s)
-        return self.sensors.sample(quadrotor, now_s)
+        needed = self._needed
+        if len(outputs) < needed:
+            raise Misuse(f"{needed} outputs are needed, not {len(outputs)}")
+        body = self.body
+        body.step(tuple(outputs[:needed]))
+        now_s = body.now_s
+        if not self._is_flat and body.steps % PERIOD_STEPS == 0:
+            raise_ground(body, self.world, now_s)
+        return self.sensors.sample(body, now_s)
 
     @property
     def now_s(self) -> float:
         """Simulated seconds since the start."""
-        return self.quadrotor.now_s
+        return self.body.now_s
 
     def truth(self) -> Truth:
         """What the vehicle really does now."""
-        return self.quadrotor.truth()
+        return self.body.truth()

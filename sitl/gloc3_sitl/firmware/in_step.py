@@ -20,7 +20,7 @@ from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.surroundings import Power
 from gloc3_sitl.firmware.ardupilot import RATE_HZ, ArduPilotBridge
-from gloc3_sitl.firmware.body import Body, BodySettings
+from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.json_server import SocketAddress, newest
 from gloc3_sitl.firmware.kinds import Wishes, kind_named, start_program
 from gloc3_sitl.firmware.program import find_binary
@@ -63,7 +63,7 @@ class FirmwareInStep:
         """Always empty: what it says is on its link, and in `firmware.txt`."""
         self.problem = ""
         """Why time does not go on any more."""
-        self._body: Final = Body(world, settings, RATE_HZ)
+        self._body: Final = SensedBody(world, settings, RATE_HZ)
         self._bridge: Final = ArduPilotBridge(self._body)
         self._scratch: Final = TemporaryDirectory(prefix="gloc3-firmware-")
         folder = Path(self._scratch.name) if out is None else out.absolute() / "firmware"
@@ -179,11 +179,11 @@ class FirmwareInStep:
     @property
     def wind(self) -> Wind:
         """What the air does; may be set at any time."""
-        return self._body.quadrotor.wind
+        return self._body.body.wind
 
     @wind.setter
     def wind(self, wind: Wind) -> None:
-        self._body.quadrotor.wind = wind
+        self._body.body.wind = wind
 
     @property
     def autopilot(self) -> Autopilot:

@@ -11,7 +11,7 @@ from gloc3.link.codec import Encoder, Parser
 from gloc3.link.interval import SET_MESSAGE_INTERVAL
 from gloc3.link.message import MavlinkMessage
 from gloc3_sitl.firmware import hil_messages as hil
-from gloc3_sitl.firmware.body import MOTORS, Body
+from gloc3_sitl.firmware.body import SensedBody
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
     FixReading,
@@ -27,7 +27,8 @@ RATE_HZ: Final = 250
 _SYSTEM, _COMPONENT = 1, 200
 """As whom we speak on the link."""
 _HEARTBEAT_STEPS: Final = RATE_HZ
-_STANDING_STILL: Final = (0.0,) * MOTORS
+_MOTORS: Final = 4
+_STANDING_STILL: Final = (0.0,) * _MOTORS
 _STILL: Final = ImuReading(t_s=0.0, specific_force_frd_m_s2=(0.0, 0.0, 0.0), rate_frd_rad_s=(0.0, 0.0, 0.0))
 """In fields that are not said to be new."""
 _LOCK_STEP_FLAG: Final = 1
@@ -46,7 +47,7 @@ class Px4Bridge:
         utc_offset_s: UTC at time 0, in seconds since 1970.
     """
 
-    def __init__(self, body: Body, utc_offset_s: float) -> None:
+    def __init__(self, body: SensedBody, utc_offset_s: float) -> None:
         self.steps = 0
         """Steps since PX4 has connected."""
         self.answers = 0
@@ -108,7 +109,7 @@ class Px4Bridge:
                     return
                 self._answered_us = message.time_usec
                 self.is_armed = bool(message.mode & codec.enums.MAV_MODE_FLAG_SAFETY_ARMED)
-                self._throttles = message.controls[:MOTORS]
+                self._throttles = message.controls[:_MOTORS]
                 self._is_in_step = is_in_step
                 self._is_waiting = False
             case "COMMAND_LONG" if message.command == SET_MESSAGE_INTERVAL and round(message.param1) == _HIL_STATE:

@@ -14,7 +14,7 @@ from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.narrate import narrate
 from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
-from gloc3_sitl.firmware.body import Body, BodySettings
+from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.hil_server import HilServer
 from gloc3_sitl.firmware.json_server import JsonServer
 from gloc3_sitl.firmware.kinds import Kind, Wishes, kind_named, start_program
@@ -74,7 +74,7 @@ async def run_firmware(options: FirmwareOptions) -> int:
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
-    body = Body(options.world, options.body, kind.rate_hz)
+    body = SensedBody(options.world, options.body, kind.rate_hz)
     server = _server(options, body, loop)
     async with AsyncExitStack() as stack:
         stack.push_async_callback(server.close)
@@ -103,7 +103,7 @@ async def run_firmware(options: FirmwareOptions) -> int:
     return code
 
 
-def _server(options: FirmwareOptions, body: Body, loop: asyncio.AbstractEventLoop) -> JsonServer | HilServer:
+def _server(options: FirmwareOptions, body: SensedBody, loop: asyncio.AbstractEventLoop) -> JsonServer | HilServer:
     if options.firmware == "ardupilot":
         return JsonServer(ArduPilotBridge(body), loop, options.speed)
     return HilServer(Px4Bridge(body, Clock(loop).utc_offset_s + loop.time()), loop, options.speed)
@@ -129,7 +129,7 @@ def _program(options: FirmwareOptions, kind: Kind, binary: Path, port: int, fold
 class _Watch:
     """Tells what becomes of the firmware."""
 
-    def __init__(self, body: Body, server: JsonServer | HilServer, program: Program | None, title: str) -> None:
+    def __init__(self, body: SensedBody, server: JsonServer | HilServer, program: Program | None, title: str) -> None:
         self._body, self._server, self._program, self._title = body, server, program, title
 
     async def until(self, stopped: asyncio.Event, seconds: float | None) -> int:

@@ -2,13 +2,12 @@
 
 from itertools import pairwise
 from math import sqrt
-from typing import Final
+from typing import Final, Protocol
 
 from gloc3.frames import Vector3
 from gloc3_sitl.sensors.readings import BatteryReading
 from gloc3_sitl.sensors.sensor import Sensor
 from gloc3_sitl.truth import Motion
-from gloc3_sitl.vehicles import MultirotorModel
 
 CELL_CURVE: Final = (
     (0.0, 3.20),
@@ -35,6 +34,25 @@ def cell_voltage_v(remaining: float) -> float:
     return CELL_CURVE[-1][1]
 
 
+class Pack(Protocol):
+    """A battery, as the model of a vehicle describes it."""
+
+    @property
+    def cells(self) -> int:
+        """Cells of the lithium-polymer battery in series."""
+        ...
+
+    @property
+    def capacity_ah(self) -> float:
+        """Nominal charge."""
+        ...
+
+    @property
+    def battery_resistance_ohm(self) -> float:
+        """Internal resistance of the whole pack with its leads."""
+        ...
+
+
 class Battery(Sensor[BatteryReading]):
     """The current follows from power = current times (open-circuit voltage less current times resistance).
 
@@ -46,7 +64,7 @@ class Battery(Sensor[BatteryReading]):
     bias_size = -1.0
     noise_size = 0.5
 
-    def __init__(self, seed: int, model: MultirotorModel, remaining: float = 1.0, rate_hz: float = 5.0) -> None:
+    def __init__(self, seed: int, model: Pack, remaining: float = 1.0, rate_hz: float = 5.0) -> None:
         super().__init__(seed, rate_hz)
         self.remaining = remaining
         """Share of the charge that is truly left; may be set at any time."""

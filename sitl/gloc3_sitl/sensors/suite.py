@@ -1,11 +1,12 @@
 """All sensors of a vehicle, sampled together, with faults injected by name."""
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from gloc3.errors import Misuse
 from gloc3.frames import GeoPoint, Vector3
 from gloc3_sitl.sensors.barometer import Barometer
-from gloc3_sitl.sensors.battery import Battery
+from gloc3_sitl.sensors.battery import Battery, Pack
 from gloc3_sitl.sensors.fix import PLAIN_GPS, RTK, FixSensor
 from gloc3_sitl.sensors.height import HeightSensor, Probe, level_ground
 from gloc3_sitl.sensors.imu import Imu
@@ -13,7 +14,7 @@ from gloc3_sitl.sensors.magnetometer import Magnetometer
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.sensor import FaultMode, Sensor
 from gloc3_sitl.truth import Motion
-from gloc3_sitl.vehicles import PELICAN, MultirotorModel
+from gloc3_sitl.vehicles import PELICAN
 
 
 class SensorSuite:
@@ -22,11 +23,12 @@ class SensorSuite:
     Args:
         seed: Seed of all noise and biases.
         home: Where the flight begins: the place of the magnetic field.
-        model: The vehicle, for its battery.
+        pack: The vehicle's battery.
         is_plain_gps: Metre-level fixes in place of RTK-grade ones.
         battery_remaining: Charge at the start, 1 to 0.
         imu_rate_hz: Rate of the IMU.
         probe: What the height sensor measures.
+        more: Sensors that the vehicle has beside these, or in place of one of the same name.
     """
 
     def __init__(
@@ -34,25 +36,22 @@ class SensorSuite:
         seed: int,
         home: GeoPoint,
         *,
-        model: MultirotorModel = PELICAN,
+        pack: Pack = PELICAN,
         is_plain_gps: bool = False,
         battery_remaining: float = 1.0,
         imu_rate_hz: float = 200.0,
         probe: Probe = level_ground,
+        more: Sequence[Sensor[Any]] = (),
     ) -> None:
         self.imu: Final = Imu(seed, imu_rate_hz)
         self.barometer: Final = Barometer(seed)
         self.magnetometer: Final = Magnetometer(seed, home)
         self.height: Final = HeightSensor(seed, probe=probe)
         self.fix: Final = FixSensor(seed, home, PLAIN_GPS if is_plain_gps else RTK)
-        self.battery: Final = Battery(seed, model, battery_remaining)
-        self._slow: tuple[Sensor[Any], ...] = (
-            self.barometer,
-            self.magnetometer,
-            self.height,
-            self.fix,
-            self.battery,
-        )
+        self.battery: Final = Battery(seed, pack, battery_remaining)
+        usual: tuple[Sensor[Any], ...] = (self.barometer, self.magnetometer, self.height, self.fix, self.battery)
+        slow = {sensor.name: sensor for sensor in (*usual, *more)}
+        self._slow: tuple[Sensor[Any], ...] = tuple(slow.values())
         self._sensors = {sensor.name: sensor for sensor in (self.imu, *self._slow)}
         self._due_s = 0.0
 

@@ -1,11 +1,11 @@
-"""The vehicles that can be simulated, by name."""
+"""The vehicles that can be simulated: what each is made of, and the table of all of them."""
 
 from typing import Final
 
 from gloc3_sitl.vehicles.model import MultirotorModel
 from gloc3_sitl.vehicles.pelican import PELICAN
 
-VEHICLES: Final = {"pelican": PELICAN}
-"""Models by the name that platform files use."""
+MULTIROTORS: Final = {"pelican": PELICAN}
+"""Models by name."""
 
-__all__ = ["PELICAN", "VEHICLES", "MultirotorModel"]
+__all__ = ["MULTIROTORS", "PELICAN", "MultirotorModel"]

@@ -7,6 +7,7 @@ import msgspec
 
 from gloc3.frames import Vector3
 from gloc3.platform import FrameRow, Name
+from gloc3_sitl.water import STILL, Water
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e5)]
 Grey = Annotated[float, msgspec.Meta(ge=0.0, le=255.0)]
@@ -207,6 +208,8 @@ class WorldFile(_Row, frozen=True, kw_only=True):
     """Bright spots by name."""
     tracker: Tracker | None = None
     marker: Marker | None = None
+    water: Water = STILL
+    """What swims is in it, whether the file says so or not."""
 
 
 class VariantFile(_Row, frozen=True, kw_only=True):
@@ -229,10 +232,11 @@ class VariantFile(_Row, frozen=True, kw_only=True):
     lights: dict[Name, Light] = {}
     """Bright spots, likewise."""
     tracker: Tracker | None = None
+    water: Water | None = None
 
     def applied_to(self, base: WorldFile) -> WorldFile:
         """The world that results."""
-        names = ("spawn", "lighting", "dust", "exposure", "tracker")
+        names = ("spawn", "lighting", "dust", "exposure", "tracker", "water")
         plain = {name: getattr(self, name) for name in names}
         return msgspec.structs.replace(
             base,

@@ -10,6 +10,7 @@ from gloc3.document import load_bytes, parse
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.schema import check
+from gloc3_sitl.water import Water
 from gloc3_sitl.world.doubts import doubts
 from gloc3_sitl.world.model import Box, Marker, Surface, VariantFile, WorldFile
 
@@ -38,6 +39,8 @@ class World:
         self.home: Final = self.frame.to_geo(self.spawn_m)
         """The ground where the vehicle starts."""
         self.marker: Final[Marker | None] = file.marker
+        self.water: Water = file.water
+        """What is swum in; may be set before a vehicle is put into it."""
         self.surfaces: Final = (
             *file.surfaces.values(),
             *(side for box in file.boxes.values() for side in box_sides(box)),

@@ -294,7 +294,7 @@ def test_setpoints_with_any_numbers_leave_finite_throttles(values: list[float], 
         **dict(zip(names, values, strict=True)),
     )
     bench.run(0.04)
-    assert all(0.0 <= throttle <= 1.0 for throttle in bench.sim.autopilot.throttles)
+    assert all(0.0 <= throttle <= 1.0 for throttle in bench.sim.autopilot.outputs)
 
 
 BARE_BENCH = Bench()

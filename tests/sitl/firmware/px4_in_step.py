@@ -12,7 +12,7 @@ from tests.sitl.firmware.px4_peer import Px4Peer
 from gloc3.clock import VIRTUAL_EPOCH_S, VirtualLoop
 from gloc3.frames import GeoPoint
 from gloc3.link.memory import MemoryEnd
-from gloc3_sitl.firmware.body import Body, BodySettings
+from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.px4 import RATE_HZ, Px4Bridge
 from gloc3_sitl.world import World
 
@@ -35,7 +35,7 @@ class Px4InStep:
     ) -> None:
         self.is_held_up = False
         """It reads nothing, and answers nothing."""
-        self.body: Final = Body(World.load("open", GeoPoint(*origin), 0.0), BodySettings(), RATE_HZ)
+        self.body: Final = SensedBody(World.load("open", GeoPoint(*origin), 0.0), BodySettings(), RATE_HZ)
         self.bridge: Final = Px4Bridge(self.body, VIRTUAL_EPOCH_S)
         self.flights = 0
         """Times that it was switched on."""

@@ -4,7 +4,7 @@ import pytest
 from tests.sitl.firmware.json_peer import JsonPeer
 
 from gloc3_sitl.firmware.ardupilot import NO_ECHO_M, RATE_HZ, ArduPilotBridge
-from gloc3_sitl.firmware.body import Body, BodySettings
+from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.world import World
 
 HERE, THERE = ("127.0.0.1", 40001), ("127.0.0.1", 40002)
@@ -12,8 +12,8 @@ STEP_S = 1.0 / RATE_HZ
 HOVER_US = 1524
 
 
-def make(**settings: object) -> tuple[ArduPilotBridge, Body]:
-    body = Body(World.load("open"), BodySettings(**settings), RATE_HZ)  # type: ignore[arg-type]
+def make(**settings: object) -> tuple[ArduPilotBridge, SensedBody]:
+    body = SensedBody(World.load("open"), BodySettings(**settings), RATE_HZ)  # type: ignore[arg-type]
     return ArduPilotBridge(body), body
 
 
@@ -50,7 +50,7 @@ def test_a_packet_that_comes_again_gets_the_last_answer_and_time_stands() -> Non
     first = bridge.receive(peer.servos(), HERE)
     assert bridge.receive(peer.servos(), HERE) == first
     assert bridge.repeats == 1
-    assert body.quadrotor.steps == 1
+    assert body.body.steps == 1
 
 
 def test_a_count_that_leaves_some_out_is_one_step() -> None:
@@ -60,7 +60,7 @@ def test_a_count_that_leaves_some_out_is_one_step() -> None:
     peer.frame += 5
     assert exchange(bridge, peer)
     assert bridge.skips == 5
-    assert body.quadrotor.steps == 2
+    assert body.body.steps == 2
 
 
 @pytest.mark.parametrize("sender", [HERE, THERE])
@@ -87,7 +87,7 @@ def test_a_second_firmware_on_the_same_port_is_not_answered() -> None:
     assert bridge.receive(other.servos(), THERE) is None
     assert bridge.receive(b"what?", HERE) is None
     assert bridge.refused == 2
-    assert body.quadrotor.steps == 1
+    assert body.body.steps == 1
 
 
 @pytest.mark.parametrize("channels", [16, 32])
@@ -128,7 +128,7 @@ def test_faults_of_the_inertial_unit_reach_the_firmware() -> None:
 def test_the_world_is_under_the_vehicle() -> None:
     bridge, body = make()
     assert body.world.name == "open"
-    hold = Body(World.load("hold"), BodySettings(), RATE_HZ)
+    hold = SensedBody(World.load("hold"), BodySettings(), RATE_HZ)
     peer = JsonPeer()
     bridge = ArduPilotBridge(hold)
     for _ in range(100):

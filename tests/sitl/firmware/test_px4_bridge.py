@@ -4,15 +4,15 @@ import pytest
 from tests.sitl.firmware.px4_peer import Px4Peer
 
 from gloc3.clock import VIRTUAL_EPOCH_S
-from gloc3_sitl.firmware.body import Body, BodySettings
+from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.px4 import RATE_HZ, Px4Bridge
 from gloc3_sitl.world import World
 
 HOVER = 0.524
 
 
-def make(**settings: object) -> tuple[Px4Bridge, Body]:
-    body = Body(World.load("open"), BodySettings(**settings), RATE_HZ)  # type: ignore[arg-type]
+def make(**settings: object) -> tuple[Px4Bridge, SensedBody]:
+    body = SensedBody(World.load("open"), BodySettings(**settings), RATE_HZ)  # type: ignore[arg-type]
     return Px4Bridge(body, VIRTUAL_EPOCH_S), body
 
 
@@ -40,7 +40,7 @@ def test_time_runs_freely_until_px4_answers_and_then_waits_for_each_answer() -> 
     assert not bridge.is_due
     bridge.receive(answer[20:])
     assert bridge.is_due
-    assert body.quadrotor.steps == 12
+    assert body.body.steps == 12
     assert peer.answered == bridge.answers == 2
 
 

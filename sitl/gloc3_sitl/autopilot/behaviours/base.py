@@ -1,7 +1,7 @@
 """The form of a behaviour, and the part that most share: a smooth way to a place with a heading."""
 
 from abc import ABC, abstractmethod
-from math import atan2, hypot, sqrt
+from math import atan2, hypot, nan, sqrt
 
 from gloc3.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint
@@ -32,6 +32,16 @@ class Activity(ABC):
 
     def on_jump(self, jump_ned_m: Vector3) -> None:  # noqa: B027 # most have nothing to move
         """The position estimate has jumped by this; the vehicle has not moved."""
+
+
+class GoesTo(Activity):
+    """A behaviour that can be told to go to a place and stay there."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
+        """Goes to a place and stays there; NaN leaves heading and speed as they are."""
 
 
 class Mover(Activity):

@@ -12,7 +12,7 @@ from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
 from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard, StreamedAttitude
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.modes import Behaviour
+from gloc3_sitl.autopilot.modes import Behaviour, Style
 
 
 class Terminated(Activity):
@@ -25,15 +25,17 @@ class Terminated(Activity):
         return LANDED
 
 
-def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, *, is_guided: bool) -> Activity:
-    """Begins a behaviour.
+def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, style: Style) -> Activity:
+    """Begins a behaviour: the style's own way, or that of multirotors.
 
     Args:
         behaviour: what to do.
         craft: the vehicle.
         takeoff_down_m: where a take-off ends, as NED down; NaN is the usual height over here.
-        is_guided: whether streamed control is ArduPilot's Guided and not PX4's Offboard.
+        style: whose behaviour.
     """
+    if behaviour in style.activities:
+        return style.activities[behaviour](craft)
     match behaviour:
         case Behaviour.STABILIZE:
             return Stabilize(craft)
@@ -59,7 +61,7 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, *, i
         case Behaviour.FOLLOW:
             return Follow(craft)
         case Behaviour.STREAMED:
-            return Guided(craft) if is_guided else Offboard(craft)
+            return Guided(craft) if style.takeoff_in_streamed else Offboard(craft)
         case Behaviour.STREAMED_ATTITUDE:
             return StreamedAttitude(craft)
         case Behaviour.TERMINATED:

@@ -4,12 +4,12 @@ from dataclasses import replace
 from math import nan
 
 from gloc3.frames import Vector3
-from gloc3_sitl.autopilot.behaviours.base import Mover
+from gloc3_sitl.autopilot.behaviours.base import GoesTo, Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
 
-class Hold(Mover):
+class Hold(Mover, GoesTo):
     """Stops at the nearest place where it can and stays there; on the ground it keeps the motors idling."""
 
     __slots__ = ("_is_going",)

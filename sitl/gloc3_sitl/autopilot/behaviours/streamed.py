@@ -3,7 +3,7 @@
 from math import nan
 
 from gloc3.frames import Vector3
-from gloc3_sitl.autopilot.behaviours.base import Mover
+from gloc3_sitl.autopilot.behaviours.base import GoesTo, Mover
 from gloc3_sitl.autopilot.behaviours.climb import TakeOff
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
@@ -48,7 +48,7 @@ class StreamedAttitude(Mover):
         return MotionSetpoint(velocity_ned_m_s=(nan, nan, 0.0), yaw_rad=self.yaw_rad)
 
 
-class Guided(Mover):
+class Guided(Mover, GoesTo):
     """ArduPilot's Guided: take-off, go to, velocities that stop when they are not renewed, attitudes."""
 
     __slots__ = ("_climb", "_seen_s", "_stopped")
@@ -70,8 +70,9 @@ class Guided(Mover):
         """Climbs from the ground to a height, as NED down."""
         self._climb = TakeOff(self.craft, target_down_m)
 
-    def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan) -> None:
-        """Flies to a place and holds there."""
+    def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
+        """Flies to a place and holds there, with the usual speed."""
+        del speed_m_s
         if not self._stopped:
             self.resync()
         self._stopped = True

@@ -31,7 +31,7 @@ _LOOK_AT_NOTHING: Final = 197
 
 def handle(front: "Front", request: CommandRequest) -> Verdict:
     """Runs a command; unknown ones are unsupported."""
-    handler = HANDLERS.get(request.command)
+    handler = None if request.command in front.autopilot.style.unsupported else HANDLERS.get(request.command)
     return _UNSUPPORTED if handler is None else handler(front, request)
 
 

@@ -36,7 +36,6 @@ from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
 
-_QUADROTOR: Final = 2
 _STANDBY, _ACTIVE, _CRITICAL, _EMERGENCY, _BOOT, _TERMINATED = 3, 4, 5, 6, 1, 8
 _ARMED, _CUSTOM = 128, 1
 ARM_AUTHORIZATION_REQUEST: Final = 3001
@@ -76,7 +75,9 @@ class Front:
         self.commander.authorization.send = self._ask_for_leave
         self.commander.on_arming_settled = self._arming_settled
         self._texts = StatusTextSender(self.own)
-        self._heartbeat = Heartbeat(self.own, vehicle_type=_QUADROTOR, autopilot=autopilot.style.autopilot)
+        self._heartbeat = Heartbeat(
+            self.own, vehicle_type=autopilot.vehicle.mav_type, autopilot=autopilot.style.autopilot
+        )
         self.plans: Final = PlanKeeper(self, self.own)
         if before is not None:
             self.plans.take_over(before.plans)

@@ -57,8 +57,8 @@ def attitude_target(autopilot: "Autopilot") -> MavlinkMessage:
     return message(
         "ATTITUDE_TARGET",
         time_boot_ms=boot_ms(autopilot),
-        q=autopilot.wanted_attitude,
-        thrust=autopilot.thrust,
+        q=autopilot.control.wanted_attitude,
+        thrust=autopilot.control.thrust,
     )
 
 
@@ -152,7 +152,7 @@ def vfr_hud(autopilot: "Autopilot") -> MavlinkMessage:
         airspeed=speed,
         groundspeed=speed,
         heading=round(degrees(estimator.yaw_rad % tau)) % 360,
-        throttle=round(100.0 * max(0.0, min(1.0, autopilot.thrust))),
+        throttle=round(100.0 * max(0.0, min(1.0, autopilot.control.thrust))),
         alt=place.altitude_m if place is not None else -estimator.inertial.position_ned_m[2],
         climb=-vd,
     )

@@ -12,7 +12,6 @@ from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, milli_g, s
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
 
-_LEAST_US, _SPAN_US = 1000, 1000
 _OUTPUTS: Final = 16
 _ACTUATORS: Final = 32
 _UNKNOWN: Final = 65535
@@ -22,17 +21,18 @@ _CHANNELS: Final = 18
 
 
 def servo_output(autopilot: "Autopilot") -> MavlinkMessage:
-    """SERVO_OUTPUT_RAW: the four motors, and what somebody has set on the other outputs."""
+    """SERVO_OUTPUT_RAW: motors and rudders, and what somebody has set on the other outputs."""
     pulses = dict(autopilot.servo_us)
-    for number, throttle in enumerate(autopilot.throttles, start=1):
-        pulses[number] = round(_LEAST_US + _SPAN_US * throttle)
+    vehicle = autopilot.vehicle
+    for number, output in zip(vehicle.output_numbers, autopilot.outputs, strict=True):
+        pulses[number] = round(vehicle.rest_us + vehicle.span_us * output)
     fields = {f"servo{number}_raw": pulses.get(number, 0) for number in range(1, _OUTPUTS + 1)}
     return message("SERVO_OUTPUT_RAW", time_usec=microseconds(autopilot) & 0xFFFFFFFF, port=0, **fields)
 
 
 def actuator_output(autopilot: "Autopilot") -> MavlinkMessage:
-    """ACTUATOR_OUTPUT_STATUS: the throttles of the four motors."""
-    values = autopilot.throttles
+    """ACTUATOR_OUTPUT_STATUS: the outputs to motors and rudders."""
+    values = autopilot.outputs
     return message(
         "ACTUATOR_OUTPUT_STATUS",
         time_usec=microseconds(autopilot),

@@ -111,7 +111,8 @@ def _landed_state(autopilot: "Autopilot") -> Landed:
 
 def extended_sys_state(autopilot: "Autopilot") -> MavlinkMessage:
     """EXTENDED_SYS_STATE."""
-    return message("EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(_landed_state(autopilot)))
+    landed = int(_landed_state(autopilot)) if autopilot.vehicle.tells_landed else 0
+    return message("EXTENDED_SYS_STATE", vtol_state=0, landed_state=landed)
 
 
 def home_position(autopilot: "Autopilot") -> MavlinkMessage | None:

@@ -1,0 +1,37 @@
+"""The seam between decisions and motors: what every class of vehicle must be able to do with a setpoint."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from gloc3.frames import Quaternion
+from gloc3_sitl.autopilot.control.setpoint import Setpoint
+
+Outputs = Sequence[float]
+"""What the motors and rudders of a vehicle are told, in its body's own order: 0 to 1, or -1 to 1 where they reverse."""
+
+
+class Control(Protocol):
+    """Control loops of one vehicle, made with its `Craft`, from which it reads estimate, tuning and time."""
+
+    @property
+    def stopped(self) -> Outputs:
+        """Outputs while the vehicle is not armed."""
+        ...
+
+    @property
+    def thrust(self) -> float:
+        """Drive asked for, as a fraction of full, for the telemetry."""
+        ...
+
+    @property
+    def wanted_attitude(self) -> Quaternion:
+        """Attitude that is steered to, `ned_from_frd`, for the telemetry."""
+        ...
+
+    def follow(self, setpoint: Setpoint) -> None:
+        """Takes what the mode asks for, every 20 ms, and says in `craft.touchdown` whether the vehicle stands."""
+        ...
+
+    def outputs(self) -> Outputs:
+        """The outputs for the next 5 ms, while armed."""
+        ...

@@ -1,0 +1,140 @@
+"""How a multirotor is controlled: position to attitude to rates to four throttles, and how touchdown is felt."""
+
+from typing import Final
+
+from gloc3.frames import GRAVITY_M_S2
+from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
+from gloc3_sitl.autopilot.control.attitude import AttitudeController, attitude_for
+from gloc3_sitl.autopilot.control.mixer import IDLE, Mixer, Throttles
+from gloc3_sitl.autopilot.control.position import PositionController
+from gloc3_sitl.autopilot.control.rates import RateController
+from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.periods import OUTER_S, OUTER_STEPS, STEP_S
+
+_IDLE_THRUST: Final = 0.03
+"""Collective thrust of motors that idle."""
+_THRUST_RISE_PER_S: Final = 1.2
+"""How fast the collective may grow after standing on the ground."""
+
+
+class MultirotorControl:
+    """Control loops of a quadrotor; a `Control`.
+
+    Args:
+        craft: what is known of the vehicle.
+        airframe: what it is made of.
+    """
+
+    stopped: Throttles = IDLE
+
+    def __init__(self, craft: Craft, airframe: Airframe = PELICAN) -> None:
+        self.thrust = 0.0
+        self.wanted_attitude = craft.estimator.inertial.ned_from_frd
+        self._craft: Final = craft
+        self._estimator: Final = craft.estimator
+        self._tuning: Final = craft.tuning
+        self._mixer = Mixer(airframe.thrust_curve)
+        self._rates = RateController(airframe, STEP_S)
+        self._attitude = AttitudeController(airframe.attitude_p)
+        self._position = PositionController(craft.tuning.gains)
+        self._wanted_rate = (0.0, 0.0, 0.0)
+        self._yaw_rate = 0.0
+        self._flies_rates = False
+        self._is_idle = True
+        self._ceiling = 0.0
+        self._hold_yaw_rad = 0.0
+
+    def outputs(self) -> Throttles:
+        """The throttles for the next 5 ms."""
+        mixer = self._mixer
+        inertial = self._estimator.inertial
+        if self._is_idle:
+            self._rates.reset()
+            return mixer.mix(_IDLE_THRUST, 0.0, 0.0, 0.0)
+        if self._flies_rates:
+            wanted = self._wanted_rate
+        else:
+            wanted = self._attitude.update(inertial.ned_from_frd, self.wanted_attitude, self._yaw_rate)
+        roll, pitch, yaw = self._rates.update(wanted, inertial.rate_frd_rad_s, mixer.is_saturated)
+        return mixer.mix(self.thrust, roll, pitch, yaw)
+
+    def follow(self, setpoint: Setpoint) -> None:
+        """Looks for the ground, and turns a setpoint into an attitude (or rates) and a thrust."""
+        self._detect_touchdown(setpoint)
+        tuning = self._tuning
+        self._attitude.gain = (tuning.attitude_p_roll, tuning.attitude_p_pitch, tuning.attitude_p_yaw)
+        inertial = self._estimator.inertial
+        if setpoint is LANDED:
+            self._is_idle = True
+            self._ceiling = _IDLE_THRUST
+            self.thrust = _IDLE_THRUST if self._craft.is_armed else 0.0
+            self._position.reset()
+            self.wanted_attitude = inertial.ned_from_frd
+            self._hold_yaw_rad = self._estimator.yaw_rad
+            return
+        self._is_idle = False
+        if self._ceiling < 1.0:
+            self._ceiling += _THRUST_RISE_PER_S * STEP_S * OUTER_STEPS
+        if isinstance(setpoint, AttitudeSetpoint):
+            self.thrust = min(setpoint.thrust, self._ceiling)
+            self._flies_rates = setpoint.ned_from_frd is None
+            if setpoint.ned_from_frd is None:
+                self._wanted_rate = setpoint.rate_frd_rad_s
+            else:
+                self.wanted_attitude = setpoint.ned_from_frd
+                self._yaw_rate = setpoint.rate_frd_rad_s[2]
+            self._hold_yaw_rad = self._estimator.yaw_rad
+            return
+        self._flies_rates = False
+        self._follow_motion(setpoint)
+
+    def _follow_motion(self, setpoint: MotionSetpoint) -> None:
+        inertial, tuning = self._estimator.inertial, self._tuning
+        if setpoint.yaw_rad == setpoint.yaw_rad:
+            self._hold_yaw_rad = setpoint.yaw_rad
+        elif setpoint.yaw_rate_rad_s:
+            self._hold_yaw_rad += setpoint.yaw_rate_rad_s * STEP_S * OUTER_STEPS
+        self._yaw_rate = setpoint.yaw_rate_rad_s
+        force = self._position.update(
+            setpoint,
+            inertial.position_ned_m,
+            inertial.velocity_ned_m_s,
+            inertial.acceleration_ned_m_s2,
+            tuning.hover_thrust,
+            OUTER_S,
+        )
+        self.wanted_attitude = attitude_for(force, self._hold_yaw_rad)
+        # Only the part of the force along the body's own axis can be given before the vehicle has turned.
+        w, x, y, z = inertial.ned_from_frd
+        along = (
+            force[0] * 2.0 * (x * z + w * y)
+            + force[1] * 2.0 * (y * z - w * x)
+            + force[2] * (1.0 - 2.0 * (x * x + y * y))
+        )
+        thrust = -along / GRAVITY_M_S2 * tuning.hover_thrust
+        thrust = max(thrust, tuning.gains.thrust_min)
+        self.thrust = min(thrust, self._ceiling)
+
+    def _detect_touchdown(self, setpoint: Setpoint) -> None:
+        craft, inertial = self._craft, self._estimator.inertial
+        now_s = craft.now_s
+        if isinstance(setpoint, AttitudeSetpoint):
+            wants_up = setpoint.thrust > self._tuning.hover_thrust
+            wants_down = setpoint.thrust < 0.5 * self._tuning.hover_thrust
+        else:
+            wanted_down, wanted_speed = setpoint.position_ned_m[2], setpoint.velocity_ned_m_s[2]
+            off = wanted_down - inertial.position_ned_m[2] if wanted_down == wanted_down else 0.0
+            speed = wanted_speed if wanted_speed == wanted_speed else 0.0
+            wants_up = off < -0.05 or speed < -0.05
+            wants_down = setpoint is LANDED or off > 0.05 or speed > 0.1
+        is_range_fresh = now_s - self._estimator.range_t_s < 0.3
+        craft.touchdown.update(
+            now_s,
+            is_armed=craft.is_armed,
+            wants_down=wants_down,
+            wants_up=wants_up,
+            thrust_share=self.thrust / self._tuning.hover_thrust,
+            speed_down_m_s=inertial.velocity_ned_m_s[2],
+            height_m=self._estimator.height_above_ground_m - craft.range_mount_m if is_range_fresh else float("nan"),
+        )

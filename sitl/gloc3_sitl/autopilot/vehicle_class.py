@@ -1,0 +1,31 @@
+"""What the autopilot must know of the class of vehicle that it steers, and cannot find in its parameters."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from gloc3_sitl.autopilot.control.control import Control
+from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
+from gloc3_sitl.autopilot.craft import Craft
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleClass:
+    """A class of vehicles, as an autopilot sees it."""
+
+    mav_type: int
+    """MAV_TYPE, as in its HEARTBEAT."""
+    control: Callable[[Craft], Control]
+    """Makes its control loops."""
+    tells_landed: bool = True
+    """Whether EXTENDED_SYS_STATE tells ground from air; otherwise that is left undefined."""
+    output_numbers: tuple[int, ...] = (1, 2, 3, 4)
+    """Number of the autopilot's output for each of the control's, from 1."""
+    rest_us: int = 1000
+    """Pulse length of an output of 0."""
+    span_us: int = 1000
+    """Microseconds from there to an output of 1."""
+
+
+MULTIROTOR: Final = VehicleClass(mav_type=2, control=MultirotorControl)
+"""A quadrotor."""

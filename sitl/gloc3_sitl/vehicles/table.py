@@ -1,0 +1,101 @@
+"""The vehicles that can be simulated: one row each, which names all in which they differ."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from gloc3.errors import Misuse, nearest
+from gloc3.frames import GeoPoint
+from gloc3_sitl.autopilot.modes import Style
+from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
+from gloc3_sitl.autopilot.styles.px4 import PX4
+from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
+from gloc3_sitl.body import Body, MakeBody, Situation
+from gloc3_sitl.physics import Quadrotor
+from gloc3_sitl.sensors.battery import Pack
+from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.vehicles import PELICAN
+
+MakeSensors = Callable[[int, GeoPoint], Sequence[Sensor[Any]]]
+"""Makes sensors from a seed and the home."""
+
+
+def _none(seed: int, home: GeoPoint) -> Sequence[Sensor[Any]]:
+    """No sensors beside those that every vehicle has."""
+    del seed, home
+    return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleRow:
+    """One vehicle."""
+
+    types: tuple[str, ...]
+    """What platform files call vehicles that it stands for."""
+    body: MakeBody
+    """Makes its physics."""
+    pack: Pack
+    """Its battery."""
+    vehicle_class: VehicleClass
+    """How the autopilot steers it."""
+    styles: Mapping[str, Style]
+    """Autopilots that can steer it, by name; the first is the usual one."""
+    sensors: MakeSensors = _none
+    """Sensors beside those that every vehicle has, or in place of one of the same name."""
+
+
+def _pelican(situation: Situation) -> Body:
+    return Quadrotor(
+        "pelican",
+        situation.home,
+        wind=situation.wind,
+        seed=situation.seed,
+        rate_hz=situation.rate_hz,
+        heading_deg=situation.heading_deg,
+    )
+
+
+VEHICLES: Final[Mapping[str, VehicleRow]] = {
+    "pelican": VehicleRow(
+        types=("quadrotor", "hexarotor"),
+        body=_pelican,
+        pack=PELICAN,
+        vehicle_class=MULTIROTOR,
+        styles={"px4": PX4, "ardupilot": ARDUPILOT},
+    ),
+}
+"""By the name that `gloc3 sitl --vehicle` takes."""
+STYLES: Final = sorted({style for row in VEHICLES.values() for style in row.styles}, reverse=True)
+"""Autopilots that can be simulated."""
+
+
+def vehicle_of_type(platform_type: str) -> str:
+    """The vehicle that stands for a platform's type of vehicle; the Pelican for those that have none of their own."""
+    return next((name for name, row in VEHICLES.items() if platform_type in row.types), "pelican")
+
+
+def vehicle_named(name: str) -> VehicleRow:
+    """The row of a vehicle.
+
+    Raises:
+        Misuse: there is none.
+    """
+    if name not in VEHICLES:
+        raise Misuse(f"no vehicle {name!r}; {nearest(name, list(VEHICLES))}")
+    return VEHICLES[name]
+
+
+def style_of(vehicle: str, wanted: str | None) -> str:
+    """The autopilot of a vehicle: the one that is wanted, or its usual one.
+
+    Raises:
+        Misuse: there is none of that name, or it does not steer such vehicles here.
+    """
+    styles = vehicle_named(vehicle).styles
+    if wanted is None:
+        return next(iter(styles))
+    if wanted not in STYLES:
+        raise Misuse(f"no autopilot {wanted!r}; {nearest(wanted, STYLES)}")
+    if wanted not in styles:
+        raise Misuse(f"no autopilot {wanted!r} for {vehicle!r}: it is steered by {' or '.join(styles)}")
+    return wanted

@@ -10,7 +10,7 @@ NAME ?=
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit check bench evidence lock clean
+.PHONY: demo test unit check bench evidence schema lock clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
@@ -32,6 +32,10 @@ bench: $(READY)  ## what the parts cost
 
 evidence: $(READY)  ## every bar in full, one page each under docs/evidence; NAME=… for one of them
 	$(BIN)/python -m tests.evidence $(NAME)
+
+schema: $(READY)  ## the JSON Schemas of mission and platform files, as they are published
+	$(BIN)/gloc3 mission schema --out docs/schema/mission.schema.json
+	$(BIN)/gloc3 platform schema --out docs/schema/platform.schema.json
 
 lock:  ## after a change of the dependencies: new hashes
 	test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv

@@ -77,6 +77,26 @@ def show(platform: str, /) -> int:
 
 
 @app.command
+def schema(*, out: Path | None = None) -> int:
+    """Print the JSON Schema of platform files, by which editors complete, explain and check them.
+
+    It knows the installed components with their ports and settings, and the installed kinds of arguments.
+
+    Args:
+        out: The file to write it to, instead of printing it.
+    """
+    from gloc3.file_schema import as_text
+    from gloc3.platform_schema import platform_schema
+
+    text = as_text(platform_schema())
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        out.write_text(text, encoding="utf-8")
+    return 0
+
+
+@app.command
 def new(
     *,
     autopilot: str = DEFAULT_AUTOPILOT,

@@ -43,8 +43,18 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     power_w: ClassVar[float] = 0.0
     """What its device draws while it runs, beside what the vehicle takes, in watts."""
 
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Groups of arguments of which exactly one must be given."""
     example: ClassVar[str] = "{}"
     """What may stand for it in a mission file, in YAML, in a local frame."""
+
+    def __post_init__(self) -> None:
+        for group in self.one_of:
+            given = sum(getattr(self, name) is not None for name in group)
+            if given > 1:
+                raise ValueError(f"only one of {' and '.join(group)} may be given")
+            if not given:
+                raise ValueError(f"{' or '.join(group)} must be given")
 
     @classmethod
     def claims(cls) -> tuple[str, ...]:
@@ -270,6 +280,7 @@ class _Flight(Arguments, frozen=True, kw_only=True):
 class FollowWaypoints(_Flight, frozen=True, kw_only=True):
     """Fly through positions in their order."""
 
+    one_of = (("waypoints_m", "waypoints"),)
     example = "{waypoints_m: [[2, 1, 2], [8, 1, 2]], speed_m_s: 0.5}"
 
     waypoints_m: Annotated[tuple[LocalPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
@@ -290,6 +301,7 @@ class FollowWaypoints(_Flight, frozen=True, kw_only=True):
 class GoTo(_Flight, frozen=True, kw_only=True):
     """Fly straight to a position; the component gets it as `FollowWaypointsOrder` with one waypoint."""
 
+    one_of = (("position_m", "position"),)
     example = "{position_m: [2, 1, 2]}"
 
     position_m: LocalPosition | None = None
@@ -306,6 +318,7 @@ class GoTo(_Flight, frozen=True, kw_only=True):
 class RecordImages(Arguments, frozen=True, kw_only=True):
     """Take pictures by distance flown or by time, until told to end or so many are taken."""
 
+    one_of = (("every_m", "every_s"),)
     example = "{camera: ground, every_m: 0.5}"
 
     camera: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
@@ -315,10 +328,6 @@ class RecordImages(Arguments, frozen=True, kw_only=True):
     """A picture each time that so many seconds have passed."""
     count: Annotated[int, msgspec.Meta(ge=1, le=100_000)] | None = None
     """The action is done after so many; None for until it is told to end."""
-
-    def __post_init__(self) -> None:
-        if (self.every_m is None) == (self.every_s is None):
-            raise ValueError("exactly one of every_m and every_s must be given")
 
     @property
     def is_endless(self) -> bool:

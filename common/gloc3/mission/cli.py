@@ -149,6 +149,27 @@ def capabilities(
 
 
 @app.command
+def schema(*, platform: OnPlatform = None, out: Path | None = None) -> int:
+    """Print the JSON Schema of mission files, by which editors complete, explain and check them.
+
+    Args:
+        platform: Whose capabilities, cameras and frames it knows; without it, the kinds that are installed.
+        out: The file to write it to, instead of printing it.
+    """
+    from gloc3.file_schema import as_text
+    from gloc3.mission.mission_schema import mission_schema
+
+    try:
+        text = as_text(mission_schema(_platform(platform)))
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    if out is None:
+        _print(text, end="")
+        return OK
+    return _write(out, text)
+
+
+@app.command
 def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) -> int:
     """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
 
@@ -167,15 +188,12 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
         return _fail(error, WRONG_USE)
     try:
         text, warnings = _converted(path, target.suffix, on)
-        target.write_text(text, encoding="utf-8")
     except InputError as error:
         return _fail(error)
-    except OSError as error:
-        _complain(f"{target}: cannot be written: {(error.strerror or str(error)).lower()}")
-        return WRONG_USE
-    for warning in warnings:
+    code = _write(target, text)
+    for warning in warnings if code == OK else ():
         _complain(str(warning))
-    return OK
+    return code
 
 
 def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
@@ -188,6 +206,15 @@ def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[st
     if suffix in PLAN_SUFFIXES:
         return write_plan(plan), []
     return write_wpl(plan), lost_in_waypoints(plan, str(source))
+
+
+def _write(file: Path, text: str) -> int:
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        _complain(f"{file}: cannot be written: {(error.strerror or str(error)).lower()}")
+        return WRONG_USE
+    return OK
 
 
 def _platform(name: str | None) -> Platform | None:

@@ -42,7 +42,7 @@ def test_what_was_typed_becomes_the_arguments_of_a_mission_file() -> None:
         ("go_to", {"position_m": "1 2 3", "heading": "{look_at: ["}, "heading", ""),
         ("go_to", {"position_m": "1 2 nan"}, "position_m", ""),
         ("take_off", {"height_m": "0"}, "height_m", "> 0"),
-        ("record_images", {"camera": "ground"}, "", "exactly one of every_m and every_s"),
+        ("record_images", {"camera": "ground"}, "", "every_m or every_s must be given"),
     ],
 )
 def test_what_does_not_fit_is_told_at_its_field(

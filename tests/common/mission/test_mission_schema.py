@@ -124,7 +124,7 @@ def test_for_a_platform_it_knows_its_capabilities_cameras_and_frames(pelican: Pl
         text = EVERYTHING.replace(old, new)
         assert not check_text(text, "m", Circumstances(platform=pelican)).is_ok
         assert not validator.is_valid(parse(text, "m").value)
-    frame = validator.schema["$defs"]["MissionFile"]["properties"]["frame"]
+    frame = mission_schema(pelican)["$defs"]["MissionFile"]["properties"]["frame"]
     assert frame["anyOf"][0] == {"enum": ["hold", "geo"]}
 
 

@@ -71,10 +71,20 @@ class Limits(_Row, frozen=True, kw_only=True):
     """Greatest height above home."""
     fence_margin_m: NotNegative = 0.5
     """Distance that waypoints and legs keep from the fence."""
+    survey_height_m: Height | None = None
+    """Height above home at which patterns are flown that say none: 0 on the ground or the water, negative for what dives."""
+    survey_speed_m_s: Positive | None = None
+    """Speed of ways that say none; None: 1 m/s, or the greatest where that is less."""
+    survey_acceptance_m: Positive = 0.25
+    """So near patterns that say nothing come to a waypoint."""
 
     def __post_init__(self) -> None:
         if self.height_min_m >= self.height_max_m:
             raise ValueError("height_min_m must be less than height_max_m")
+        if self.survey_height_m is not None and not self.height_min_m <= self.survey_height_m <= self.height_max_m:
+            raise ValueError("survey_height_m must be from height_min_m to height_max_m")
+        if self.survey_speed_m_s is not None and self.survey_speed_m_s > self.speed_m_s:
+            raise ValueError("survey_speed_m_s must be no more than speed_m_s")
 
 
 class Power(_Row, frozen=True, kw_only=True):
@@ -141,6 +151,8 @@ class Capability(_Row, frozen=True, kw_only=True):
     """Topics, components or capabilities that must be alive."""
     options: dict[str, tuple[str, ...]] = {}
     """Values that are possible for an argument here, such as the names of the cameras."""
+    performed_as: str = ""
+    """The capability as which the component performs it; empty for its own name."""
 
 
 class HostRow(_Row, frozen=True, kw_only=True):

@@ -15,9 +15,9 @@ def home_of(mission: Mission) -> GeoPoint:
         Gloc3Error: the mission has no position.
     """
     for action in mission.actions().values():
-        for field in ("waypoints", "position", "at"):
+        for field in ("waypoints", "position", "at", "area", "wall", "to"):
             value = getattr(action.arguments, field, None)
             if value:
-                latitude, longitude = (value[0] if field == "waypoints" else value)[:2]
+                latitude, longitude = (value[0] if isinstance(value[0], tuple) else value)[:2]
                 return GeoPoint(latitude, longitude, DEFAULT_ALTITUDE_M)
     raise Gloc3Error(f"the mission {mission.name!r} names no place on Earth")

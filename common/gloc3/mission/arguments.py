@@ -9,14 +9,16 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from math import radians
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
+from msgspec.structs import replace
 
 from gloc3.errors import Gloc3Error, Misuse, Refused
 from gloc3.frames import Vector3
 from gloc3.mission.legs import Budget, Leg, climb, fly
 from gloc3.mission.placement import Placement, written_for
+from gloc3.platform import Limits
 
 Metres = Annotated[float, msgspec.Meta(ge=-100_000.0, le=100_000.0)]
 Height = Annotated[float, msgspec.Meta(ge=-11_000.0, le=20_000.0)]
@@ -31,6 +33,17 @@ Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
 WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
 """No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
+
+
+DEFAULT_SPEED_M_S: Final = 1.0
+"""Where neither the mission nor the platform says one."""
+
+
+def speed_of(limits: Limits | None) -> float:
+    """The speed of ways that say none."""
+    if limits is None:
+        return DEFAULT_SPEED_M_S
+    return limits.survey_speed_m_s or min(DEFAULT_SPEED_M_S, limits.speed_m_s)
 
 
 class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -65,6 +78,15 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     def is_endless(self) -> bool:
         """Whether the action goes on until it is told to end."""
         return False
+
+    def filled(self, limits: Limits | None) -> "Arguments":
+        """With what is left to the platform; None where that is not known.
+
+        Raises:
+            Refused: the platform's file does not say it.
+        """
+        del limits
+        return self
 
     def order(self, placement: Placement) -> "Arguments":
         """The same in NED, as the component gets it.
@@ -257,7 +279,8 @@ class _Flight(Arguments, frozen=True, kw_only=True):
 
     moves = True
 
-    speed_m_s: Speed = 1.0
+    speed_m_s: Speed | None = None
+    """None: the platform's `survey_speed_m_s`."""
     heading: Heading = "along"
     """`along`, `hold`, degrees clockwise from north, or `{look_at: POSITION}`."""
     acceptance_m: Distance = 0.25
@@ -265,12 +288,16 @@ class _Flight(Arguments, frozen=True, kw_only=True):
     hold_s: Seconds = 0.0
     """Stay so long at each waypoint."""
 
+    def filled(self, limits: Limits | None) -> Arguments:
+        """With the platform's speed where the mission says none."""
+        return self if self.speed_m_s is not None else replace(self, speed_m_s=speed_of(limits))
+
     def _order(self, waypoints: tuple[Vector3, ...] | None, placement: Placement, name: str) -> FollowWaypointsOrder:
         if waypoints is None:
             raise Refused(f"{name if placement.is_geo else name + '_m'} is missing")
         return FollowWaypointsOrder(
             waypoints_ned_m=tuple(placement.ned_from(waypoint) for waypoint in waypoints),
-            speed_m_s=self.speed_m_s,
+            speed_m_s=self.speed_m_s or DEFAULT_SPEED_M_S,
             heading=heading_order(self.heading, placement),
             acceptance_m=self.acceptance_m,
             hold_s=self.hold_s,
@@ -295,7 +322,7 @@ class FollowWaypoints(_Flight, frozen=True, kw_only=True):
         """The waypoints in NED."""
         waypoints = written_for(placement, self.waypoints_m, self.waypoints, "waypoints")
         order = self._order(waypoints, placement, "waypoints")
-        return msgspec.structs.replace(order, wall_distance_m=self.wall_distance_m)
+        return replace(order, wall_distance_m=self.wall_distance_m)
 
 
 class GoTo(_Flight, frozen=True, kw_only=True):

@@ -109,7 +109,7 @@ class Assignments:
             Start(
                 action_id=assignment.action_id,
                 component=assignment.component,
-                capability=capability,
+                capability=row.performed_as or capability,
                 arguments=arguments,
                 progress=run.progress if run is not None else 0.0,
             )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from gloc3.errors import Misuse
 from gloc3.messages import Severity
+from gloc3.mission.abilities import abilities
 from gloc3.mission.assignments import Assignment, Assignments
 from gloc3.mission.items import MISSION, ActionRun, Item, Program, TaskRun
 from gloc3.mission.model import Mission, Policies
@@ -55,10 +56,7 @@ class Board:
     """The state that the executor's parts share."""
 
     def __init__(self, platform: Platform) -> None:
-        self.rows: Final[dict[str, Capability]] = {
-            "wait": Capability(arguments="wait", performed_by=""),
-            **platform.capabilities,
-        }
+        self.rows: Final[dict[str, Capability]] = dict(abilities(platform))
         hold = platform.capabilities.get("hold")
         self.assignments: Final = Assignments(hold.performed_by if hold is not None else "")
         self.programs: Final[dict[str, Program]] = {}

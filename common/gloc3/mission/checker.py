@@ -9,6 +9,7 @@ import msgspec
 from gloc3.document import load_bytes
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.mission.abilities import WAIT, abilities
 from gloc3.mission.agreement import agreement_findings
 from gloc3.mission.arguments import SetOff, argument_kinds
 from gloc3.mission.budget_check import budget_findings
@@ -57,10 +58,9 @@ class Circumstances:
 
     def capabilities(self) -> Mapping[str, Capability]:
         """The rows by name; without a platform one for each kind of arguments."""
-        wait = {"wait": Capability(arguments="wait", performed_by="")}
         if self.platform is not None:
-            return wait | self.platform.capabilities
-        return wait | {
+            return abilities(self.platform)
+        return dict(WAIT) | {
             name: Capability(arguments=name, performed_by="", claims=kind.claims())
             for name, kind in argument_kinds().items()
         }
@@ -211,9 +211,9 @@ def _capabilities(reading: Reading, mission: Mission, circumstances: Circumstanc
         except Gloc3Error:
             is_complete = False
     names = sorted({*platform.topics(), *platform.capabilities, *(row.name for row in platform.components)})
-    components = [row.name for row in platform.components]
+    components, rows = [row.name for row in platform.components], circumstances.capabilities()
     for target, action in mission.actions().items():
-        row = circumstances.capabilities()[action.capability]
+        row = rows[action.capability]
         where = (*where_of(target), action.capability)
         if row.performed_by and row.performed_by not in components:
             hint = nearest(row.performed_by, components)

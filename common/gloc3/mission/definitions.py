@@ -14,10 +14,15 @@ from gloc3.document import Document, Where
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.mission.library import library_documents
 from gloc3.mission.model import DefinitionFile, ParameterFile
+from gloc3.mission.patterns import ARRIVE
 from gloc3.yaml_nodes import MAX_NODES, Node
 
 _ALONE: Final = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_-]*)\}|([A-Za-z][A-Za-z0-9_-]*))")
 _INSIDE: Final = re.compile(r"\$\{?[A-Za-z]")
+NAME_MAX: Final = 32
+RETURN: Final = "return_home"
+RETURN_SUFFIX: Final = "_return"
+_BEGIN_KEYS: Final = ("after", "when", "otherwise")
 _USE_KEYS: Final = ("use", "with")
 _OWN_KEYS: Final = ("parameters", "about")
 TASKS: Final = ("tasks", "contingencies")
@@ -50,8 +55,11 @@ def expanded(document: Document, findings: list[Finding]) -> Document:
             continue
         tasks = _copy(tasks)
         for name, task in list(tasks.children.items()):
+            made = task
             if isinstance(task.value, dict) and "use" in task.children:
                 made = _used((key, str(name)), task, definitions, document, findings, room)
+            made = _arrivals(made)
+            if made is not task:
                 _set(tasks, name, made)
         _set(root, key, tasks)
     return Document(document.file, root)
@@ -158,6 +166,48 @@ def _used(
         )
         return task
     return made
+
+
+def _arrivals(task: Node) -> Node:
+    """The task with each `arrive` as the two actions that it stands for: a return home, and the end of the motion there."""
+    actions = task.children.get("actions")
+    if actions is None or not any(ARRIVE in action.children for action in actions.children.values()):
+        return task
+    found = Node({}, actions.line, actions.column, actions.file, actions.note)
+    for name, action in actions.children.items():
+        place = actions.key_places[str(name)]
+        given = action.children.get(ARRIVE)
+        if given is None or given.value not in (None, {}) or RETURN in action.children:
+            _set(found, name, action, place)
+            continue
+        first, last = _like(action), _like(action)
+        for key, child in action.children.items():
+            if key != ARRIVE:
+                _set(first, key, child, action.key_places[str(key)])
+            if key not in (ARRIVE, *_BEGIN_KEYS):
+                _set(last, key, child, action.key_places[str(key)])
+        way = f"{str(name)[: NAME_MAX - len(RETURN_SUFFIX)]}{RETURN_SUFFIX}"
+        while way in actions.children:
+            way = way[:-1]
+        _set(first, RETURN, _put(given, {}), action.key_places[ARRIVE])
+        _set(last, "land", _put(given, {}), action.key_places[ARRIVE])
+        after = _put(given, [])
+        _set(after, 0, _put(given, way))
+        _set(last, "after", after, action.key_places[ARRIVE])
+        _set(found, way, first, place)
+        _set(found, name, last, place)
+    made = _copy(task)
+    _set(made, "actions", found)
+    return made
+
+
+def _like(node: Node) -> Node:
+    return Node({}, node.line, node.column, node.file, node.note)
+
+
+def _put(node: Node, value: Any) -> Node:
+    """A value that stands where another is written."""
+    return Node(value, node.line, node.column, node.file, node.note)
 
 
 def _values(

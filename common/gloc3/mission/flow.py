@@ -222,7 +222,7 @@ def due_s(board: Board) -> float:
                 times.append(lost_at_s(board, run))
                 if isinstance(run.action.order, Wait):
                     times.append(_wait_due_s(run, run.action.order.duration_s))
-            elif run.unavailable_since_s is not None:
+            elif run.state is ActionState.WAITING and run.unavailable_since_s is not None:
                 times.append(run.unavailable_since_s + PATIENCE_S)
     times += [manoeuvres.lost_at_s(board), elsewhere.due_s(board)]
     manoeuvre = board.manoeuvre

@@ -223,6 +223,8 @@ class Action:
     capability: str
     arguments: Arguments
     """As written."""
+    filled: Arguments
+    """With what is left to the platform."""
     order: Arguments
     """As the component gets it: positions in NED."""
     options: ActionFile = field(default_factory=ActionFile)

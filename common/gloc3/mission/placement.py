@@ -31,6 +31,8 @@ class Placement(Protocol):
 
     is_geo: bool
     """Whether positions are `[latitude, longitude, height]`, else `[x, y, height]`."""
+    counts_from_sea: bool
+    """Whether heights are altitudes above the sea."""
 
     def ned_from(self, position: Vector3) -> Vector3:
         """The NED position of a position of the mission."""
@@ -43,6 +45,7 @@ class LocalPlacement:
     """Positions `[x, y, height]` in metres in a local frame."""
 
     is_geo = False
+    counts_from_sea = False
 
     def __init__(self, frame: LocalFrame, origin: GeoPoint | None = None) -> None:
         """A placement.
@@ -80,6 +83,7 @@ class GeoPlacement:
         """
         self._plane = TangentPlane(origin)
         home_m = origin.altitude_m if home_altitude_m is None else home_altitude_m
+        self.counts_from_sea = height_above is HeightAbove.SEA
         self._zero_altitude_m = 0.0 if height_above is HeightAbove.SEA else home_m
 
     def ned_from(self, position: Vector3) -> Vector3:

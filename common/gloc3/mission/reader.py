@@ -8,6 +8,7 @@ from gloc3 import schema
 from gloc3.document import Document, Where, load_bytes, parse
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.frames import GeoPoint, LocalFrame
+from gloc3.mission.abilities import abilities
 from gloc3.mission.arguments import Arguments, argument_kinds
 from gloc3.mission.definitions import expanded
 from gloc3.mission.fence_reader import read_fence
@@ -24,14 +25,15 @@ from gloc3.mission.model import (
     Task,
     TaskOptions,
 )
+from gloc3.mission.patterns import height_is_known
 from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
-from gloc3.platform import Platform
+from gloc3.platform import Limits, Platform
 from gloc3.yaml_nodes import Node
 
 Item = TypeVar("Item", bound=ItemFile)
 
 _ACTION_KEYS: Final = ActionFile.__struct_fields__
-_POSITION_KEYS: Final = ("polygon", "waypoints", "position", "at", "center")
+_POSITION_KEYS: Final = ("polygon", "waypoints", "position", "at", "center", "area", "wall", "to")
 _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 
 
@@ -49,6 +51,8 @@ class Surroundings:
     """Altitude above the sea at which the vehicle stands; None for that of the origin."""
     capabilities: Mapping[str, str] | None = None
     """Capability to kind of arguments; None where they are not known, and each kind is a capability."""
+    limits: Limits | None = None
+    """The platform's; None where they are not known."""
 
     @classmethod
     def of(
@@ -63,13 +67,14 @@ class Surroundings:
         capabilities = None
         if platform is not None:
             frames = {**(frames or {}), **platform.local_frames()}
-            capabilities = {"wait": "wait"} | {name: row.arguments for name, row in platform.capabilities.items()}
+            capabilities = {name: row.arguments for name, row in abilities(platform).items()}
         return cls(
             platform=platform.platform if platform is not None else None,
             frames=frames,
             origin=origin,
             home_altitude_m=home_altitude_m,
             capabilities=capabilities,
+            limits=platform.limits if platform is not None else None,
         )
 
 
@@ -256,11 +261,14 @@ def _action(
     if arguments is None or placement is None:
         return options
     try:
-        order = arguments.order(placement)
+        if not height_is_known(placement, arguments):
+            raise Refused("height_m is missing: the mission's heights count from the sea, the platform's own from home")
+        filled = arguments.filled(surroundings.limits)
+        order = filled.order(placement)
     except Refused as refusal:
         findings.append(document.finding((*where, capability), str(refusal)))
         return options
-    return Action(name=name, capability=capability, arguments=arguments, order=order, options=options)
+    return Action(name=name, capability=capability, arguments=arguments, filled=filled, order=order, options=options)
 
 
 def _options(node: Node, kind: type[Item], file: str, findings: list[Finding], name: str) -> Item:

@@ -10,6 +10,7 @@ import msgspec
 from gloc3.component_description import FieldLine, fields_of
 from gloc3.document import parse
 from gloc3.errors import Gloc3Error, InputError
+from gloc3.mission.abilities import abilities
 from gloc3.mission.arguments import Arguments, argument_kinds
 from gloc3.platform import Capability, Platform
 from gloc3.units import split_unit
@@ -63,7 +64,7 @@ class FormError(Gloc3Error):
 def capabilities(platform: Platform | None) -> Mapping[str, Capability]:
     """What can be asked for, by name: of the platform, or (its file is not here) all that is known."""
     if platform is not None:
-        return platform.capabilities
+        return {name: row for name, row in abilities(platform).items() if name != "wait"}
     return {name: Capability(arguments=name, performed_by="") for name in argument_kinds() if name != "wait"}
 
 

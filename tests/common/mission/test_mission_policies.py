@@ -378,3 +378,12 @@ def test_nothing_moves_the_vehicle_while_a_policy_does(rig: Rig) -> None:
     text = "{mission: c, frame: hold, tasks: {c: {actions: {go: {go_to: {position_m: [1, 1, 1]}}}}}}"
     with pytest.raises(Refused, match="the policy return is being carried out"):
         rig.executor.command(rig.read(text), rig.now_s)
+
+
+def test_a_companion_that_was_left_out_while_it_waited_for_its_component_wakes_nobody(pelican: Platform) -> None:
+    rig = flying(pelican, MISSION.replace("until: wall", "until: wall, retries: 1"))
+    rig.executor.component_failed("images", "broken", rig.now_s)
+    rig.settle()
+    rig.done("sweep.wall")
+    assert rig.state("sweep.photos") == "skipped"
+    rig.pass_s(5.0)

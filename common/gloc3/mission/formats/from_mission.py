@@ -3,6 +3,7 @@
 from typing import Final
 
 from gloc3.errors import Finding, InputError
+from gloc3.frames import GeoPoint
 from gloc3.mission.arguments import (
     Arguments,
     FollowWaypoints,
@@ -18,10 +19,12 @@ from gloc3.mission.arguments import (
 )
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.mission.model import GEO, AreaFile, GeofenceFile, Mission, where_of
-from gloc3.mission.placement import HeightAbove
+from gloc3.mission.patterns import Pattern
+from gloc3.mission.placement import GeoPlacement, HeightAbove
 from gloc3.mission.structure import PartialOrder
 
 _FRAMES: Final = {HeightAbove.SEA: 0, HeightAbove.HOME: 3, HeightAbove.GROUND: 10}
+_EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 _NO_PARAMS: Final = (0.0, 0.0, 0.0, None)
 
 
@@ -61,7 +64,7 @@ class _Converter:
             raise InputError(self._findings)
         actions = mission.actions()
         for target in PartialOrder.of(mission).targets:
-            self._action(target, actions[target].arguments)
+            self._action(target, actions[target].filled)
         fence = self._fence()
         if any(not finding.is_warning for finding in self._findings):
             raise InputError(sorted(self._findings))
@@ -89,6 +92,8 @@ class _Converter:
                 self._items.append(
                     MavItem(command=22, frame=3, params=_NO_PARAMS, x=None, y=None, z=arguments.height_m)
                 )
+            case Pattern():
+                self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
             case FollowWaypoints(waypoints=waypoints) if waypoints is not None:
                 self._fly(target, waypoints, arguments.speed_m_s, arguments.heading, arguments.hold_s)
             case GoTo(position=position) if position is not None:
@@ -116,11 +121,11 @@ class _Converter:
         self,
         target: str,
         waypoints: tuple[tuple[float, float, float], ...],
-        speed_m_s: float,
+        speed_m_s: float | None,
         heading: Heading,
         hold_s: float,
     ) -> None:
-        if speed_m_s != self._speed_m_s:
+        if speed_m_s is not None and speed_m_s != self._speed_m_s:
             self._add(178, 1.0, speed_m_s, -1.0, 0.0)
             self._speed_m_s = speed_m_s
         frame = _FRAMES[self._mission.height_above]

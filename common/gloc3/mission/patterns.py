@@ -137,6 +137,7 @@ class Survey(Pattern, frozen=True, kw_only=True):
     """Lines to and fro over an area, such as a lawn-mower's; the first begins near the area's first corner."""
 
     example = "{area_m: [[0, 0], [40, 0], [40, 30], [0, 30]], spacing_m: 5}"
+    one_of = (("area_m", "area"),)
 
     area_m: LocalArea | None = None
     """Corners `[x, y]`, in a local frame."""
@@ -174,6 +175,7 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
     """Lines along a straight wall, one above the other, looking at it."""
 
     example = "{wall_m: [[0, 8], [30, 8]], side: right, standoff_m: 2, heights_m: [1, 5], spacing_m: 1}"
+    one_of = (("wall_m", "wall"),)
 
     wall_m: tuple[tuple[Metres, Metres], tuple[Metres, Metres]] | None = None
     """The wall's two ends `[x, y]`, in a local frame."""
@@ -255,6 +257,7 @@ class Transit(Pattern, frozen=True, kw_only=True):
     """Go through places, at the platform's survey height."""
 
     example = "{to_m: [[40, 0], [40, 30]]}"
+    one_of = (("to_m", "to"),)
 
     to_m: LocalPoints | None = None
     """Places `[x, y]`, in a local frame."""

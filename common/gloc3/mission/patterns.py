@@ -157,8 +157,7 @@ class Survey(Pattern, frozen=True, kw_only=True):
     def way(self, placement: Placement) -> FollowWaypoints:
         """The lines, each by its two ends."""
         corners = written_for(placement, self.area_m, self.area, "area")
-        if corners is None:
-            raise Refused(f"{'area' if placement.is_geo else 'area_m'} is missing")
+        assert corners is not None  # one of the two is given, and not that of the other kind of frame
         ground = _Ground(placement, corners[0])
         polygon = [ground.ne(corner) for corner in corners]
         bearing = radians(self.lines_deg) if self.lines_deg is not None else _longest_side(polygon)
@@ -199,6 +198,7 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
     """The distance is kept by the laser scanner, from 1.2 to 6 m."""
 
     def __post_init__(self) -> None:
+        Arguments.__post_init__(self)
         if self.spacing_m is not None and self.overlap is not None:
             raise ValueError("give spacing_m, or overlap with view_deg, not both")
         if (self.overlap is None) != (self.view_deg is None):
@@ -227,8 +227,7 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
     def way(self, placement: Placement) -> FollowWaypoints:
         """The lines, each by its two ends, with the nose towards the wall."""
         ends = written_for(placement, self.wall_m, self.wall, "wall")
-        if ends is None:
-            raise Refused(f"{'wall' if placement.is_geo else 'wall_m'} is missing")
+        assert ends is not None  # one of the two is given, and not that of the other kind of frame
         ground = _Ground(placement, ends[0])
         (n0, e0), (n1, e1) = ground.ne(ends[0]), ground.ne(ends[1])
         length_m = hypot(n1 - n0, e1 - e0)
@@ -271,8 +270,7 @@ class Transit(Pattern, frozen=True, kw_only=True):
     def way(self, placement: Placement) -> FollowWaypoints:
         """The places, with a height."""
         places = written_for(placement, self.to_m, self.to, "to")
-        if places is None:
-            raise Refused(f"{'to' if placement.is_geo else 'to_m'} is missing")
+        assert places is not None  # one of the two is given, and not that of the other kind of frame
         height_m = self._height_m(placement)
         points = tuple((*place, height_m) for place in places)
         way = self._through(points, is_geo=placement.is_geo, heading=self.heading)

@@ -4,7 +4,7 @@ A request is known by `(sender, boot, sequence)`. The server executes each at mo
 repeat gets the same reply. After a break in link or process a sender asks `Query` what became of a request.
 
 Topics, below the platform's name: `ci/request` (station to platform), `ci/reply`, `ci/summary`, `ci/mission`,
-`ci/vehicle`, `ci/event`, `ci/control` (platform to stations).
+`ci/vehicle`, `contact`, `ci/event`, `ci/control` (platform to stations).
 """
 
 from enum import StrEnum
@@ -188,6 +188,18 @@ class ListTopics(Body, frozen=True):
     """Asks for the topics that can be looked at; the reply's result holds them as `TopicEntry`s under `topics`."""
 
 
+class ReadReports(Body, frozen=True):
+    """Asks for the events behind a number, oldest first; says also that all up to that number are here.
+
+    The reply's result holds under `reports` for each its number, severity, source, text and time, and under `last` the
+    highest number.
+    """
+
+    store: int
+    after: int
+    most: int = 40
+
+
 AnyBody = (
     LoadMission
     | ReadMission
@@ -204,10 +216,11 @@ AnyBody = (
     | Watch
     | ListTopics
     | Preflight
+    | ReadReports
 )
 
 
-LOOKS: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight)
+LOOKS: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadReports)
 """What only looks: everybody who may watch the platform may ask for it."""
 
 
@@ -415,3 +428,40 @@ class CiEvent(Message, frozen=True):
     """The component."""
     text: str
     t_s: float
+    number: int = 0
+    """Counts all events of a platform, over its restarts; 0 where they are not kept."""
+    store: int = 0
+    """Tells which numbers these are: a platform that has lost what it kept counts anew."""
+
+
+class ContactSummary(Message, frozen=True):
+    """The state in a nutshell, told first of all when a station is heard after a silence, before the events meanwhile."""
+
+    station: str
+    """The one that is heard again."""
+    t_s: float
+    silent_s: float
+    """For how long it was not heard; -1 where it never was in this life of the onboard process."""
+    health: Health
+    mission: str
+    """The loaded mission's name; empty where none is."""
+    state: str
+    """Of the mission."""
+    doing: str
+    """The actions under way: `dive.sweep 42 %`."""
+    policy: str
+    landed: str
+    battery_percent: int
+    position_m: tuple[float, float, float]
+    """x, y, height in the platform's local frame."""
+    geo: tuple[float, float, float] | None
+    conditions: list[str]
+    """What is wrong: `low battery`, `overdue`."""
+    store: int
+    last: int
+    """The highest number of an event."""
+    delivered: int
+    """Up to here stations have been told of events."""
+    worst: int = 7
+    """The severity of the worst event behind that."""
+    worst_text: str = ""

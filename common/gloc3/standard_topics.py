@@ -9,6 +9,7 @@ from gloc3.ci import (
     CiRequest,
     ComponentTable,
     ComponentTrouble,
+    ContactSummary,
     ControlState,
     MissionSummary,
     StationHeard,
@@ -92,6 +93,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/event": TopicRow(CiEvent),
+    "contact": TopicRow(ContactSummary, service=Service.COMMAND),
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),
     "host_presence": TopicRow(HostPresence),

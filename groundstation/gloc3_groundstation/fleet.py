@@ -10,6 +10,7 @@ from gloc3.ci import (
     CiReply,
     ComponentTable,
     ComponentTrouble,
+    ContactSummary,
     ControlState,
     MissionSummary,
     Summary,
@@ -32,7 +33,11 @@ from gloc3_groundstation.snapshots import (
 EVENTS_KEPT: Final = 500
 SMOOTHING: Final = 0.05
 
-HEARD_TOPICS: Final = tuple(name for name in TOPICS if name.startswith("ci/") and name != "ci/request")
+CONTACT: Final = "contact"
+HEARD_TOPICS: Final = (
+    *(name for name in TOPICS if name.startswith("ci/") and name != "ci/request"),
+    CONTACT,
+)
 """What a station listens to, below a platform's name."""
 
 FORMER_KEPT: Final = 3
@@ -62,7 +67,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
         return fleet
     name, _, topic = envelope.topic.partition("/")
     known, boot = fleet.get(name), envelope.source.boot
-    if not topic.startswith("ci/"):  # of another component, with a boot of its own
+    if not topic.startswith("ci/") and topic != CONTACT:  # of another component, with a boot of its own
         return fleet if known is None else with_platform(fleet, reduce(known, envelope.payload, now_s))
     if known is None:
         platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s, began_s=now_s)
@@ -85,7 +90,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     platform = reduce(replace(platform, heard_s=now_s), envelope.payload, now_s)
     if isinstance(envelope.payload, MissionSummary):
         platform = replace(platform, silence=_planned(platform, envelope, fleet.utc_offset_s, now_s))
-    if isinstance(envelope.payload, CiEvent):
+    if isinstance(envelope.payload, CiEvent) and not envelope.payload.number:  # others have their turn: `EventFeed`
         event = envelope.payload
         fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source)
     return with_platform(fleet, platform)
@@ -216,6 +221,10 @@ def _trouble(platform: PlatformSnapshot, message: ComponentTrouble, now_s: float
     return replace(platform, troubles={**platform.troubles, message.name: message})
 
 
+def _contact(platform: PlatformSnapshot, message: ContactSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, contact=Timed(message, now_s))
+
+
 def _heard(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
     return platform
 
@@ -230,6 +239,7 @@ _REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], Platform
     Summary: _summary,
     ComponentTable: _table,
     ComponentTrouble: _trouble,
+    ContactSummary: _contact,
     CiEvent: _heard,
     CiReply: _heard,
 }

@@ -22,6 +22,7 @@ from gloc3_groundstation import wording
 from gloc3_groundstation.configuration import Configuration, unsaved_folder
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
+from gloc3_groundstation.feed_file import FILE, FeedFile
 from gloc3_groundstation.headless import Headless
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.live_view import LiveView
@@ -201,7 +202,8 @@ class Session:
         boot = secrets.randbits(32)
         loop = asyncio.get_running_loop()
         name = str(self._system) if self._network is None else self._network.file.member
-        station = Station(exchange, loop, name, boot)
+        shown = None if self._record is None else FeedFile(self._record / f"{name}-{FILE}", loop)
+        station = Station(exchange, loop, name, boot, None if shown is None else shown.feed)
         if self._network is not None:
             station.client.role = role_of(self._network)
         station.round_trip_s = self._links.round_trip_s
@@ -235,6 +237,8 @@ class Session:
             vehicles.close()
             await self._services.close()
             station.close()
+            if shown is not None:
+                shown.close()
             await self._links.close()
             if recording is not None:
                 recording.close()

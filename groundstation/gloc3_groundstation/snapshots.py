@@ -9,6 +9,7 @@ from gloc3.ci import (
     ComponentLine,
     ComponentTable,
     ComponentTrouble,
+    ContactSummary,
     ControlState,
     Health,
     MissionSummary,
@@ -148,6 +149,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     obstacles: Timed[ObstacleScan] | None = None
     mission: Timed[MissionSummary] | None = None
     silence: PlannedSilence | None = None
+    contact: Timed[ContactSummary] | None = None
+    """What it told first when it was heard after a silence."""
     control: Timed[ControlState] | None = None
     summary: Timed[Summary] | None = None
     """The last part of the summary that came; the components' own lines are in `lines`."""

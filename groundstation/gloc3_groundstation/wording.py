@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from gloc3.ci import MissionSummary, VehicleSummary
+from gloc3.ci import ContactSummary, MissionSummary, VehicleSummary
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
 LOSS_WORTH_TELLING: Final = 0.05
@@ -108,6 +108,23 @@ def silence(platform: PlatformSnapshot, now_s: float) -> str:
     if planned is not None:
         return f"OVERDUE by {duration(now_s - planned.due_s)} ({planned.target}), was due {planned.due_text}"
     return f"nothing heard for {duration(platform.age_s(now_s))}"
+
+
+def contact(told: ContactSummary, missed: int) -> str:
+    """The state in a nutshell at the begin of a contact."""
+    x_m, y_m, height_m = told.position_m
+    mission = f"mission {told.mission!r} {told.state}" if told.mission else "no mission"
+    parts = [
+        f"contact after {duration(told.silent_s)}" if told.silent_s >= 0.0 else "contact",
+        mission + (f", policy {told.policy}" if told.policy else "") + (f" ({told.doing})" if told.doing else ""),
+        f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m",
+        *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
+        f"components {told.health}",
+        *told.conditions,
+    ]
+    if missed > 0:
+        parts.append(f"{missed} events meanwhile" + (f", worst: {told.worst_text}" if told.worst_text else ""))
+    return "; ".join(parts)
 
 
 def arrival(platform: PlatformSnapshot) -> str:

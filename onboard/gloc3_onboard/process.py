@@ -469,7 +469,11 @@ class OnboardProcess:
             "computer": self._computer,
             "pictures": PictureFolder(self._logs / log.stem.replace("log", "images", 1), self._rig),
             "site": Site(
-                self._platform, RecordFile(self._out / "requests.journal"), RecordFile(self._out / "progress.state")
+                self._platform,
+                RecordFile(self._out / "requests.journal"),
+                RecordFile(self._out / "progress.state"),
+                RecordFile(self._out / "events.store"),
+                self._random.getrandbits(31),
             ),
             "taps": ExchangeTaps(self.exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),

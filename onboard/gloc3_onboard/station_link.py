@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from gloc3.ci import CiRequest, Health, StationHeard, StationRole, Summary
+from gloc3.ci import CiEvent, CiRequest, Health, StationHeard, StationRole, Summary
 from gloc3.clock import Clock
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
@@ -26,6 +26,8 @@ from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import COMPANION, ByteLink
 
 HEARD_PERIOD_S: Final = 0.5
+NOBODY_S: Final = 6.0
+"""When no station was heard for so long, nobody is there; longer than until the server takes them for out of contact."""
 ONBOARD_CONTROLLER: Final = 18
 
 
@@ -109,7 +111,7 @@ class StationLink:
         self._exchange = MavlinkExchange(tunnel, loop, self.send)
         self._tunnel_id = codec.shape("TUNNEL").id
         self._heartbeat_id = codec.shape("HEARTBEAT").id
-        self._part = self._exchange.bridge(exchange, topics, platform, self._marked)
+        self._part = self._exchange.bridge(exchange, topics, platform, self._marked, self._leaves)
         self._withdraw = self._exchange.declare_alive(platform)
         self._publisher = Publisher(exchange, platform, "station_link", boot)
         self._heard_topic = f"{platform}/ci/heard"
@@ -160,6 +162,12 @@ class StationLink:
             return envelope
         request = replace(envelope.payload, role=self._role, way=self._way)
         return replace(envelope, payload=request)
+
+    def _leaves(self, envelope: Envelope[Any]) -> bool:
+        """Events of a silence are asked for at the next contact, behind its summary; nothing is queued for nobody."""
+        if not isinstance(envelope.payload, CiEvent):
+            return True
+        return self._loop.time() - max(self._heard_s.values(), default=float("-inf")) < NOBODY_S
 
     def _happened(self, happening: Happening) -> None:
         """What a person should know of the link is an event as any other: logged, and told to the stations."""

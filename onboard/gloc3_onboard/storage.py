@@ -43,8 +43,12 @@ class RecordFile:
             self.rewrite(records)
         return records
 
-    def append(self, record: bytes) -> None:
+    def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:
         """Adds a record and does not return before it is on disk.
+
+        Args:
+            record: the new one.
+            outlives_power_cut: waits until it is on disk; otherwise only the end of this process does no harm.
 
         Raises:
             OSError: it could not be written; the file is as it was.
@@ -56,12 +60,13 @@ class RecordFile:
             try:
                 if file.write(framed) != len(framed):
                     raise OSError(errno.ENOSPC, f"no room for a record of {len(framed)} bytes in {self._path.name}")
-                os.fsync(file.fileno())
+                if outlives_power_cut:
+                    os.fsync(file.fileno())
             except OSError:
                 # What comes behind a torn record would never be read again.
                 os.truncate(self._path, whole)
                 raise
-        if is_new:
+        if is_new and outlives_power_cut:
             self._sync_folder()
 
     def rewrite(self, records: list[bytes], *, outlives_power_cut: bool = True) -> None:
@@ -104,7 +109,7 @@ class MemoryRecords:
         """All records, oldest first."""
         return list(self._records)
 
-    def append(self, record: bytes) -> None:
+    def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:
         """Adds a record."""
         self._records.append(record)
 

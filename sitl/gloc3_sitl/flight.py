@@ -183,7 +183,7 @@ class Flight:
         self.samples: Final[list[Sample]] = []
         """True positions at 10 Hz, in the frame of the pose."""
         self.onboard: Onboard | None = None
-        self._journal, self._progress = MemoryRecords(), MemoryRecords()
+        self._journal, self._progress, self._reports = MemoryRecords(), MemoryRecords(), MemoryRecords()
         self.recorder = self._open_log()
         world = self._world()
         self.simulator: Final = self._simulator(world)
@@ -314,7 +314,7 @@ class Flight:
             "rig": self.rig,
             **sensors,
             "pictures": self._pictures,
-            "site": Site(platform, self._journal, self._progress),
+            "site": Site(platform, self._journal, self._progress, self._reports, boot),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),
             "catalogue": Catalogue(platform, self.topics),
         }

@@ -33,6 +33,7 @@ from gloc3.platform import Platform, load_platform
 from gloc3.vehicle import AutopilotState, LandedState, Pose
 from gloc3.watch import Want
 from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.requests import RequestHandler
@@ -79,8 +80,10 @@ class Desk:
         for row in self.platform.components:
             self.book.hear(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
         self.authority = ControlAuthority()
-        site = Site(self.platform, self.journal, MemoryRecords())
-        handler = RequestHandler(site, facts, self.book, self.authority, lambda _, text: self.said.append(text))
+        site = Site(self.platform, self.journal, MemoryRecords(), MemoryRecords())
+        handler = RequestHandler(
+            site, facts, self.book, self.authority, Contacts(site.reports), lambda _, text: self.said.append(text)
+        )
         handler.executor = self.executor
         return handler
 

@@ -57,7 +57,7 @@ class VehicleStack(Generic[PeerT_co]):
             "rig": PlatformRig(self.platform, Path()),
             "ground_camera": NoCamera(),
             "pictures": NoPictures(),
-            "site": Site(self.platform, MemoryRecords(), MemoryRecords()),
+            "site": Site(self.platform, MemoryRecords(), MemoryRecords(), MemoryRecords()),
             "taps": ExchangeTaps(self.exchange, loop, name),
             "catalogue": Catalogue(self.platform, topics),
         }

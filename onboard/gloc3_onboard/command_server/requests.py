@@ -25,6 +25,7 @@ from gloc3.ci import (
     Preflight,
     Query,
     ReadMission,
+    ReadReports,
     RequestAction,
     RequestTask,
     StationRole,
@@ -46,6 +47,7 @@ from gloc3.vehicle import EmergencyDisarm, FenceProgress
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.component_requests import Answered, ComponentRequests, Say
+from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.hearsay import Hearsay
@@ -78,10 +80,17 @@ class RequestHandler:
     """One for each life of the server. `handle` answers now, or later through `replied`."""
 
     def __init__(
-        self, site: Site, facts: VehicleFacts, book: ComponentBook, authority: ControlAuthority, say: Say
+        self,
+        site: Site,
+        facts: VehicleFacts,
+        book: ComponentBook,
+        authority: ControlAuthority,
+        contacts: Contacts,
+        say: Say,
     ) -> None:
         self.executor: MissionExecutor | None = None
         """None until what the process before has left is taken up again."""
+        self._contacts = contacts
         self._site, self._facts, self._book, self._authority, self._say = site, facts, book, authority, say
         self.gate: Final = StartGate(site, facts, book)
         """What every start has to pass."""
@@ -114,6 +123,8 @@ class RequestHandler:
             self._say(Severity.WARNING, doubled)
         if isinstance(request.body, Query):
             return self._query(request, request.body)
+        if isinstance(request.body, ReadReports):
+            return self._contacts.read(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
             return self.components.look(request, now_s)
         if isinstance(request.body, Elsewhere):

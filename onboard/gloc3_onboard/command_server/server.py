@@ -9,7 +9,9 @@ from gloc3.ci import (
     CiRequest,
     ComponentTable,
     ComponentTrouble,
+    ContactSummary,
     ControlState,
+    Health,
     MissionSummary,
     StationHeard,
     Summary,
@@ -59,6 +61,7 @@ from gloc3.vehicle import (
 )
 from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
@@ -123,6 +126,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     mission = Output(MissionSummary)
     control = Output(ControlState)
     ci_event = Output(CiEvent)
+    contact = Output(ContactSummary)
     command = Output(CommandRequest)
     function = Output(FunctionRequest)
     grant = Output(MotionGrant)
@@ -156,7 +160,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._handover = Handover()
         self._performing: dict[str, str] = {}
         """Component to the action that it says it is performing."""
-        self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._say)
+        self._contacts = Contacts(self._site.reports)
+        self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._contacts, self._say)
         self._executor: MissionExecutor | None = None
         self._granted = Grant(action_id="", component="")
         self._waiting: dict[str, tuple[str, Verb]] = {}
@@ -168,8 +173,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._compared_s = float("-inf")
         self._due = dict.fromkeys(("summary", "motion", "site", "grant", "slow"), float("-inf"))
         self._now_s = 0.0
-        if self._site.problem:
-            self._say(Severity.ERROR, self._site.problem)
+        for problem in filter(None, (self._site.problem, self._site.reports.problem)):
+            self._say(Severity.ERROR, problem)
 
     # --- the cycle ---
 
@@ -215,6 +220,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._book.hear(status.payload, status.t_s)
         for heard in inbox.new(self.heard):
             self._authority.hear(heard.payload.station, now_s)
+            self._contacts.hear(heard.payload.station, now_s)
         for state in inbox.new(self.autopilot):
             self._facts.see_autopilot(state)
         for pose in inbox.new(self.pose):
@@ -425,7 +431,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         return True
 
     def _report(self, now_s: float, *, is_eventful: bool) -> list[Result]:
-        results: list[Result] = [*self._book.new_troubles(), *self._events]
+        results: list[Result] = [*self._contact(now_s), *self._book.new_troubles()]
+        results += [self._site.reports.add(event) for event in self._events]
         self._events.clear()
         if self._requests.wants_everything:
             self._requests.wants_everything = False
@@ -449,6 +456,20 @@ class CommandServer(CommandInterface[ServerSettings]):
             whereabouts = site_summary(self._site.platform, self._facts)
             results += [] if whereabouts is None else [whereabouts]
         return results
+
+    def _contact(self, now_s: float) -> list[ContactSummary]:
+        """What is told first to who is heard after a silence; while nobody is heard, the state is kept now and then."""
+        contacts, is_flying = self._contacts, self._facts.is_airborne
+        is_silent = is_flying and contacts.is_alone(now_s)
+        if not contacts.has_news and not contacts.is_due(now_s, is_silent=is_silent):
+            return []
+        vehicle = vehicle_summary(self._site.platform, self._facts, now_s)
+        mission = mission_summary(self._executor)
+        if is_silent:
+            self._events.append(contacts.status(vehicle, mission, now_s))
+        health = self._supervision.health() if self._supervision is not None else Health.IDLE
+        wrong = [str(condition) for condition in self._executor.board.conditions] if self._executor is not None else []
+        return contacts.take(health, vehicle, mission, wrong, now_s)
 
     def _changes(self, is_slow: bool) -> list[Result]:
         """What is told when it has changed, and once a second besides."""

@@ -8,6 +8,7 @@ from gloc3.mission.snapshot import Snapshot
 from gloc3.platform import Platform
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.journal import Store
+from gloc3_onboard.command_server.report_store import Records, ReportStore
 
 
 class _Kept(msgspec.Struct, frozen=True):
@@ -20,17 +21,22 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 class Site:
-    """The platform and two files: the journal of requests, and the executor's progress with home.
+    """The platform and its files: the journal of requests, the executor's progress with home, and the events.
 
     Args:
         platform: the platform file.
         journal: for the requests of stations.
         progress: for missions and home.
+        reports: for what stations have been told.
+        fresh_id: a random number, for reports that begin anew.
     """
 
-    def __init__(self, platform: Platform, journal: Store, progress: Store) -> None:
+    def __init__(
+        self, platform: Platform, journal: Store, progress: Store, reports: Records, fresh_id: int = 1
+    ) -> None:
         self.platform: Final = platform
         self.journal: Final = journal
+        self.reports: Final = ReportStore(reports, fresh_id)
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
         self._progress = progress

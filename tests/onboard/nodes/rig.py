@@ -92,7 +92,7 @@ async def rig(rows: str, out: Path) -> AsyncIterator[Rig]:
             )  # fmt: skip
 
         keeper = HostKeeper(platform, "main", context, order, lambda _: None)
-        devices = {"site": Site(platform, MemoryRecords(), MemoryRecords())}
+        devices = {"site": Site(platform, MemoryRecords(), MemoryRecords(), MemoryRecords())}
         onboard = Onboard(platform, context, devices, rows=rows_at(platform, Place("main")), led=keeper.led)
         found = Rig(onboard, keeper, loop, out)
         shared.exchange.subscribe("probe/**", found.hear)

@@ -7,7 +7,17 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.ci import CiReply, CiRequest, ComponentTable, Emergency, LoadMission, ReadMission, Steer, Verb
+from gloc3.ci import (
+    CiReply,
+    CiRequest,
+    ComponentTable,
+    ContactSummary,
+    Emergency,
+    LoadMission,
+    ReadMission,
+    Steer,
+    Verb,
+)
 from gloc3.exchange.tunnel.layout import Lane, Role
 from gloc3.topics import TopicRow
 from gloc3.watch import LARGE, WATCH, Sample
@@ -28,6 +38,7 @@ class Route(msgspec.Struct, frozen=True):
 RELIABLE: Final[Mapping[str, Route]] = {
     "ci/request": Route(Role.STATION, is_reliable=True),
     "ci/reply": Route(Role.PLATFORM, is_reliable=True),
+    "contact": Route(Role.PLATFORM, is_reliable=True),
     "ci/event": Route(Role.PLATFORM, is_reliable=True),
     "ci/table": Route(Role.PLATFORM, is_reliable=True),
     "ci/trouble": Route(Role.PLATFORM, is_reliable=True),
@@ -42,6 +53,8 @@ EMERGENCY_PATIENCE_S: Final = 5.0
 REQUEST_PATIENCE_S: Final = 15.0
 UPLOAD_PATIENCE_S: Final = 60.0
 ANSWER_PATIENCE_S: Final = 120.0
+CONTACT_PATIENCE_S: Final = 10.0
+"""What is so at the begin of a contact is of no use later: the next contact tells more."""
 VIEW_PATIENCE_S: Final = 5.0
 """A large sample that has made no progress for so long gives way to a newer one."""
 LONG_TEXT: Final = 400
@@ -91,9 +104,13 @@ def urgency(message: Any, *, has_upload: bool, is_fenced: bool) -> Urgency:
         if is_fenced or (has_upload and _means_upload(body)):
             return Urgency(Lane.BULK, UPLOAD_PATIENCE_S, is_fence=True)
         return Urgency(Lane.ORDINARY, REQUEST_PATIENCE_S)
+    if isinstance(message, ContactSummary):
+        return Urgency(Lane.URGENT, CONTACT_PATIENCE_S)
     if isinstance(message, Sample):
         return Urgency(Lane.VIEW, VIEW_PATIENCE_S)
-    is_long = isinstance(message, ComponentTable) or (isinstance(message, CiReply) and len(message.text) > LONG_TEXT)
+    is_long = isinstance(message, ComponentTable) or (
+        isinstance(message, CiReply) and (len(message.text) > LONG_TEXT or "reports" in message.result)
+    )
     return Urgency(Lane.BULK if is_long else Lane.ORDINARY, ANSWER_PATIENCE_S)
 
 

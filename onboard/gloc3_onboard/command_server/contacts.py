@@ -1,0 +1,124 @@
+"""Who is in contact: what a station is told first when it is heard after a silence, and what is kept while none is."""
+
+from typing import Final
+
+from gloc3.ci import (
+    CiEvent,
+    CiReply,
+    CiRequest,
+    ContactSummary,
+    Health,
+    MissionSummary,
+    ReadReports,
+    StationRole,
+    VehicleSummary,
+)
+from gloc3.messages import Severity
+from gloc3_onboard.command_server.answers import answer
+from gloc3_onboard.command_server.report_store import ReportStore
+
+OUT_OF_CONTACT_S: Final = 5.0
+"""A station that was not heard for so long is out of contact."""
+STATUS_PERIOD_S: Final = 30.0
+"""How often the state is kept as an event while no station is heard."""
+MOST_AT_ONCE: Final = 100
+SOURCE: Final = "status"
+
+
+class Contacts:
+    """When which station was heard, and what follows from it.
+
+    Args:
+        reports: what the platform has told.
+    """
+
+    def __init__(self, reports: ReportStore) -> None:
+        self._reports = reports
+        self._heard_s: dict[str, float] = {}
+        self._new: dict[str, float] = {}
+        self._kept_s: float | None = None
+
+    def hear(self, station: str, now_s: float) -> None:
+        """Something has been heard of a station."""
+        before_s = self._heard_s.get(station)
+        if before_s is None or now_s - before_s >= OUT_OF_CONTACT_S:
+            self._new[station] = -1.0 if before_s is None else now_s - before_s
+            self._reports.owe()
+        self._heard_s[station] = now_s
+
+    def is_alone(self, now_s: float) -> bool:
+        """Whether no station is in contact."""
+        return all(now_s - heard_s >= OUT_OF_CONTACT_S for heard_s in self._heard_s.values())
+
+    def is_due(self, now_s: float, *, is_silent: bool) -> bool:
+        """Whether the state is to be kept: now and then while the vehicle is on its way and nobody hears of it."""
+        if not is_silent:
+            self._kept_s = None
+        elif self._kept_s is None:
+            self._kept_s = now_s
+        return self._kept_s is not None and now_s - self._kept_s >= STATUS_PERIOD_S
+
+    def status(self, vehicle: VehicleSummary, mission: MissionSummary, now_s: float) -> CiEvent:
+        """The state as an event."""
+        self._kept_s = now_s
+        x_m, y_m, height_m = vehicle.position_m
+        parts = [f"x {x_m:.1f} y {y_m:.1f} h {height_m:.1f} m", f"{vehicle.speed_m_s:.1f} m/s"]
+        parts += [f"battery {vehicle.battery_percent} %"] if vehicle.battery_percent >= 0 else []
+        parts += [doing] if (doing := _doing(mission)) else []
+        return CiEvent(severity=Severity.INFO, source=SOURCE, text="; ".join(parts), t_s=now_s)
+
+    def take(
+        self, health: Health, vehicle: VehicleSummary, mission: MissionSummary, conditions: list[str], now_s: float
+    ) -> list[ContactSummary]:
+        """What the stations are told that have just been heard after a silence."""
+        found = []
+        for station, silent_s in self._new.items():
+            since_s = now_s - silent_s if silent_s >= 0.0 else float("-inf")
+            missed = [event for event in self._reports.undelivered() if event.t_s >= since_s]
+            worst = min(missed, key=lambda event: event.severity, default=None)
+            found.append(
+                ContactSummary(
+                    station=station,
+                    t_s=round(now_s, 3),
+                    silent_s=round(silent_s, 1),
+                    health=health,
+                    mission=mission.name,
+                    state=mission.state,
+                    doing=_doing(mission),
+                    policy=mission.policy,
+                    landed=vehicle.landed,
+                    battery_percent=vehicle.battery_percent,
+                    position_m=vehicle.position_m,
+                    geo=vehicle.geo,
+                    conditions=conditions,
+                    store=self._reports.id,
+                    last=self._reports.last,
+                    delivered=self._reports.delivered,
+                    worst=int(worst.severity) if worst is not None else int(Severity.DEBUG),
+                    worst_text=f"{worst.source}: {worst.text}"[:120] if worst is not None else "",
+                )
+            )
+        self._new.clear()
+        return found
+
+    @property
+    def has_news(self) -> bool:
+        """Whether somebody has just been heard after a silence."""
+        return bool(self._new)
+
+    def read(self, request: CiRequest, body: ReadReports) -> CiReply:
+        """The events that a station asks for; an operator who has all of them so far has them for all stations."""
+        reports = self._reports
+        after = body.after if body.store == reports.id else 0
+        if body.store == reports.id and request.role is StationRole.OPERATOR:
+            reports.deliver(body.after)
+        found = reports.after(after, min(max(body.most, 1), MOST_AT_ONCE))
+        rows = [[e.number, int(e.severity), e.source, e.text, round(e.t_s, 2)] for e in found]
+        return answer(request, result={"store": reports.id, "last": reports.last, "reports": rows})
+
+
+def _doing(mission: MissionSummary) -> str:
+    """The actions under way, with how far they are."""
+    running = [target for target, state in mission.tasks.items() if "." in target and state == "running"]
+    shares = {target: mission.progress.get(target, 0.0) for target in running}
+    return ", ".join(f"{target} {share * 100:.0f} %" if share else target for target, share in shares.items())

@@ -1,0 +1,147 @@
+"""What the platform has told its stations, numbered and on disk, so that whoever was out of contact is told all of it once."""
+
+from typing import Final, Protocol
+
+import msgspec
+from msgspec.structs import replace
+
+from gloc3.ci import CiEvent
+from gloc3.messages import Severity
+
+MOST_KEPT: Final = 4000
+"""Events on disk: some 400 kB; the oldest make room."""
+SPARE: Final = 1000
+"""So many more are appended before the file is written anew."""
+MOST_TEXT: Final = 300
+"""Characters of an event that are kept."""
+
+
+class Records(Protocol):
+    """A file of records that survives the process."""
+
+    def load(self) -> list[bytes]:
+        """All whole records, oldest first."""
+
+    def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:
+        """Adds a record."""
+
+    def rewrite(self, records: list[bytes]) -> None:
+        """Replaces all records at once."""
+
+
+class _Head(msgspec.Struct, frozen=True, array_like=True):
+    """The first record."""
+
+    store: int
+    """Tells this store from one that was begun anew, whose numbers mean other events."""
+    last: int
+    """The highest number that was given when this was written."""
+    delivered: int
+    """Up to here some station has been told; -1 before the first was ever heard."""
+
+
+class ReportStore:
+    """The events of a platform over all lives of its onboard process; numbers count from 1 and are never used twice.
+
+    Args:
+        records: the file.
+        fresh_id: a random number for a store that is begun anew.
+    """
+
+    def __init__(self, records: Records, fresh_id: int) -> None:
+        self._records = records
+        self._encode = msgspec.msgpack.Encoder().encode
+        self.problem = ""
+        """Why what was kept could not be read, or nothing can be kept any more; empty where all is well."""
+        self._events: list[CiEvent] = []
+        self._head = _Head(fresh_id & 0x7FFFFFFF, 0, -1)
+        self._appended = 0
+        self._load()
+
+    @property
+    def id(self) -> int:
+        """Tells this store from one that was begun anew."""
+        return self._head.store
+
+    @property
+    def last(self) -> int:
+        """The highest number that was given; 0 for none."""
+        return self._events[-1].number if self._events else self._head.last
+
+    @property
+    def delivered(self) -> int:
+        """Up to here some station has been told."""
+        return max(0, self._head.delivered)
+
+    def add(self, event: CiEvent) -> CiEvent:
+        """Numbers an event and keeps it; warnings are on disk when this returns, others outlive the process."""
+        kept = replace(event, number=self.last + 1, store=self.id, text=event.text[:MOST_TEXT])
+        self._events.append(kept)
+        try:
+            if self._appended >= SPARE + MOST_KEPT:
+                self._rewrite()
+            else:
+                record = self._encode(kept)
+                self._records.append(record, outlives_power_cut=event.severity <= Severity.WARNING)
+                self._appended += 1
+        except OSError as error:
+            self.problem = f"events cannot be kept: {error.strerror or error}"
+            del self._events[:-MOST_KEPT]
+        return replace(event, number=kept.number, store=self.id)
+
+    def after(self, number: int, most: int) -> list[CiEvent]:
+        """The events behind a number, in order; those that had to make room are left out."""
+        first = self._events[0].number if self._events else 1
+        begin = max(0, number + 1 - first)
+        return self._events[begin : begin + most]
+
+    def owe(self) -> None:
+        """A station is heard for the first time ever: what comes from now on is owed."""
+        if self._head.delivered < 0:
+            self._set_delivered(self.last)
+
+    def deliver(self, number: int) -> None:
+        """A station has been told everything up to a number."""
+        if self._head.delivered < number <= self.last:
+            self._set_delivered(number)
+
+    def undelivered(self) -> list[CiEvent]:
+        """What no station has been told yet."""
+        return self.after(self.delivered, MOST_KEPT)
+
+    def _set_delivered(self, number: int) -> None:
+        self._head = _Head(self.id, self.last, number)
+        try:
+            self._records.append(self._encode(self._head), outlives_power_cut=False)
+            self._appended += 1
+        except OSError as error:
+            self.problem = f"events cannot be kept: {error.strerror or error}"
+
+    def _rewrite(self) -> None:
+        self._events = self._events[-MOST_KEPT:]
+        self._head = _Head(self.id, self.last, self._head.delivered)
+        self._records.rewrite([self._encode(self._head), *map(self._encode, self._events)])
+        self._appended = len(self._events)
+
+    def _load(self) -> None:
+        records = self._records.load()
+        head = msgspec.msgpack.Decoder(_Head)
+        event = msgspec.msgpack.Decoder(CiEvent)
+        try:
+            for data in records:
+                kept = msgspec.msgpack.decode(data)
+                if isinstance(kept, list):
+                    self._head = head.decode(data)
+                else:
+                    self._events.append(event.decode(data))
+        except msgspec.MsgspecError as error:  # of another version of this program
+            self.problem = f"the kept events cannot be read: {error}"
+            self._events.clear()
+            records = []
+        if not records:
+            self._head = _Head(self.id, 0, -1)
+        self._events = self._events[-MOST_KEPT:]
+        try:
+            self._rewrite()
+        except OSError as error:
+            self.problem = f"events cannot be kept: {error.strerror or error}"

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from gloc3.frames import GRAVITY_M_S2, Vector3
-from gloc3_sitl.world.water import Waves
+from gloc3_sitl.water import Waves
 
 _COMPONENTS: Final = 16
 """Sinusoids that make up the sea: enough that it does not repeat within an hour."""
@@ -19,13 +19,17 @@ class Sea:
     and `B = 16 pi^3 / (0.710 T)^4` (T the peak period; Fossen 2021, section 10.2), cut into bands of equal energy.
 
     Args:
-        waves: height, period and direction.
+        waves: height, period and direction; None for a flat sea.
         seed: of the phases.
     """
 
-    def __init__(self, waves: Waves, seed: int = 0) -> None:
-        self.waves: Final = waves
-        self.is_flat: Final = waves.height_m <= 0.0
+    def __init__(self, waves: Waves | None, seed: int = 0) -> None:
+        self.is_flat: Final = waves is None
+        self.height_m: Final = 0.0 if waves is None else waves.height_m
+        """Significant height of the waves."""
+        self._components: Final[list[tuple[float, float, float, float]]] = []
+        if waves is None:
+            return
         scale = (0.710 * waves.period_s) ** 4
         falling = 16.0 * pi**3 / scale
         random = np.random.Generator(np.random.PCG64([seed, 0x5EA]))
@@ -35,10 +39,10 @@ class Sea:
         amplitude_m = waves.height_m / 4.0 * sqrt(2.0 / _COMPONENTS)
         towards = radians(waves.from_deg + 180.0)
         self._north, self._east = cos(towards), sin(towards)
-        self._components: Final = [
+        self._components.extend(
             (amplitude_m, w, w * w / GRAVITY_M_S2, phase)
             for w, phase in zip(((falling / -np.log(share)) ** 0.25 for share in shares), phases, strict=True)
-        ]
+        )
 
     def elevation_m(self, north_m: float, east_m: float, t_s: float) -> float:
         """Height of the surface over the calm one."""

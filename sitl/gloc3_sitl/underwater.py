@@ -21,9 +21,9 @@ from gloc3.frames import (
 )
 from gloc3_sitl.sea import Sea
 from gloc3_sitl.truth import Truth
-from gloc3_sitl.vehicles.underwater import Six, UnderwaterModel
+from gloc3_sitl.vehicles.underwater import Six, UnderwaterModel, clipped, steady_thrust_n
+from gloc3_sitl.water import STILL, Water
 from gloc3_sitl.wind import CALM, Wind
-from gloc3_sitl.world.water import STILL, Water
 
 _FLOOR_SPRING_N_M: Final = 4000.0
 _FLOOR_DAMPING_N_S_M: Final = 400.0
@@ -81,6 +81,7 @@ class UnderwaterVehicle:
         self.is_flooded = False
         """Whether a leak has taken the buoyancy beyond the weight away."""
         self._plane = TangentPlane(self.home)
+        self._surface_down_m = -water.surface_m
         self._floor_down_m = -water.floor_m
         self._dt_s = 1.0 / rate_hz
         self._mass_matrix: Final = mass_matrix(model)
@@ -90,7 +91,7 @@ class UnderwaterVehicle:
         ]
         self._keep = 1.0 - exp(-self._dt_s / model.thruster_lag_s)
         self._fin_keep = 1.0 - exp(-self._dt_s / model.fins.lag_s) if model.fins is not None else 0.0
-        self.place((0.0, 0.0, self.float_depth_m()), from_yaw(heading_deg * pi / 180.0))
+        self.place((0.0, 0.0, self._surface_down_m + self.float_depth_m()), from_yaw(heading_deg * pi / 180.0))
 
     @property
     def now_s(self) -> float:
@@ -142,7 +143,7 @@ class UnderwaterVehicle:
         cn, ce, cd = self.current_ned_m_s
         if self.sea.is_flat:
             return (cn, ce, cd)
-        wn, we, wd = self.sea.velocity_ned_m_s(n, e, d, self.now_s)
+        wn, we, wd = self.sea.velocity_ned_m_s(n, e, d - self._surface_down_m, self.now_s)
         return (cn + wn, ce + we, cd + wd)
 
     def step(self, outputs: Sequence[float]) -> None:
@@ -206,8 +207,8 @@ class UnderwaterVehicle:
             )
             most, now, share = model.fins.deflection_rad, self._fins, self._fin_keep
             self._fins = (
-                now[0] + share * (most * _clip(rudder) - now[0]),
-                now[1] + share * (most * _clip(stern) - now[1]),
+                now[0] + share * (most * clipped(rudder) - now[0]),
+                now[1] + share * (most * clipped(stern) - now[1]),
             )
 
     def _forces(self, u: float, v: float, w: float, p: float, q: float, r: float) -> Six:
@@ -272,8 +273,8 @@ class UnderwaterVehicle:
         my += weight * (gz * dx - gx * dz)
         mz += weight * (gx * dy - gy * dx)
         buoyancy = weight - 5.0 if self.is_flooded else model.buoyancy_n
-        depth = self._position[2]
-        reach = 0.5 * (model.length_m + model.height_m) + model_wave_reach_m(self.sea)
+        depth = self._position[2] - self._surface_down_m
+        reach = 0.5 * (model.length_m + model.height_m) + self.sea.height_m
         bx, by, bz = model.center_of_buoyancy_frd_m
         if depth < reach:
             wet = 0.0
@@ -306,7 +307,7 @@ class UnderwaterVehicle:
                 my += ky * force
                 mz += kz * force
         self._touches = False
-        if depth + 0.5 * (model.length_m + model.height_m) > self._floor_down_m:
+        if self._position[2] + 0.5 * (model.length_m + model.height_m) > self._floor_down_m:
             return self._on_floor((fx, fy, fz, mx, my, mz), (dx, dy, dz))
         return fx, fy, fz, mx, my, mz
 
@@ -374,22 +375,6 @@ class UnderwaterVehicle:
         return self._truth
 
 
-def model_wave_reach_m(sea: Sea) -> float:
-    """So deep under the calm surface a trough may reach."""
-    return sea.waves.height_m
-
-
-def steady_thrust_n(model: UnderwaterModel, forward_n: float, backward_n: float, command: float) -> float:
-    """Force that a thruster settles at, for a command -1 to 1."""
-    command = _clip(command)
-    size = abs(command)
-    if size <= model.dead_band:
-        return 0.0
-    share = (size - model.dead_band) / (1.0 - model.dead_band)
-    share *= model.thrust_curve * share + 1.0 - model.thrust_curve
-    return forward_n * share if command > 0.0 else -backward_n * share
-
-
 def mass_matrix(model: UnderwaterModel) -> list[list[float]]:
     """Rigid body and added mass about the body's origin, 6 by 6 and symmetric (Fossen 2021, equations 3.37 and 6.41)."""
     matrix = np.diag(np.array(model.added_mass) + np.array([model.mass_kg] * 3 + list(model.inertia_kg_m2)))
@@ -420,11 +405,4 @@ def _column(position: Vector3, direction: Vector3, torque_m: float) -> Six:
     )
 
 
-def _clip(command: float) -> float:
-    """Into -1..1; what is not a number is 0."""
-    if not -1.0 <= command <= 1.0:
-        return 1.0 if command > 1.0 else -1.0 if command < -1.0 else 0.0
-    return command
-
-
-__all__ = ["UnderwaterVehicle", "mass_matrix", "steady_thrust_n"]
+__all__ = ["UnderwaterVehicle", "mass_matrix"]

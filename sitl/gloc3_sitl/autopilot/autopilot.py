@@ -11,7 +11,7 @@ from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.control import Control, Outputs
 from gloc3_sitl.autopilot.craft import Craft, Say
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
-from gloc3_sitl.autopilot.estimator.sources import Fix
+from gloc3_sitl.autopilot.estimator.sources import Fix, Source
 from gloc3_sitl.autopilot.failsafe import Failsafes
 from gloc3_sitl.autopilot.flight_log import FlightLogger
 from gloc3_sitl.autopilot.modes import Style
@@ -124,6 +124,10 @@ class Autopilot:
         ask = self.parameters.__getitem__
         is_px4 = "EKF2_EN" in self.parameters
         self.estimator.sources = px4_sources(ask) if is_px4 else ardupilot_sources(ask, self.source_set)
+        floats_at_m = self.tuning.floats_at_m
+        if floats_at_m == floats_at_m:
+            self.estimator.sources |= Source.DEPTH
+            self.estimator.boot_down_m = floats_at_m
 
     def _parameter_changed(self, name: str, value: float) -> None:
         del value

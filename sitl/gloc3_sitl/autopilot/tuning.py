@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from math import nan
 
 from gloc3_sitl.autopilot.control.position import PositionGains
 from gloc3_sitl.autopilot.control.trajectory import TrajectoryLimits
@@ -103,6 +104,7 @@ class Tuning:
     pilot_override: int = 1
     """Bit 0: moved sticks take over from modes of its own; bit 1: from streamed control too."""
     pilot_override_stick: float = 0.3
+    leak_action: Action = Action.NONE
     position_lost_action: Action = Action.LAND
     position_lost_s: float = 1.0
     fence_is_on: bool = True
@@ -117,6 +119,8 @@ class Tuning:
     check_mask: int = -1
     """Arming checks that are made, bits as `Check`."""
     needs_position_to_arm: bool = True
+    floats_at_m: float = nan
+    """Depth that a diving vehicle tells at the surface; its depth is its only height. NaN for others."""
 
 
 class Exempt(IntEnum):

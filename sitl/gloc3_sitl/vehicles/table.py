@@ -6,15 +6,24 @@ from typing import Any, Final
 
 from gloc3.errors import Misuse, nearest
 from gloc3.frames import GeoPoint
+from gloc3_sitl.autopilot.control.underwater import UnderwaterControl
 from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
+from gloc3_sitl.autopilot.styles.ardusub import ARDUSUB
 from gloc3_sitl.autopilot.styles.px4 import PX4
 from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
 from gloc3_sitl.body import Body, MakeBody, Situation
 from gloc3_sitl.physics import Quadrotor
+from gloc3_sitl.sensors.altimeter import Altimeter
 from gloc3_sitl.sensors.battery import Pack
+from gloc3_sitl.sensors.depth import DepthSensor
 from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.surface_fix import SurfaceFix
+from gloc3_sitl.underwater import UnderwaterVehicle
 from gloc3_sitl.vehicles import PELICAN
+from gloc3_sitl.vehicles.auv import AUV
+from gloc3_sitl.vehicles.rov import ROV
+from gloc3_sitl.vehicles.underwater import UnderwaterModel
 
 MakeSensors = Callable[[int, GeoPoint], Sequence[Sensor[Any]]]
 """Makes sensors from a seed and the home."""
@@ -55,6 +64,41 @@ def _pelican(situation: Situation) -> Body:
     )
 
 
+def _diving(model: UnderwaterModel) -> MakeBody:
+    """A body under water."""
+
+    def make(situation: Situation) -> Body:
+        return UnderwaterVehicle(
+            model,
+            situation.home,
+            situation.water,
+            wind=situation.wind,
+            seed=situation.seed,
+            rate_hz=situation.rate_hz,
+            heading_deg=situation.heading_deg,
+        )
+
+    return make
+
+
+def _submarine(model: UnderwaterModel) -> VehicleClass:
+    """How ArduSub sees it: outputs both ways from 1500 us."""
+    outputs = len(model.thrusters) + (2 if model.fins is not None else 0)
+    return VehicleClass(
+        mav_type=12,
+        control=lambda craft: UnderwaterControl(craft, model),
+        tells_landed=False,
+        output_numbers=tuple(range(1, outputs + 1)),
+        rest_us=1500,
+        span_us=400,
+    )
+
+
+def _diving_sensors(seed: int, home: GeoPoint) -> Sequence[Sensor[Any]]:
+    """A depth sensor in place of the barometer, an echo sounder in place of the laser, fixes at the surface only."""
+    return DepthSensor(seed, home), Altimeter(seed), SurfaceFix(seed, home)
+
+
 VEHICLES: Final[Mapping[str, VehicleRow]] = {
     "pelican": VehicleRow(
         types=("quadrotor", "hexarotor"),
@@ -62,6 +106,22 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=PELICAN,
         vehicle_class=MULTIROTOR,
         styles={"px4": PX4, "ardupilot": ARDUPILOT},
+    ),
+    "auv": VehicleRow(
+        types=("auv",),
+        body=_diving(AUV),
+        pack=AUV,
+        vehicle_class=_submarine(AUV),
+        styles={"ardupilot": ARDUSUB},
+        sensors=_diving_sensors,
+    ),
+    "rov": VehicleRow(
+        types=("rov",),
+        body=_diving(ROV),
+        pack=ROV,
+        vehicle_class=_submarine(ROV),
+        styles={"ardupilot": ARDUSUB},
+        sensors=_diving_sensors,
     ),
 }
 """By the name that `gloc3 sitl --vehicle` takes."""

@@ -104,3 +104,21 @@ class UnderwaterModel(msgspec.Struct, frozen=True, kw_only=True):
     """Of its lithium battery, in series."""
     capacity_ah: float
     battery_resistance_ohm: float
+
+
+def steady_thrust_n(model: UnderwaterModel, forward_n: float, backward_n: float, command: float) -> float:
+    """Force that a thruster settles at, for a command -1 to 1."""
+    command = clipped(command)
+    size = abs(command)
+    if size <= model.dead_band:
+        return 0.0
+    share = (size - model.dead_band) / (1.0 - model.dead_band)
+    share *= model.thrust_curve * share + 1.0 - model.thrust_curve
+    return forward_n * share if command > 0.0 else -backward_n * share
+
+
+def clipped(command: float) -> float:
+    """Into -1..1; what is not a number is 0."""
+    if not -1.0 <= command <= 1.0:
+        return 1.0 if command > 1.0 else -1.0 if command < -1.0 else 0.0
+    return command

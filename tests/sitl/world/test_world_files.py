@@ -32,7 +32,7 @@ def load(tmp_path: Path, text: str) -> World:
 
 
 def test_the_package_brings_a_hold_and_open_ground() -> None:
-    assert World.names() == ["corridor", "hold", "hold_busy", "hold_hard", "open", "tank"]
+    assert World.names() == ["bay", "corridor", "hold", "hold_busy", "hold_hard", "open", "tank"]
     hold = World.load("hold")
     assert (hold.name, hold.frame_name) == ("hold", "hold")
     assert hold.spawn_m == (0.0, 0.0, 0.0)

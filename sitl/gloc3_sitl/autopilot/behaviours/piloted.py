@@ -12,7 +12,7 @@ _YAW_RATE_RAD_S = radians(120.0)
 _DEAD_BAND = 0.06
 
 
-def _stick(value: float) -> float:
+def stick(value: float) -> float:
     """A stick's deflection without its dead band."""
     size = abs(value)
     return 0.0 if size < _DEAD_BAND else copysign((size - _DEAD_BAND) / (1.0 - _DEAD_BAND), value)
@@ -34,9 +34,9 @@ class Stabilize(Activity):
         if self.craft.is_landed and throttle < 0.1:
             self._yaw_rad = self.craft.estimator.yaw_rad
             return LANDED
-        rate = _stick(pilot.yaw) * _YAW_RATE_RAD_S
+        rate = stick(pilot.yaw) * _YAW_RATE_RAD_S
         self._yaw_rad = wrap_pi(self._yaw_rad + rate * PERIOD_S)
-        attitude = from_euler(_stick(pilot.roll) * _LEAN_RAD, _stick(pilot.pitch) * _LEAN_RAD, self._yaw_rad)
+        attitude = from_euler(stick(pilot.roll) * _LEAN_RAD, stick(pilot.pitch) * _LEAN_RAD, self._yaw_rad)
         hover = tuning.hover_thrust
         thrust = 2.0 * throttle * hover if throttle < 0.5 else hover + (throttle - 0.5) * 2.0 * (1.0 - hover)
         return AttitudeSetpoint(ned_from_frd=attitude, rate_frd_rad_s=(0.0, 0.0, rate), thrust=thrust)
@@ -63,13 +63,13 @@ class Altitude(Activity):
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         craft = self.craft
-        climb, rate = self._climb_m_s(), _stick(craft.pilot.yaw) * _YAW_RATE_RAD_S
+        climb, rate = self._climb_m_s(), stick(craft.pilot.yaw) * _YAW_RATE_RAD_S
         if craft.is_landed and climb <= 0.0:
             self.resync()
             self._yaw_rad = craft.estimator.yaw_rad
             return LANDED
         self._yaw_rad = wrap_pi(self._yaw_rad + rate * PERIOD_S)
-        forward, right = -_stick(craft.pilot.pitch), _stick(craft.pilot.roll)
+        forward, right = -stick(craft.pilot.pitch), stick(craft.pilot.roll)
         lean = min(_LEAN_RAD, craft.tuning.gains.tilt_rad)
         cosine, sine = cos(self._yaw_rad), sin(self._yaw_rad)
         push = GRAVITY_M_S2 * tan(lean)
@@ -85,7 +85,7 @@ class Altitude(Activity):
 
     def _climb_m_s(self) -> float:
         limits = self.craft.tuning.limits
-        throttle = _stick(2.0 * self.craft.pilot.throttle - 1.0)
+        throttle = stick(2.0 * self.craft.pilot.throttle - 1.0)
         return throttle * (limits.speed_up_m_s if throttle > 0.0 else limits.speed_down_m_s)
 
     def _hold_height(self, climb_m_s: float) -> float:
@@ -122,15 +122,15 @@ class Position(Altitude):
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         craft = self.craft
-        climb, rate = self._climb_m_s(), _stick(craft.pilot.yaw) * _YAW_RATE_RAD_S
+        climb, rate = self._climb_m_s(), stick(craft.pilot.yaw) * _YAW_RATE_RAD_S
         if craft.is_landed and climb <= 0.0:
             self.resync()
             self._yaw_rad = craft.estimator.yaw_rad
             return LANDED
         self._yaw_rad = wrap_pi(self._yaw_rad + rate * PERIOD_S)
         limits = craft.tuning.limits
-        forward = -_stick(craft.pilot.pitch) * limits.speed_xy_m_s
-        right = _stick(craft.pilot.roll) * limits.speed_xy_m_s
+        forward = -stick(craft.pilot.pitch) * limits.speed_xy_m_s
+        right = stick(craft.pilot.roll) * limits.speed_xy_m_s
         cosine, sine = cos(self._yaw_rad), sin(self._yaw_rad)
         vn, ve, _ = self._velocity
         dn, de = forward * cosine - right * sine - vn, forward * sine + right * cosine - ve

@@ -51,6 +51,8 @@ class Estimator:
     jump_ned_m: Vector3 = (0.0, 0.0, 0.0)
     """By how much it has jumped in all."""
     barometer_altitude_m: float = nan
+    boot_down_m: float = 0.0
+    """NED down of the place where the vehicle boots: what a diving one lies in the water."""
     _horizontal: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 4e-4))
     _vertical: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 1e-3))
     _alignment: Alignment = field(default_factory=Alignment)
@@ -110,7 +112,7 @@ class Estimator:
         if self.origin is None:
             d = self.inertial.position_ned_m[2]
             self.set_origin(fix.place)
-            self.inertial.place((0.0, 0.0, 0.0), self.inertial.velocity_ned_m_s)
+            self.inertial.place((0.0, 0.0, self.boot_down_m), self.inertial.velocity_ned_m_s)
             if self._barometer_offset_m == self._barometer_offset_m:
                 self._barometer_offset_m += d
             self._horizontal.reset(fix.horizontal_accuracy_m**2, 0.04)
@@ -128,7 +130,7 @@ class Estimator:
             vn, ve, vd = believed.velocity_ned_m_s
             un, ue, ud = fix.velocity_ned_m_s
             self._correct_horizontal(self._horizontal.measure_velocity(speed_accuracy), un - vn, ue - ve)
-            if not self.sources & (Source.EXTERNAL_HEIGHT | Source.RANGE_HEIGHT):
+            if not self.sources & (Source.EXTERNAL_HEIGHT | Source.RANGE_HEIGHT | Source.DEPTH):
                 height_accuracy = max(fix.vertical_accuracy_m, 0.01) ** 2
                 self._take_height(self.height_state, measured[2], believed.position_ned_m[2], height_accuracy, now_s)
                 self._correct_vertical(self._vertical.measure_velocity(2.0 * speed_accuracy), ud - vd)

@@ -25,6 +25,8 @@ class Source:
     EXTERNAL_YAW: Final = 64
     RANGE_HEIGHT: Final = 128
     """The range finder as height, over flat ground."""
+    DEPTH: Final = 256
+    """The barometer alone as height, as under water: satellites tell no height."""
 
 
 DEFAULT_SOURCES: Final = Source.FIX | Source.BAROMETER | Source.MAGNETOMETER

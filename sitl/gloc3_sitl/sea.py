@@ -1,6 +1,6 @@
 """A sea state in time: how high the surface is, and how the water under it moves."""
 
-from math import cos, exp, pi, radians, sin, sqrt, tau
+from math import cos, exp, log, pi, radians, sin, sqrt, tau
 from typing import Final
 
 import numpy as np
@@ -41,7 +41,7 @@ class Sea:
         self._north, self._east = cos(towards), sin(towards)
         self._components.extend(
             (amplitude_m, w, w * w / GRAVITY_M_S2, phase)
-            for w, phase in zip(((falling / -np.log(share)) ** 0.25 for share in shares), phases, strict=True)
+            for w, phase in zip(((falling / -log(share)) ** 0.25 for share in shares), phases, strict=True)
         )
 
     def elevation_m(self, north_m: float, east_m: float, t_s: float) -> float:

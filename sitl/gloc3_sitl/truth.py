@@ -43,6 +43,8 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     """Power drawn from the battery."""
     wind_ned_m_s: Vector3
     """Velocity of the air at the vehicle, turbulence included."""
+    wheels_m: tuple[float, ...] = ()
+    """Way that the rim of each wheel with an encoder has turned, left before right; empty for vehicles without wheels."""
 
     def imu(self) -> tuple[Vector3, Vector3]:
         """Specific force in m/s^2 and turn rate in rad/s, both FRD."""

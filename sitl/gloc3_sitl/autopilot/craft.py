@@ -86,6 +86,10 @@ class Craft:
     last_setpoint: Setpoint = LANDED
     looks_at: Vector3 | None = None
     """Where the nose shall point, where somebody has told a place."""
+    crumbs: list[Vector3] = field(default_factory=list)
+    """Places on the way since arming, without loops, for a return along it; kept by what drives."""
+    keeps_crumbs: bool = True
+    """Not while it returns along them."""
     target: Target | None = None
     """Whom to follow, where somebody has told."""
 

@@ -15,11 +15,14 @@ _EXEMPT: Final = {
     Behaviour.MISSION: Exempt.MISSION,
     Behaviour.HOLD: Exempt.HOLD,
     Behaviour.BRAKE: Exempt.HOLD,
+    Behaviour.STOP: Exempt.HOLD,
     Behaviour.STREAMED: Exempt.STREAMED,
     Behaviour.LAND: Exempt.LANDING,
     Behaviour.STABILIZE: Exempt.PILOT,
     Behaviour.ALTITUDE: Exempt.PILOT,
     Behaviour.POSITION: Exempt.PILOT,
+    Behaviour.DIRECT: Exempt.PILOT,
+    Behaviour.STEER: Exempt.PILOT,
 }
 
 

@@ -31,9 +31,19 @@ class Behaviour(StrEnum):
     """Setpoints from outside: PX4's Offboard, ArduPilot's Guided."""
     STREAMED_ATTITUDE = "streamed attitude"
     TERMINATED = "terminated"
+    DIRECT = "direct"
+    """The pilot's sticks go to the motors as they are: Manual of what drives or dives."""
+    STEER = "steer"
+    """The pilot's sticks are speed and turn rate."""
+    STOP = "stop"
+    """Stopped, wherever that is."""
+    RETRACE = "retrace"
+    """Return by the way on which it came."""
 
 
-PILOTED: Final = frozenset({Behaviour.STABILIZE, Behaviour.ALTITUDE, Behaviour.POSITION})
+PILOTED: Final = frozenset(
+    {Behaviour.STABILIZE, Behaviour.ALTITUDE, Behaviour.POSITION, Behaviour.DIRECT, Behaviour.STEER}
+)
 """Flown by the pilot's sticks."""
 
 POSITIONED: Final = frozenset(Behaviour) - {
@@ -42,6 +52,9 @@ POSITIONED: Final = frozenset(Behaviour) - {
     Behaviour.STREAMED_ATTITUDE,
     Behaviour.TERMINATED,
     Behaviour.LAND,
+    Behaviour.DIRECT,
+    Behaviour.STEER,
+    Behaviour.STOP,
 }
 """Impossible without a position estimate."""
 

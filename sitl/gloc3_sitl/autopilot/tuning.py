@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from math import nan
 
+from gloc3_sitl.autopilot.control.drive_gains import DriveGains
 from gloc3_sitl.autopilot.control.position import PositionGains
 from gloc3_sitl.autopilot.control.trajectory import TrajectoryLimits
 
@@ -29,6 +30,7 @@ class Tuning:
 
     gains: PositionGains = field(default_factory=PositionGains)
     limits: TrajectoryLimits = field(default_factory=TrajectoryLimits)
+    drive: DriveGains = field(default_factory=DriveGains)
     attitude_p_roll: float = 6.5
     attitude_p_pitch: float = 6.5
     attitude_p_yaw: float = 3.0

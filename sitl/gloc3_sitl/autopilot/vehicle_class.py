@@ -1,10 +1,11 @@
 """What the autopilot must know of the class of vehicle that it steers, and cannot find in its parameters."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gloc3_sitl.autopilot.control.control import Control
+from gloc3_sitl.autopilot.control.drive import DriveControl
 from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
 from gloc3_sitl.autopilot.craft import Craft
 
@@ -27,5 +28,11 @@ class VehicleClass:
     """Microseconds from there to an output of 1."""
 
 
+ROVER: Final = VehicleClass(
+    mav_type=10, control=DriveControl, tells_landed=False, output_numbers=(1, 3), rest_us=1500, span_us=500
+)
+"""A rover with a left and a right drive, ThrottleLeft and ThrottleRight on the outputs where Rover has them."""
+BOAT: Final = replace(ROVER, mav_type=11)
+"""A boat with a left and a right propeller."""
 MULTIROTOR: Final = VehicleClass(mav_type=2, control=MultirotorControl)
 """A quadrotor."""

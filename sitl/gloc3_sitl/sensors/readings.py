@@ -103,5 +103,16 @@ class BatteryReading(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the nominal charge that is left, 1 to 0."""
 
 
-Reading = ImuReading | BarometerReading | MagnetometerReading | RangeReading | FixReading | BatteryReading
+class WheelReading(msgspec.Struct, frozen=True, kw_only=True):
+    """How far wheels have turned since the start."""
+
+    t_s: float
+    """Time of validity."""
+    distances_m: tuple[float, float]
+    """Way of the rim, left and right; backwards counts down."""
+
+
+Reading = (
+    ImuReading | BarometerReading | MagnetometerReading | RangeReading | FixReading | BatteryReading | WheelReading
+)
 """Any sensor's reading."""

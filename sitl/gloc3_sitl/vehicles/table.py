@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 from gloc3.errors import Misuse, nearest
@@ -11,19 +12,27 @@ from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.ardusub import ARDUSUB
 from gloc3_sitl.autopilot.styles.px4 import PX4
+from gloc3_sitl.autopilot.styles.rover import BOAT, ROVER
+from gloc3_sitl.autopilot.vehicle_class import BOAT as BOAT_CLASS
 from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
+from gloc3_sitl.autopilot.vehicle_class import ROVER as ROVER_CLASS
 from gloc3_sitl.body import Body, MakeBody, Situation
 from gloc3_sitl.physics import Quadrotor
+from gloc3_sitl.rover import SkidRover
 from gloc3_sitl.sensors.altimeter import Altimeter
 from gloc3_sitl.sensors.battery import Pack
 from gloc3_sitl.sensors.depth import DepthSensor
 from gloc3_sitl.sensors.sensor import Sensor
 from gloc3_sitl.sensors.surface_fix import SurfaceFix
+from gloc3_sitl.sensors.wheels import WheelEncoders
 from gloc3_sitl.underwater import UnderwaterVehicle
 from gloc3_sitl.vehicles import PELICAN
 from gloc3_sitl.vehicles.auv import AUV
+from gloc3_sitl.vehicles.jackal import JACKAL
+from gloc3_sitl.vehicles.otter import OTTER
 from gloc3_sitl.vehicles.rov import ROV
 from gloc3_sitl.vehicles.underwater import UnderwaterModel
+from gloc3_sitl.vessel import Vessel
 
 MakeSensors = Callable[[int, GeoPoint], Sequence[Sensor[Any]]]
 """Makes sensors from a seed and the home."""
@@ -122,6 +131,21 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         vehicle_class=_submarine(ROV),
         styles={"ardupilot": ARDUSUB},
         sensors=_diving_sensors,
+    ),
+    "rover": VehicleRow(
+        types=("rover",),
+        body=partial(SkidRover, JACKAL),
+        pack=JACKAL,
+        vehicle_class=ROVER_CLASS,
+        styles={"ardupilot": ROVER},
+        sensors=lambda seed, _: [WheelEncoders(seed, JACKAL.ticks_per_m)],
+    ),
+    "boat": VehicleRow(
+        types=("boat",),
+        body=partial(Vessel, OTTER),
+        pack=OTTER,
+        vehicle_class=BOAT_CLASS,
+        styles={"ardupilot": BOAT},
     ),
 }
 """By the name that `gloc3 sitl --vehicle` takes."""

@@ -73,8 +73,12 @@ class Mover(Activity):
         self.trajectory.velocity = inertial.velocity_ned_m_s
         self.trajectory.acceleration = (0.0, 0.0, 0.0)
 
-    def fly(self) -> MotionSetpoint:
+    def fly(self) -> Setpoint:
         """Moves on by one period."""
+        return self.glide()
+
+    def glide(self) -> MotionSetpoint:
+        """Moves the trajectory and the heading on by one period."""
         trajectory = self.trajectory
         n, e, d = self.craft.estimator.inertial.position_ned_m
         pn, pe, pd = trajectory.position

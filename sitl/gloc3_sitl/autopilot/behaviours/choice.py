@@ -1,5 +1,6 @@
 """Which class flies which behaviour."""
 
+from gloc3.errors import Misuse
 from gloc3_sitl.autopilot.behaviours.base import Activity
 from gloc3_sitl.autopilot.behaviours.climb import TakeOff
 from gloc3_sitl.autopilot.behaviours.follow import Follow
@@ -66,3 +67,5 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, styl
             return StreamedAttitude(craft)
         case Behaviour.TERMINATED:
             return Terminated(craft)
+        case Behaviour.DIRECT | Behaviour.STEER | Behaviour.STOP | Behaviour.RETRACE:
+            raise Misuse(f"there is no way to {behaviour} for a multirotor")

@@ -40,7 +40,7 @@ class Land(Mover):
             return MotionSetpoint(velocity_ned_m_s=(nothing, nothing, self._descent_m_s), yaw_rad=self.yaw_rad)
         n, e, _ = self.trajectory.target
         self.trajectory.go_to((n, e, self.trajectory.position[2]))
-        hold = self.fly()
+        hold = self.glide()
         n, e, _ = hold.position_ned_m
         vn, ve, _ = hold.velocity_ned_m_s
         return MotionSetpoint(

@@ -198,7 +198,7 @@ class MissionFlight(Mover):
             case Command.LOITER_UNLIMITED:
                 pass
             case _:
-                self._wait_until_s = craft.now_s + (max(0.0, item.parameters[0]) if _holds(item) else 0.0)
+                self._wait_until_s = craft.now_s + (max(0.0, item.parameters[0]) if holds(item) else 0.0)
         return setpoint
 
     def _leave_sub(self) -> None:
@@ -237,6 +237,6 @@ class MissionFlight(Mover):
         self.craft.say(Severity.INFO, "Mission finished")
 
 
-def _holds(item: StoredItem) -> bool:
+def holds(item: StoredItem) -> bool:
     """Whether the first parameter is a time to wait there."""
     return item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT, Command.LOITER_TIME)

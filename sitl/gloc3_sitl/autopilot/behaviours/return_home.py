@@ -29,7 +29,7 @@ class ReturnHome(Mover):
         super().__init__(craft)
         self.is_done = False
         self._land: Land | None = None
-        self._goal = _nearest_goal(craft)
+        self._goal = nearest_goal(craft)
         self._phase_s = craft.now_s
         n, e, d = self.trajectory.position
         top = self._goal[2] - craft.tuning.return_height_m
@@ -80,7 +80,7 @@ class ReturnHome(Mover):
         return self.fly()
 
 
-def _nearest_goal(craft: Craft) -> Vector3:
+def nearest_goal(craft: Craft) -> Vector3:
     """Home, or the rally point that is nearer."""
     n, e, _ = craft.estimator.inertial.position_ned_m
     best = craft.home.position_ned_m if craft.home is not None else (n, e, 0.0)

@@ -99,7 +99,7 @@ class Surface(Mover):
         climb_m_s = craft.tuning.limits.speed_up_m_s if down_m > _AT_SURFACE_M else 0.5 * max(0.0, down_m)
         if not craft.estimator.is_position_good(craft.now_s):
             return MotionSetpoint(velocity_ned_m_s=(nan, nan, -climb_m_s), yaw_rad=self.yaw_rad)
-        hold = self.fly()
+        hold = self.glide()
         n, e, _ = hold.position_ned_m
         vn, ve, _ = hold.velocity_ned_m_s
         return MotionSetpoint(position_ned_m=(n, e, nan), velocity_ned_m_s=(vn, ve, -climb_m_s), yaw_rad=hold.yaw_rad)

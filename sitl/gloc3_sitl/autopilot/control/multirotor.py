@@ -2,13 +2,14 @@
 
 from typing import Final
 
+from gloc3.errors import Misuse
 from gloc3.frames import GRAVITY_M_S2
 from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
 from gloc3_sitl.autopilot.control.attitude import AttitudeController, attitude_for
 from gloc3_sitl.autopilot.control.mixer import IDLE, Mixer, Throttles
 from gloc3_sitl.autopilot.control.position import PositionController
 from gloc3_sitl.autopilot.control.rates import RateController
-from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, DriveSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.periods import OUTER_S, OUTER_STEPS, STEP_S
 
@@ -61,6 +62,8 @@ class MultirotorControl:
 
     def follow(self, setpoint: Setpoint) -> None:
         """Looks for the ground, and turns a setpoint into an attitude (or rates) and a thrust."""
+        if isinstance(setpoint, DriveSetpoint):
+            raise Misuse("a multirotor is not driven")
         self._detect_touchdown(setpoint)
         tuning = self._tuning
         self._attitude.gain = (tuning.attitude_p_roll, tuning.attitude_p_pitch, tuning.attitude_p_yaw)
@@ -116,7 +119,7 @@ class MultirotorControl:
         thrust = max(thrust, tuning.gains.thrust_min)
         self.thrust = min(thrust, self._ceiling)
 
-    def _detect_touchdown(self, setpoint: Setpoint) -> None:
+    def _detect_touchdown(self, setpoint: MotionSetpoint | AttitudeSetpoint) -> None:
         craft, inertial = self._craft, self._estimator.inertial
         now_s = craft.now_s
         if isinstance(setpoint, AttitudeSetpoint):

@@ -38,7 +38,25 @@ class AttitudeSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Collective thrust, 0..1 of full."""
 
 
-Setpoint = MotionSetpoint | AttitudeSetpoint
+class DriveSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """A speed and a heading, for what cannot go sideways; or throttle and steering as they are."""
+
+    speed_m_s: float = 0.0
+    """Forward; negative drives backwards."""
+    heading_rad: float = nan
+    """Clockwise from north; NaN turns by the rate alone."""
+    turn_rate_rad_s: float = 0.0
+    is_at_rest: bool = False
+    """With no speed: its drives stop once it stands."""
+    is_direct: bool = False
+    """Throttle and steering go to the drives as they are."""
+    throttle: float = 0.0
+    """-1 to 1."""
+    steering: float = 0.0
+    """Right positive, -1 to 1."""
+
+
+Setpoint = MotionSetpoint | AttitudeSetpoint | DriveSetpoint
 
 LANDED: Final = MotionSetpoint(is_landed=True)
 """Motors idle on the ground."""

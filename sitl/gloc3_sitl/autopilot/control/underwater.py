@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from gloc3.errors import Misuse
 from gloc3.frames import IDENTITY, Quaternion, Vector3, from_euler, rotate, rotate_back, to_euler, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
@@ -101,8 +102,10 @@ class UnderwaterControl:
             self._yaw_rad = self._estimator.yaw_rad
         if isinstance(setpoint, AttitudeSetpoint):
             self._follow_attitude(setpoint)
-        else:
+        elif isinstance(setpoint, MotionSetpoint):
             self._follow_motion(setpoint)
+        else:
+            raise Misuse("a submarine is not driven")
 
     def _follow_attitude(self, setpoint: AttitudeSetpoint) -> None:
         """An attitude with a thrust upwards, 0.5 for none, as ArduSub takes SET_ATTITUDE_TARGET."""

@@ -8,6 +8,7 @@ from gloc3.link.codec import message
 from gloc3.link.message import MavlinkMessage
 from gloc3_sitl.autopilot.behaviours.orbit import Orbit
 from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, milli_g, short
+from gloc3_sitl.sensors.readings import WheelReading
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot
@@ -18,6 +19,7 @@ _UNKNOWN: Final = 65535
 _BODY_FRD, _LOCAL_NED = 12, 1
 _AUTOPILOT_ESTIMATOR: Final = 8
 _CHANNELS: Final = 18
+_WHEELS: Final = 16
 
 
 def servo_output(autopilot: "Autopilot") -> MavlinkMessage:
@@ -38,6 +40,17 @@ def actuator_output(autopilot: "Autopilot") -> MavlinkMessage:
         time_usec=microseconds(autopilot),
         active=(1 << len(values)) - 1,
         actuator=(*values, *(0.0,) * (_ACTUATORS - len(values))),
+    )
+
+
+def wheel_distance(autopilot: "Autopilot") -> MavlinkMessage | None:
+    """WHEEL_DISTANCE: left and right; silent for what has no encoders."""
+    reading = autopilot.others.get(WheelReading)
+    if reading is None:
+        return None
+    distances = (*reading.distances_m, *(0.0,) * (_WHEELS - len(reading.distances_m)))
+    return message(
+        "WHEEL_DISTANCE", time_usec=microseconds(autopilot), count=len(reading.distances_m), distance=distances
     )
 
 

@@ -43,11 +43,12 @@ _PRODUCERS: Final[dict[str, Producer]] = {
     "SYSTEM_TIME": state_telemetry.system_time,
     "SYS_STATUS": state_telemetry.sys_status,
     "VFR_HUD": motion_telemetry.vfr_hud,
+    "WHEEL_DISTANCE": output_telemetry.wheel_distance,
 }
 """By the name of the message; None means that there is nothing to tell now."""
 
 _NOT_TOLD: Final[Mapping[str, frozenset[str]]] = {
-    "px4": frozenset({"EKF_STATUS_REPORT", "FENCE_STATUS", "RAW_IMU"}),
+    "px4": frozenset({"EKF_STATUS_REPORT", "FENCE_STATUS", "RAW_IMU", "WHEEL_DISTANCE"}),
     "ardupilot": frozenset(
         {
             "ACTUATOR_OUTPUT_STATUS",

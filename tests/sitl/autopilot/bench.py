@@ -27,9 +27,9 @@ VEHICLE = Address(1, 1)
 class Bench:
     """A vehicle in the open, and what its MAVLink client sends and has heard."""
 
-    def __init__(self, style: str = "px4", *, system: int = 1, component: int = 191, **settings: Any) -> None:
-        self.sim = Simulator(World.load("open"), style=style, **{"seed": 7, **settings})
-        self.is_px4 = style == "px4"
+    def __init__(self, style: str | None = "px4", *, system: int = 1, component: int = 191, **settings: Any) -> None:
+        self.sim = Simulator(settings.pop("world", World.load("open")), style=style, **{"seed": 7, **settings})
+        self.is_px4 = self.sim.style == "px4"
         self.heard: list[MavlinkMessage] = []
         self.counts: Counter[str] = Counter()
         self._parser = Parser(is_datagram=True)

@@ -285,7 +285,8 @@ class MissionDrive(MissionFlight):
 
     def _finish(self) -> None:
         super()._finish()
-        self._stay(self._helm.target)
+        is_there = self._helm.is_there(self.craft.tuning.acceptance_radius_m)
+        self._stay(self._helm.target if is_there else stopping_place(self.craft))
 
     def skip_to(self, index: int) -> None:
         """Makes another item the current one, from here."""

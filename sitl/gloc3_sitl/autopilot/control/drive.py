@@ -21,7 +21,7 @@ _MOST_CRUMBS: Final = 500
 class DriveControl:
     """Two drives, one on each side; a `Control`.
 
-    It is landed while it is not armed, and under way otherwise.
+    A rover stands while it is not armed; a boat never does: it drifts.
     """
 
     stopped: Pair = _STOPPED
@@ -47,7 +47,7 @@ class DriveControl:
     def follow(self, setpoint: Setpoint) -> None:
         """Works out both outputs: as often as Rover does."""
         craft = self._craft
-        craft.touchdown.is_landed = not craft.is_armed
+        craft.touchdown.is_landed = not (craft.is_armed or self._gains.loiters)
         if setpoint is LANDED or not craft.is_armed:
             self._rest()
             craft.crumbs.clear()

@@ -138,4 +138,4 @@ def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
     tuning.stream_timeout_s = 3.0
     is_boat = int(ask("FRAME_CLASS")) == _BOAT
     tuning.drive.loiters = is_boat
-    tuning.drive.integral = 0.06 if is_boat else 0.0
+    tuning.drive.integral = 0.1 if is_boat else 0.0

@@ -36,14 +36,18 @@ BURST = 3000
 PICTURES = 40
 PICTURE_EVERY_S = 0.015
 FAST_PICTURES = 400
-IN_FLIGHT = 8
+TOLD_EVERY = 2
+"""After so many pictures the other end tells how far it is: seldom, since that costs time, too."""
+LOST_S = 0.05
+"""What has not come for so long is lost."""
 TOPICS = 20
 TOPIC_RATE_HZ = 100
 USUAL_S = 2.0
 NAMES = ("pose", "burst", "usual/*")
 PICTURE = Image(camera="front", width=640, height=480, data=os.urandom(640 * 480))
 RAW, LOOP, OURS, SHARED, TCP = "zenoh", "zenoh to the loop", "gloc3", "shared memory", "tcp"
-NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
+IN_FLIGHT = {SHARED: 8, TCP: 4}
+"""So many pictures may be under way, as suits each: the queue of a link takes three."""
 
 
 class Wire(msgspec.Struct, array_like=True, frozen=True):
@@ -132,6 +136,12 @@ class Receiver:
         """In the loop."""
         self.note(envelope.t_s)
 
+    def look(self, credit: Publisher, envelope: Envelope[Image]) -> None:
+        """In the loop: a picture."""
+        self.note(envelope.t_s)
+        if not (envelope.sequence + 1) % TOLD_EVERY:
+            credit.publish("p/credit", POSE, float(envelope.sequence))
+
     def report(self) -> Heard:
         """What came since the last report."""
         delays_s, self._delays_s = sorted(self._delays_s), []
@@ -149,18 +159,12 @@ async def receive(where: Places) -> None:
         raw = stack.enter_context(zenoh.open(configuration(Node(name="other", connect=(where.raw,)))))
         subscribers = [raw.declare_subscriber(f"p/{name}", receiver.take_raw) for name in NAMES]
         subscribers += [raw.declare_subscriber(f"q/{name}", receiver.take_to(loop)) for name in NAMES]
-        for place, settings in ((where.ours, None), (where.shared, None), (where.tcp, NO_SHARED_MEMORY)):
+        for place in (where.ours, where.shared, where.tcp):
             node = Node(name="other", connect=(place,))
-            exchange = stack.enter_context(open_exchange(node, loop, table, settings=settings))
+            exchange = stack.enter_context(open_exchange(node, loop, table, is_sharing=place != where.tcp))
             for name in NAMES:
                 exchange.subscribe(f"p/{name}", receiver.take)
-            credit = Publisher(exchange, "p", "receiver", 1)
-
-            def look(envelope: Envelope[Image], credit: Publisher = credit) -> None:
-                receiver.take(envelope)
-                credit.publish("p/credit", POSE, 0.0)
-
-            exchange.subscribe("p/camera/front", look)
+            exchange.subscribe("p/camera/front", partial(receiver.look, Publisher(exchange, "p", "receiver", 1)))
         reader = asyncio.StreamReader()
         await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
         print(len(subscribers), flush=True)
@@ -169,6 +173,30 @@ async def receive(where: Places) -> None:
 
 
 # --- the sending process ---
+
+
+class Window:
+    """Lets so many pictures be under way as the other end has place for."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._sent = self._seen = 0
+        self._changed = asyncio.Event()
+
+    def see(self, envelope: Envelope[Any]) -> None:
+        """How far the other end is; its time is the number of a picture."""
+        self._seen = round(envelope.t_s) + 1
+        self._changed.set()
+
+    async def go(self) -> None:
+        """Waits for place; what did not come for a while was lost."""
+        while self._sent - self._seen >= self._most:
+            self._changed.clear()
+            try:
+                await asyncio.wait_for(self._changed.wait(), LOST_S)
+            except TimeoutError:
+                self._seen = self._sent
+        self._sent += 1
 
 
 class Sender:
@@ -190,17 +218,13 @@ class Sender:
         }
         self._exchanges: dict[str, ZenohExchange] = {}
         self._publishers: dict[str, Publisher] = {}
-        self._credit = {SHARED: asyncio.Semaphore(IN_FLIGHT), TCP: asyncio.Semaphore(IN_FLIGHT)}
-        for name, place, settings in (
-            (OURS, where.ours, None),
-            (SHARED, where.shared, None),
-            (TCP, where.tcp, NO_SHARED_MEMORY),
-        ):
+        self._windows = {way: Window(most) for way, most in IN_FLIGHT.items()}
+        for name, place in ((OURS, where.ours), (SHARED, where.shared), (TCP, where.tcp)):
             node = Node(name="main", listen=(place,), accepts=("other",))
-            exchange = stack.enter_context(open_exchange(node, loop, table, settings=settings))
+            exchange = stack.enter_context(open_exchange(node, loop, table, is_sharing=name != TCP))
             self._publishers[name] = Publisher(exchange, "p", "sender", 1)
-            if name in self._credit:
-                exchange.subscribe("p/credit", partial(_release, self._credit[name]))
+            if name in self._windows:
+                exchange.subscribe("p/credit", self._windows[name].see)
         self.child = subprocess.Popen(
             [sys.executable, "-m", "tests.benchmarks.network", *where],
             stdin=subprocess.PIPE,
@@ -259,11 +283,7 @@ class Sender:
 
     async def show(self, way: str) -> None:
         """A picture, when so few are under way that there is place for it."""
-        try:
-            async with asyncio.timeout(1.0):
-                await self._credit[way].acquire()
-        except TimeoutError:  # one was lost, and with it its credit
-            pass
+        await self._windows[way].go()
         self._publishers[way].publish("p/camera/front", PICTURE, time.monotonic(), "")
 
     async def pictures(self, way: str) -> tuple[Heard, float]:
@@ -289,11 +309,6 @@ class Sender:
         after = await self.heard(0.1)
         taken_s = time.process_time() - own_s + after.cpu_s - before.cpu_s
         return taken_s / (time.monotonic() - begin_s), after.messages
-
-
-def _release(credit: asyncio.Semaphore, envelope: Envelope[Any]) -> None:
-    del envelope
-    credit.release()
 
 
 class Round(NamedTuple):

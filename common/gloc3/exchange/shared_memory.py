@@ -1,36 +1,122 @@
-"""Memory that processes of one host share: a large message is copied into it once, and out of it once."""
+"""Memory that processes of one user on one computer share: a large message is copied into it once, and out of it once.
 
-from threading import Thread
+It has no name in the file system: whoever may use it is given it through a socket, and it is gone when nobody has it
+any more, also after SIGKILL. Only the process that made it can write.
+"""
+
+import fcntl
+import mmap
+import os
+import struct
 from typing import Final
 
-import zenoh
+from gloc3.errors import Gloc3Error
 
-LARGE: Final = 16_384
-"""Messages of so many bytes go through shared memory."""
-POOL: Final = 16 * 1024 * 1024
-"""Bytes of it that a process takes when it has the first large message; that takes 0.1 s, so a thread does it."""
+SLOTS: Final = 64
+"""Places for messages; those that are free are used again first, so that few of them ever take real memory."""
+SEAL_FUTURE_WRITE: Final = 0x10
+"""Of linux/fcntl.h, which Python does not name: no other mapping may write."""
+_COUNT: Final = struct.Struct("<Q")
+"""The number of the last message, behind the places."""
+SEALS: Final = fcntl.F_SEAL_SEAL | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | SEAL_FUTURE_WRITE
 
 
-class SharedMemory:
-    """The shared memory that one process writes. Zenoh copies on to receivers that cannot reach it."""
+class Slots:
+    """Places for messages of at most some length. What readers still hold is not written over.
 
-    def __init__(self) -> None:
-        self._provider: zenoh.shm.ShmProvider | None = None
-        self._maker: Thread | None = None
+    Args:
+        slot_bytes: the longest message.
 
-    def hold(self, data: bytes) -> bytes | zenoh.shm.ZShmMut | None:
-        """A copy of some bytes in shared memory, or, while that is being made, these; None where receivers hold all."""
-        if self._provider is None:
-            if self._maker is None:
-                self._maker = Thread(target=self._make, name="shared memory", daemon=True)
-                self._maker.start()
-            return data
+    Raises:
+        OSError: the computer has no memory for it, or its Linux is older than 5.1.
+    """
+
+    def __init__(self, slot_bytes: int) -> None:
+        self.slot_bytes: Final = -(-slot_bytes // mmap.PAGESIZE) * mmap.PAGESIZE
+        size = _size(self.slot_bytes)
+        self.file: Final = os.memfd_create("gloc3", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
-            place = self._provider.alloc(len(data), policy=zenoh.shm.GarbageCollect())
-        except zenoh.ZError:
-            return None
-        place[0 : len(data)] = data
-        return place
+            os.ftruncate(self.file, size)
+            self._memory = mmap.mmap(self.file, size)
+            fcntl.fcntl(self.file, fcntl.F_ADD_SEALS, SEALS)
+        except OSError:
+            os.close(self.file)
+            raise
+        self._free = list(range(SLOTS))
+        self._readers = [0] * SLOTS
 
-    def _make(self) -> None:
-        self._provider = zenoh.shm.ShmProvider.default_backend(POOL)
+    def write(self, data: bytes, number: int) -> int | None:
+        """Copies a message into a free place; None where readers hold all. It stays free until somebody holds it."""
+        if not self._free:
+            return None
+        slot = self._free[-1]
+        begin = slot * self.slot_bytes
+        self._memory[begin : begin + len(data)] = data
+        _COUNT.pack_into(self._memory, SLOTS * self.slot_bytes, number)
+        return slot
+
+    def hold(self, slot: int) -> None:
+        """One reader more is going to read a place."""
+        if not self._readers[slot]:
+            self._free.remove(slot)
+        self._readers[slot] += 1
+
+    def release(self, slot: int) -> None:
+        """One reader has read it, or is gone."""
+        self._readers[slot] -= 1
+        if not self._readers[slot]:
+            self._free.append(slot)
+
+    def close(self) -> None:
+        """Gives the memory back; readers that have it keep it until they do the same."""
+        self._memory.close()
+        os.close(self.file)
+
+
+class Shared:
+    """What another process made: its places can be read.
+
+    Args:
+        file: the memory's file descriptor, closed by this.
+        slot_bytes: as its maker says.
+
+    Raises:
+        Gloc3Error: it is not what it should be, so that reading it could end this process.
+    """
+
+    def __init__(self, file: int, slot_bytes: int) -> None:
+        self._slot_bytes = slot_bytes
+        size = _size(slot_bytes)
+        try:
+            if fcntl.fcntl(file, fcntl.F_GET_SEALS) & SEALS != SEALS or os.fstat(file).st_size != size:
+                raise Gloc3Error("the other end's shared memory could change its size")
+            self._memory = mmap.mmap(file, size, prot=mmap.PROT_READ)
+        except OSError as error:
+            raise Gloc3Error(f"the other end's shared memory cannot be used: {error}") from error
+        finally:
+            os.close(file)
+
+    @property
+    def newest(self) -> int:
+        """The number of the last message that was written."""
+        (number,) = _COUNT.unpack_from(self._memory, SLOTS * self._slot_bytes)
+        return int(number)
+
+    def read(self, slot: int, length: int) -> bytes:
+        """A copy of a message.
+
+        Raises:
+            Gloc3Error: there is no such place.
+        """
+        if slot >= SLOTS or length > self._slot_bytes:
+            raise Gloc3Error(f"shared memory has no place {slot} of {length} bytes")
+        begin = slot * self._slot_bytes
+        return self._memory[begin : begin + length]
+
+    def close(self) -> None:
+        """Gives it back."""
+        self._memory.close()
+
+
+def _size(slot_bytes: int) -> int:
+    return SLOTS * slot_bytes + mmap.PAGESIZE

@@ -16,18 +16,20 @@ from typing import Any, Final, NamedTuple
 import zenoh
 
 from gloc3.exchange.base import Deliver, Unsubscribe
+from gloc3.exchange.channel import Channel, Means
 from gloc3.exchange.inbound import Arrivals, Inbound
+from gloc3.exchange.large import LARGE, LargeInlet, LargeSource, bulk_key, topic_of
 from gloc3.exchange.local import LocalExchange
-from gloc3.exchange.outlet import LATCHED, UNKNOWN, Means, Outlet, latched_token
+from gloc3.exchange.near import NearServer
+from gloc3.exchange.outlet import LATCHED, UNKNOWN, Outlet, latched_token
 from gloc3.exchange.sender import Sender
-from gloc3.exchange.shared_memory import SharedMemory
 from gloc3.exchange.zenoh_session import Node, new_session, plain
 from gloc3.messages import Envelope, Source
 from gloc3.topics import Service, TopicTable, matches
 from gloc3.wire import VersionsDiffer, WireError
 
 DEPTHS: Final = {Service.CONTROL: 64, Service.STREAM: 1024, Service.BULK: 8}
-"""So many messages of one subscription wait for a loop that is busy; large ones hold shared memory meanwhile."""
+"""So many messages of one subscription wait for a loop that is busy."""
 RELIABLE_DEPTH: Final = 16_384
 """The same for what has to arrive, and for patterns that many topics fit."""
 HUGE_DEPTH: Final = 4
@@ -49,6 +51,8 @@ def open_exchange(
     topics: TopicTable,
     troubled: Troubled = lambda *_: None,
     settings: Mapping[str, Any] | None = None,
+    *,
+    is_sharing: bool = True,
 ) -> Iterator[ZenohExchange]:
     """A node's exchanger for as long as the block lasts; always closed behind it, since otherwise no process ends.
 
@@ -58,13 +62,12 @@ def open_exchange(
         topics: the types that may travel.
         troubled: as for `ZenohExchange`.
         settings: more for Zenoh, such as a network file's, by their paths.
+        is_sharing: as for `ZenohExchange`.
 
     Raises:
         Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
     """
-    is_shared = (settings or {}).get("transport/shared_memory/enabled", True)
-    memory = SharedMemory() if is_shared else None
-    exchange = ZenohExchange(new_session(node, settings), loop, topics, troubled, memory)
+    exchange = ZenohExchange(new_session(node, settings), loop, topics, troubled, is_sharing=is_sharing)
     try:
         yield exchange
     finally:
@@ -79,7 +82,7 @@ class ZenohExchange:
         loop: calls the subscribers.
         topics: the types that may travel.
         troubled: is told, in the loop, of what was lost or refused: at the first, the tenth, the hundredth time…
-        memory: for large messages; without it they are copied through the links.
+        is_sharing: whether large messages go to and from processes on this computer through shared memory.
     """
 
     def __init__(
@@ -88,7 +91,8 @@ class ZenohExchange:
         loop: asyncio.AbstractEventLoop,
         topics: TopicTable,
         troubled: Troubled = lambda *_: None,
-        memory: SharedMemory | None = None,
+        *,
+        is_sharing: bool = True,
     ) -> None:
         self.here: Final = LocalExchange(topics)
         """What passes inside this process: what it published, and what came in because somebody here asked for it."""
@@ -107,7 +111,9 @@ class ZenohExchange:
         self._sequences: dict[tuple[str, Source], int] = {}
         """The last number of each topic and source, to tell losses by."""
         sender = Sender("zenoh huge", HUGE_DEPTH, self._fail)
-        self._means = Means(session, loop, self._arrivals, topics.types, memory, sender)
+        near = NearServer(loop) if is_sharing else None
+        self._means = Means(session, loop, self._arrivals, topics.types, near, sender)
+        self._large = LargeInlet(self._means, self._take_bytes, self._count)
         self._is_open = True
 
     # --- the exchange ---
@@ -151,6 +157,7 @@ class ZenohExchange:
                 self._sequences.clear()  # what is not asked for is not lost
                 for declared in subscription.declared:
                     declared.undeclare()  # type: ignore[no-untyped-call]
+                self._large.keep(lambda topic: any(matches(p, topic) for p in self._sources))
 
         return unsubscribe
 
@@ -199,6 +206,7 @@ class ZenohExchange:
         """Sends and hears nothing from now on; what waits to be sent still leaves."""
         self._is_open = False
         self._arrivals.close()
+        self._close_large()
         self._means.sender.close()
         _end_session(self._session, self._outlets)
 
@@ -221,13 +229,16 @@ class ZenohExchange:
             self._tokens[key] = (token, None)
         for watch in self._watches.values():
             watch.declared = None
+        self._close_large()
 
         def change() -> zenoh.Session:
             _end_session(self._session, outlets)
             return new_session(node, settings)
 
         self._session = await self._loop.run_in_executor(None, change)
-        self._means = self._means._replace(session=self._session)
+        near = NearServer(self._loop) if self._means.near is not None else None
+        self._means = self._means._replace(session=self._session, near=near)
+        self._large = LargeInlet(self._means, self._take_bytes, self._count)
         self._is_open = True
         self._sequences.clear()
         for topic, last in kept.items():
@@ -251,9 +262,16 @@ class ZenohExchange:
         `late`: dropped here, because the loop was too slow (part of the lost); `damaged`, `versions`, `misplaced`: not taken.
         """
         late = {f"late {p}": s.inbound.dropped for p, s in self._sources.items() if s.inbound.dropped}
+        for topic, number in self._large.late().items():
+            late[f"late {topic}"] = late.get(f"late {topic}", 0) + number
         return {**self._counts, **late}
 
     # --- out ---
+
+    def _close_large(self) -> None:
+        self._large.close()
+        if self._means.near is not None:
+            self._means.near.close()
 
     def _open_outlet(self, topic: str) -> Outlet | None:
         """What sends a topic; none for one whose name cannot travel."""
@@ -289,6 +307,14 @@ class ZenohExchange:
                     history=True,
                 )
             )
+        if any(row.travels is Service.BULK and key.intersects(f"*/{name}") for name, row in self._topics):
+            subscription.declared.append(
+                self._session.liveliness().declare_subscriber(
+                    key_expression(bulk_key(pattern)),
+                    self._arrivals.taker(Inbound(_Bulk(subscription))),
+                    history=True,
+                )
+            )
 
     def _declare_watch(self, pattern: str, watch: _Watch) -> None:
         if self._is_open:
@@ -309,25 +335,32 @@ class ZenohExchange:
                 self._take_token(watch, str(thing.key_expr), thing.kind == zenoh.SampleKind.PUT)
             case _Latched(subscription=subscription):
                 self._ask_for_last(subscription, str(thing.key_expr), thing)
-            case Outlet() as outlet if self._is_open:
-                outlet.look()
+            case _Bulk(subscription=subscription) if subscription.users and self._is_open:
+                self._large.see(str(thing.key_expr), thing.kind == zenoh.SampleKind.PUT)
+            case LargeSource() as source:
+                source.take(thing)
+            case Channel() as channel if self._is_open:
+                channel.look()
 
     def _take_message(self, subscription: _Subscription, sample: Any) -> None:
         if isinstance(sample, zenoh.Reply):
             if sample.ok is None:
                 return
             sample = sample.ok
-        topic = str(sample.key_expr)
+        topic = topic_of(str(sample.key_expr))
         try:
             owner = self._owners[topic]
         except KeyError:
             owner = self._owners[topic] = next((s for p, s in self._sources.items() if matches(p, topic)), None)
-        if owner is not subscription:
-            return
+        if owner is subscription:
+            head = sample.attachment
+            self._take_bytes(topic, None if head is None else head.to_bytes(), sample.payload.to_bytes())
+
+    def _take_bytes(self, topic: str, head: bytes | None, body: bytes) -> None:
+        """A message of a topic that is asked for."""
+        types = self._topics.types
         try:
-            head, body = sample.attachment, sample.payload.to_bytes()
-            types = self._topics.types
-            envelope = types.decode(body) if head is None else types.decode(head.to_bytes(), body)
+            envelope = types.decode(body) if head is None else types.decode(head, body)
         except WireError as error:
             self._count("versions" if isinstance(error, VersionsDiffer) else "damaged", topic, str(error))
             return
@@ -339,6 +372,8 @@ class ZenohExchange:
             last = self.here.last(topic)
             if last is not None and not _is_newer(envelope, last):
                 return
+        elif len(body) >= LARGE and envelope.sequence <= self._sequences.get((topic, envelope.source), -1):
+            return  # while a topic begins its large messages come in two ways
         else:
             self._count_losses(envelope)
         self.here.publish(envelope)
@@ -397,6 +432,12 @@ class _Subscription:
 
 class _Latched(NamedTuple):
     """Waits for those who have last messages for a subscription."""
+
+    subscription: _Subscription
+
+
+class _Bulk(NamedTuple):
+    """Waits for those who have large messages for a subscription."""
 
     subscription: _Subscription
 

@@ -71,6 +71,7 @@ def configuration(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.C
         "scouting/multicast/enabled": False,
         "scouting/gossip/autoconnect": {"router": [], "peer": [], "client": []},
         "scouting/delay": 0,
+        "transport/shared_memory/enabled": False,  # of its files some stay after SIGKILL; `near` has memory of ours
         "transport/link/tx/lease": round(LEASE_S * 1e3),
         "transport/link/tx/queue/size": dict.fromkeys(QUEUES, QUEUED_BATCHES),
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,

@@ -84,10 +84,48 @@ async def test_a_picture_arrives_as_it_was_and_what_is_lost_of_many_is_counted(t
         assert 0 < troubles[f"late {CAMERA}"] <= missing
 
 
+async def test_pictures_go_through_memory_to_those_on_this_computer_and_others_get_them_too(tmp_path: Path) -> None:
+    with (
+        node(tmp_path, "main", is_sharing=False) as far,
+        node(tmp_path, "one") as sender,
+        node(tmp_path, "other") as near,
+    ):
+        publisher = Publisher(sender, PLATFORM, "camera", 7)
+        picture = Image(camera="front", width=640, height=480, data=bytes(range(256)) * 1200)
+        came: dict[str, list[Envelope[Image]]] = {"far": [], "near": [], "late": []}
+        far.subscribe(CAMERA, came["far"].append)
+        near.subscribe(f"{PLATFORM}/camera/*", came["near"].append)
+        begin_s = asyncio.get_running_loop().time()
+        while not all(came.values()) or asyncio.get_running_loop().time() < begin_s + 1.5:
+            publisher.publish(CAMERA, picture, 0.25)
+            await asyncio.sleep(0.02)
+            if came["near"] and came["far"] and not came["late"]:
+                end_late = near.subscribe(CAMERA, came["late"].append)
+        for exchange, name in ((far, "far"), (near, "near")):
+            assert all(envelope.payload == picture for envelope in came[name])
+            numbers = [envelope.sequence for envelope in came[name]]
+            assert numbers == sorted(set(numbers)), "each comes once"
+            assert exchange.troubles().get(f"lost {CAMERA}", 0) == numbers[-1] - numbers[0] + 1 - len(numbers)
+        assert mapped() == {"rw-s", "r--s"}, "written by one, read by the other"
+        end_late()
+        await sender.renew(Node(name="one", connect=(f"{UNIX}/{tmp_path}/z",)))
+        assert mapped() == set()
+        came["near"].clear()
+        while not came["near"]:
+            publisher.publish(CAMERA, picture, 0.25)
+            await asyncio.sleep(0.02)
+    assert mapped() == set()
+
+
+def mapped() -> set[str]:
+    """How shared memory is mapped into this process."""
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    return {line.split()[1] for line in lines if "memfd:gloc3" in line}
+
+
 @pytest.mark.parametrize("megabytes", [0.3, 3.0])
 async def test_pictures_reach_a_computer_that_shares_no_memory(megabytes: float, tmp_path: Path) -> None:
-    settings = {"transport/shared_memory/enabled": False}
-    with node(tmp_path, "main", settings=settings) as main, node(tmp_path, "one", settings=settings) as one:
+    with node(tmp_path, "main", is_sharing=False) as main, node(tmp_path, "one") as one:
         came: list[Envelope[Image]] = []
         main.subscribe(CAMERA, came.append)
         publisher = Publisher(one, PLATFORM, "camera", 7)

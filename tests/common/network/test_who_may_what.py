@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Mapping
 from contextlib import ExitStack
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,13 @@ from tests.common.network.yard import MEMBERS, NOW, Yard
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
+from gloc3.messages import Envelope
 from gloc3.network.access import Role
 from gloc3.network.file import Membership
 from gloc3.network.register import revoke
 from gloc3.topics import TopicTable
+from gloc3.vehicle import Image
+from gloc3.watch import Sample
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(120)]
 SEEN = "pelican/ci/event"
@@ -85,6 +89,32 @@ async def test_hosts_of_a_platform_share_everything_and_stations_see_no_more_tha
         assert not heard["alice"]
         assert not heard["bob"]
         assert all("pelican/components/pretended" not in alive[name] for name in MEMBERS if name != "bob")
+
+
+def note(topics: list[str], envelope: Envelope[Any]) -> None:
+    topics.append(envelope.topic)
+
+
+async def test_pictures_reach_through_memory_only_who_may_read_them_though_all_are_of_one_user(tmp_path: Path) -> None:
+    yard = Yard(tmp_path / "yard")
+    camera, looked_at = "pelican/camera/front", "pelican/watch/large/camera/front"
+    picture = Image(camera="front", width=200, height=100, data=bytes(20_000))
+    sample = Sample(type="Preview", component="c", boot=1, sequence=1, frame="", rate_hz=1.0, payload=bytes(20_000))
+    with ExitStack() as stack:
+        ends = {name: stack.enter_context(yard.open(name)) for name in MEMBERS}
+        came: dict[str, list[str]] = {name: [] for name in MEMBERS}
+        for name, exchange in ends.items():
+            for pattern in ("pelican/camera/*", "pelican/watch/**"):
+                exchange.subscribe(pattern, partial(note, came[name]))
+        vision = Publisher(ends["pelican.vision"], "pelican", "viewer", 1)
+        begin_s = asyncio.get_running_loop().time()
+        while not (came["pelican.main"].count(camera) > 30 and came["bob"].count(looked_at) > 30):
+            vision.publish(camera, picture, 0.0)
+            vision.publish(looked_at, sample, 0.0)
+            await asyncio.sleep(0.05)
+        assert asyncio.get_running_loop().time() > begin_s + 1.0, "so long they come through the links, too"
+        assert set(came["bob"]) == set(came["alice"]) == {looked_at}
+        assert "memfd:gloc3" in Path("/proc/self/maps").read_text()
 
 
 def watched(exchange: ZenohExchange) -> set[str]:

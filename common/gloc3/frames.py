@@ -44,12 +44,6 @@ def wrap_pi(angle_rad: float) -> float:
     return angle_rad - tau * floor((angle_rad + pi) / tau)
 
 
-def wrap_360(angle_deg: float) -> float:
-    """Bring an angle into [0, 360) degrees."""
-    wrapped = angle_deg % 360.0
-    return 0.0 if wrapped >= 360.0 else wrapped
-
-
 def multiply(a_from_b: Quaternion, b_from_c: Quaternion) -> Quaternion:
     """Chain two rotations: `a_from_c`."""
     aw, ax, ay, az = a_from_b
@@ -278,7 +272,3 @@ class LocalFrame:
     def bearing_from_yaw(self, yaw_local_rad: float) -> float:
         """Heading clockwise from north, in [-pi, pi), of an angle counted from x towards y."""
         return wrap_pi(radians(self.x_axis_bearing_deg) - yaw_local_rad)
-
-    def yaw_from_bearing(self, bearing_rad: float) -> float:
-        """Angle from x towards y, in [-pi, pi), of a heading clockwise from north."""
-        return wrap_pi(radians(self.x_axis_bearing_deg) - bearing_rad)

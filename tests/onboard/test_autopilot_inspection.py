@@ -39,6 +39,7 @@ class Rig:
         )
         self.here = Node(OWN, [self.commands, self.inspection])
         self.there = Node(VEHICLE, [self.server, self.version, self.parameters])
+        self.own_encoder, self.own_parser = Encoder(*OWN), Parser()
         self.encoder, self.parser = Encoder(*VEHICLE), Parser()
         self.deaf_to: set[str] = set()
         self.asked: list[str] = []
@@ -56,7 +57,8 @@ class Rig:
             for sent in self.here.outgoing():
                 self.asked.append(sent.param_id if sent.name == "PARAM_REQUEST_READ" else sent.name)
                 if self.asked[-1] not in self.deaf_to:
-                    self.there.receive_message(sent, OWN, self.now_s)
+                    for frame in self.own_parser.receive(self.own_encoder.encode(sent)):
+                        self.there.receive(frame, self.now_s)
             for request in self.server.events():
                 result = self.version.command(request)
                 self.server.answer(request, result or CommandResult.UNSUPPORTED, now_s=self.now_s)

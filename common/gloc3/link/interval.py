@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from heapq import heapify, heappop, heappush
 from typing import Final, Never
 
-from gloc3.errors import Refused
 from gloc3.link import codec
 from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandClient
 from gloc3.link.command_server import CommandRequest
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.service import Service
@@ -121,56 +119,3 @@ class StreamScheduler(Service[Never]):
         if period_s is not None:
             self._period_s[number] = period_s
             heappush(self._due, (now_s, number))
-
-
-class StreamKeeper(Service[Never]):
-    """The other side: asks for streams, and asks again when one stays away, as after the vehicle has restarted.
-
-    Args:
-        commands: through which it asks; ticked by its owner.
-        target: whose streams.
-        rates_hz: the wanted messages by name.
-        last_heard_s: tells when a message of this name came last, or None for never; the owner knows.
-    """
-
-    def __init__(
-        self,
-        commands: CommandClient,
-        target: Address,
-        rates_hz: Mapping[str, float],
-        last_heard_s: Callable[[str], float | None],
-    ) -> None:
-        super().__init__(commands.own)
-        self._commands = commands
-        self._target = target
-        self._rates_hz = dict(rates_hz)
-        self._last_heard_s = last_heard_s
-        self._asked_s = dict.fromkeys(rates_hz, -math.inf)
-        self._next_s = 0.0
-
-    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Nothing: whether a stream flows is seen by `last_heard_s`."""
-
-    def next_tick_s(self) -> float | None:
-        """When it looks again."""
-        return self._next_s
-
-    def tick(self, now_s: float) -> None:
-        """Asks for the first stream that is missing; the command protocol takes one at a time."""
-        if now_s < self._next_s:
-            return
-        self._next_s = now_s + 0.05
-        for name, rate_hz in self._rates_hz.items():
-            patience_s = max(SILENT_S, 5.0 / rate_hz)
-            heard_s = self._last_heard_s(name)
-            if now_s - max(self._asked_s[name], -math.inf if heard_s is None else heard_s) < patience_s:
-                continue
-            try:
-                self._commands.send_long(
-                    self._target, SET_MESSAGE_INTERVAL, (codec.shape(name).id, 1e6 / rate_hz), now_s=now_s
-                )
-            except Refused:
-                return  # the one before is still under way
-            self._asked_s[name] = now_s
-            return
-        self._next_s = now_s + 0.5

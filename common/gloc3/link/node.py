@@ -44,11 +44,6 @@ class Node:
             service.receive(message, frame.sender, now_s)
         return True
 
-    def receive_message(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Passes on a message that is already decoded."""
-        for service in self._by_id.get(message.id, ()):
-            service.receive(message, sender, now_s)
-
     def tick(self, now_s: float) -> None:
         """Lets each service do what is due."""
         for service in self._services:

@@ -86,11 +86,6 @@ class TimeSync(Service[TimeSample]):
         """The quickest of the last round trips; None before the first."""
         return min(self._samples, key=lambda sample: sample.round_trip_s, default=None)
 
-    def to_own_s(self, peer_s: float) -> float | None:
-        """A time of the peer's clock on ours; None before the first round trip."""
-        best = self.best
-        return None if best is None else peer_s - best.offset_s
-
     def to_peer_s(self, own_s: float) -> float | None:
         """A time of our clock on the peer's; None before the first round trip."""
         best = self.best

@@ -7,10 +7,8 @@ from typing import Final
 
 import msgspec
 
-from gloc3.errors import Refused
 from gloc3.link.codec import message as make
 from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandClient
 from gloc3.link.command_server import CommandRequest
 from gloc3.link.interval import REQUEST_MESSAGE
 from gloc3.link.message import Address, MavlinkMessage
@@ -118,42 +116,3 @@ class VersionServer(Service[Version]):
             return None
         self._outgoing.append(self.version.message())
         return CommandResult.ACCEPTED
-
-
-class VersionClient(Service[Version]):
-    """Asks a component what it is until it has said so; then that is an event."""
-
-    handles = frozenset({"AUTOPILOT_VERSION"})
-
-    def __init__(self, commands: CommandClient, target: Address) -> None:
-        super().__init__(commands.own)
-        self.version: Version | None = None
-        """None until it is known."""
-        self._commands = commands
-        self._target = target
-        self._next_s = 0.0
-
-    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes in the answer."""
-        if sender == self._target:
-            self.version = read_version(message)
-            self._events.append(self.version)
-
-    def ask_again(self) -> None:
-        """Forgets the answer, as after the other side has restarted."""
-        self.version = None
-        self._next_s = 0.0
-
-    def tick(self, now_s: float) -> None:
-        """Asks while there is no answer."""
-        if self.version is not None or now_s < self._next_s:
-            return
-        self._next_s = now_s + ASK_AGAIN_S
-        try:
-            self._commands.send_long(self._target, REQUEST_MESSAGE, (AUTOPILOT_VERSION,), now_s=now_s)
-        except Refused:
-            return  # the last question, or another one of its kind, is still under way
-
-    def next_tick_s(self) -> float | None:
-        """When it asks."""
-        return None if self.version is not None else self._next_s

@@ -1,6 +1,6 @@
 """What is done when something goes wrong: the policies of missions, tasks and actions, ordered by severity."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
@@ -36,11 +36,6 @@ SEVERITY: Final[Mapping[Policy, int]] = {
 
 MANOEUVRES: Final = (Policy.HOLD, Policy.RETURN, Policy.LAND)
 """The policies that move the vehicle."""
-
-
-def most_severe(policies: Iterable[Policy]) -> Policy:
-    """The policy that wins; `continue` where there is none."""
-    return max(policies, key=lambda policy: SEVERITY[policy], default=Policy.CONTINUE)
 
 
 def resolved(policy: Policy, on_failure: Policy) -> Policy:

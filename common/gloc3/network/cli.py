@@ -77,8 +77,9 @@ def add(
         folder: The network.
         member: PLATFORM.HOST for a computer of a platform, a name without a dot for a station.
         role: What it may do: platform, operator or observer.
-        listen: HOST:PORT that it opens for others; may be given again. The first host of a platform that listens is
-            the one to which its other hosts and the stations connect.
+        listen: HOST:PORT that it opens for others, or quic/HOST:PORT, over UDP, for links that lose packets; may be
+            given again. The first host of a platform that listens is the one to which its other hosts and the stations
+            connect.
         reached_at: HOST:PORT at which others reach that, where it is another (0.0.0.0, or behind a router).
         to: The member that it connects to, where it is another; may be given again.
         days: How long its certificate is valid.

@@ -18,7 +18,9 @@ from gloc3.network.authority import findings as certificate_findings
 from gloc3.schema import check
 
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
-ADDRESS: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):([0-9]{1,5})")
+QUIC: Final = "quic/"
+"""Before an address: encrypted over UDP, for links that lose packets; without it TLS over TCP."""
+ADDRESS: Final = re.compile(rf"(?:{QUIC})?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):([0-9]{{1,5}})")
 MOST_PORT: Final = 65535
 
 
@@ -31,9 +33,9 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     key: str = "key.pem"
     authority: str = "authority.pem"
     listen: list[str] = []
-    """`HOST:PORT`, where others connect to this member."""
+    """`HOST:PORT` or `quic/HOST:PORT`, where others connect to this member."""
     connect: list[str] = []
-    """`HOST:PORT` of the members that this one connects to."""
+    """Addresses, of the same form, of the members that this one connects to."""
     accepts: list[Accepted]
     """All members that this one has to do with, itself among them."""
 
@@ -68,8 +70,8 @@ class Membership(NamedTuple):
         file = self.file
         return Node(
             name=file.member,
-            listen=(*(f"tls/{address}" for address in file.listen), *sockets),
-            connect=tuple(f"tls/{address}" for address in file.connect),
+            listen=(*map(_endpoint, file.listen), *sockets),
+            connect=tuple(map(_endpoint, file.connect)),
             accepts=tuple(other.member for other in file.others),
         )
 
@@ -134,7 +136,11 @@ def _findings(document: Document, file: NetworkFile) -> list[Finding]:
         for index, address in enumerate(getattr(file, where)):
             problem = address_problem(address)
             if problem:
-                found.append(document.finding((where, index), problem, "write HOST:PORT, such as 192.168.1.10:7447"))
+                found.append(
+                    document.finding(
+                        (where, index), problem, "write HOST:PORT, such as 192.168.1.10:7447, or quic/HOST:PORT"
+                    )
+                )
     if not file.listen and not file.connect:
         found.append(document.finding(("member",), "neither listens nor connects anywhere", "add listen or connect"))
     return found
@@ -150,6 +156,16 @@ def member_problem(member: str, role: Role) -> str:
     if role is not Role.PLATFORM and len(parts) != 1:
         return f"{member!r} is no name of a station: write it without a dot"
     return ""
+
+
+def host_of(address: str) -> str:
+    """The name or number of the computer in an address."""
+    return address.removeprefix(QUIC).rpartition(":")[0].strip("[]")
+
+
+def _endpoint(address: str) -> str:
+    """An address as Zenoh writes it."""
+    return address if address.startswith(QUIC) else f"tls/{address}"
 
 
 def address_problem(address: str) -> str:

@@ -13,7 +13,7 @@ from gloc3.document import dump, load
 from gloc3.errors import Refused, nearest
 from gloc3.network.access import Accepted, Role, grants
 from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, issue, make_authority
-from gloc3.network.file import address_problem, member_problem
+from gloc3.network.file import address_problem, host_of, member_problem
 
 REGISTER: Final = "members.yaml"
 NETWORK_FILE: Final = "network.yaml"
@@ -111,7 +111,7 @@ def add(folder: Path, name: str, member: Member, now: datetime, valid: timedelta
     for target in member.to:
         if target not in register.current():
             raise Refused(f"there is no member {target!r}; {nearest(target, list(register.current()))}")
-    hosts = [address.rpartition(":")[0].strip("[]") for address in (*member.listen, *member.reached_at)]
+    hosts = [host_of(address) for address in (*member.listen, *member.reached_at)]
     (folder / name / KEY).unlink(missing_ok=True)
     number = issue(folder, folder / name, name, hosts, now, valid)
     entry = replace(member, certificate=number, until=f"{now + valid:%Y-%m-%d}")
@@ -165,7 +165,8 @@ certificate: {CERTIFICATE}
 key: {KEY}
 authority: {AUTHORITY}
 
-# HOST:PORT that it opens for others, and those to which it connects; all of it is encrypted (TLS).
+# HOST:PORT that it opens for others, and those to which it connects; all of it is encrypted: TLS,
+# or quic/HOST:PORT over UDP, for links that lose packets.
 listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
 

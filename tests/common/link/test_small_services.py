@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 from gloc3.link import codec
 from gloc3.link.codec import message
 from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandClient
 from gloc3.link.command_server import CommandRequest, CommandServer
-from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamKeeper, StreamScheduler
+from gloc3.link.interval import StreamScheduler
 from gloc3.link.memory import Conditions
 from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.statustext import CHUNK_BYTES, GAP, StatusTextReceiver, StatusTextSender
 from gloc3.link.timesync import TimeSync
-from gloc3.link.version import Capability, Version, VersionClient, VersionServer, version_number
+from gloc3.link.version import Capability, Version, VersionServer, read_version, version_number
 
 from .pair import STATION, VEHICLE, Pair
 
@@ -86,32 +85,6 @@ def test_the_old_request_for_all_streams_is_honoured() -> None:
     assert counts(scheduler, 0.0, 2.0) == {"ATTITUDE": 4, "GLOBAL_POSITION_INT": 4}
 
 
-def test_wanted_streams_are_asked_for_and_asked_again_after_a_restart() -> None:
-    pair = Pair(3, Conditions(latency_s=0.02, loss=0.1))
-    heard: dict[str, float] = {}
-    commands = CommandClient(STATION)
-    keeper = StreamKeeper(commands, VEHICLE, {"ATTITUDE": 20.0, "ODOMETRY": 10.0}, heard.get)
-    server = CommandServer(VEHICLE, is_autopilot=True)
-    scheduler = StreamScheduler(VEHICLE, {"ATTITUDE": 0.0, "ODOMETRY": 0.0})
-
-    def after(now_s: float) -> None:
-        for asked in server.events():
-            server.answer(asked, scheduler.command(asked, now_s) or CommandResult.UNSUPPORTED, now_s=now_s)
-
-    pair.vehicle.after = after
-    pair.add([server], [commands, keeper])
-    pair.run(3.0)
-    assert (scheduler.rate_hz("ATTITUDE"), scheduler.rate_hz("ODOMETRY")) == (20.0, 10.0)
-    heard["ATTITUDE"] = heard["ODOMETRY"] = 3.0
-    scheduler.set_rate("ATTITUDE", 0.0, 3.0)  # as after a restart
-    for _ in range(8):
-        pair.run(0.5)
-        heard["ODOMETRY"] = pair.now_s
-    assert scheduler.rate_hz("ATTITUDE") == 20.0
-    assert server.repeated < 5
-    assert SET_MESSAGE_INTERVAL == 511
-
-
 @settings(max_examples=40)
 @given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=300), st.randoms())
 def test_texts_of_any_length_and_order_arrive_whole(text: str, chance: random.Random) -> None:
@@ -163,14 +136,13 @@ def test_clocks_are_compared_over_a_jittery_link() -> None:
     ours = TimeSync(STATION, VEHICLE)
     theirs = AheadClock(VEHICLE)
     pair.add([theirs], [ours])
-    assert ours.to_own_s(1.0) is None
+    assert ours.to_peer_s(1.0) is None
     pair.run(10.0)
     assert ours.is_converged
     assert ours.best is not None
     assert ours.best.offset_s == pytest.approx(1234.5, abs=0.008)
     assert abs(ours.best.offset_s - 1234.5) <= ours.best.round_trip_s / 2
     assert ours.to_peer_s(1.0) == pytest.approx(1235.5, abs=0.008)
-    assert ours.to_own_s(1235.5) == pytest.approx(1.0, abs=0.008)
 
 
 def test_an_answer_at_time_zero_is_not_taken_for_a_question() -> None:
@@ -198,26 +170,17 @@ def test_answers_meant_for_others_are_ignored_and_a_restart_is_believed() -> Non
     assert clock.restarts == 1
 
 
-def test_a_version_is_asked_for_until_it_is_told() -> None:
-    pair = Pair(2, Conditions(latency_s=0.05, loss=0.3))
+def test_a_version_is_told_to_who_asks_for_it() -> None:
     told = Version(
         capabilities=Capability.MISSION_INT | Capability.FTP | Capability.MAVLINK2,
         flight_software=version_number(1, 15, 4),
         uid=0xFEED,
     )
-    commands, server = CommandClient(STATION), CommandServer(VEHICLE, is_autopilot=True)
-    client, version = VersionClient(commands, VEHICLE), VersionServer(VEHICLE, told)
-
-    def after(now_s: float) -> None:
-        for asked in server.events():
-            server.answer(asked, version.command(asked) or CommandResult.UNSUPPORTED, now_s=now_s)
-
-    pair.vehicle.after = after
-    pair.add([server, version], [commands, client])
-    pair.run(20.0, lambda: client.version is not None)
-    assert client.version == told
-    assert client.events() == [told]
+    server, version = CommandServer(VEHICLE, is_autopilot=True), VersionServer(VEHICLE, told)
+    for command in (512, 520, 400):
+        asked = message("COMMAND_LONG", command=command, param1=148, target_system=1, target_component=1)
+        server.receive(asked, STATION, 0.0)
+    assert [version.command(request) for request in server.events()] == [CommandResult.ACCEPTED] * 2 + [None]
+    answers = version.outgoing()
+    assert [read_version(answer) for answer in answers] == [told, told]
     assert told.words == "1.15.4"
-    assert client.next_tick_s() is None
-    client.ask_again()
-    assert client.next_tick_s() == 0.0

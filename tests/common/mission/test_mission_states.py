@@ -4,7 +4,7 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.mission.model import Policies
-from gloc3.mission.policy import MANOEUVRES, Policy, most_severe, resolved
+from gloc3.mission.policy import MANOEUVRES, Policy, resolved
 from gloc3.mission.states import TABLE, ActionState, Trigger, allowed, to_mermaid, transition
 
 DRAWING = """\
@@ -48,13 +48,6 @@ def test_every_state_has_a_row_and_what_is_allowed_leads_on() -> None:
     for state in ActionState:
         for trigger in allowed(state):
             assert transition(state, trigger) is not state
-
-
-def test_the_most_severe_policy_wins() -> None:
-    ordered = [Policy.CONTINUE, Policy.SKIP, Policy.RETRY, Policy.HOLD, Policy.RETURN, Policy.LAND]
-    for index, policy in enumerate(ordered):
-        assert most_severe(ordered[: index + 1]) is policy
-    assert most_severe([]) is Policy.CONTINUE
 
 
 def test_abort_becomes_the_mission_s_on_failure_or_a_hold() -> None:

@@ -17,7 +17,7 @@ from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.messages import Envelope
 from gloc3.network.access import Role
-from gloc3.network.file import Membership
+from gloc3.network.file import QUIC, Membership
 from gloc3.network.register import revoke
 from gloc3.topics import TopicTable
 from gloc3.vehicle import Image
@@ -63,8 +63,9 @@ class Scene:
         return read, f"order of {name}" in (*self.taken, *self.moved)
 
 
-async def test_an_operator_reads_and_commands_and_an_observer_only_looks_and_asks(tmp_path: Path) -> None:
-    yard = Yard(tmp_path / "yard")
+@pytest.mark.parametrize("over", ["", QUIC], ids=["tls", "quic"])
+async def test_an_operator_reads_and_commands_and_an_observer_only_looks_and_asks(over: str, tmp_path: Path) -> None:
+    yard = Yard(tmp_path / "yard", over=over)
     with yard.open("pelican.main") as main, yard.open("alice") as alice, yard.open("bob") as bob:
         scene = Scene(main, alice)
         read, is_commanding = await scene.play(bob, "bob")
@@ -134,9 +135,21 @@ def unrestricted(settings: dict[str, Any]) -> None:
     settings["access_control"] = {"enabled": False}
 
 
-@pytest.mark.parametrize("stranger", ["plain", "without a certificate", "of another authority", "expired"])
-async def test_without_a_certificate_that_counts_nothing_is_read_or_commanded(stranger: str, tmp_path: Path) -> None:
-    yard = Yard(tmp_path / "yard")
+@pytest.mark.parametrize(
+    ("stranger", "over"),
+    [
+        ("plain", ""),
+        ("without a certificate", ""),
+        ("without a certificate", QUIC),
+        ("of another authority", ""),
+        ("of another authority", QUIC),
+        ("expired", ""),
+    ],
+)
+async def test_without_a_certificate_that_counts_nothing_is_read_or_commanded(
+    stranger: str, over: str, tmp_path: Path
+) -> None:
+    yard = Yard(tmp_path / "yard", over=over)
     yard.add("eve", Role.OPERATOR, timedelta(hours=-1) if stranger == "expired" else timedelta(days=1))
     eve = yard.membership("eve", NOW - timedelta(days=1)) if stranger == "expired" else yard.membership("eve")
     node, settings = eve.node(), eve.settings()

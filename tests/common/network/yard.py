@@ -36,9 +36,9 @@ def free_port() -> int:
 class Yard:
     """The folder of a network."""
 
-    def __init__(self, folder: Path, address: str = "") -> None:
+    def __init__(self, folder: Path, address: str = "", *, over: str = "") -> None:
         self.folder = folder
-        self.address = address or f"127.0.0.1:{free_port()}"
+        self.address = over + (address or f"127.0.0.1:{free_port()}")
         register.found(folder, "yard", NOW, LONG)
         for name, role in MEMBERS.items():
             self.add(name, role)

@@ -4,6 +4,7 @@ import re
 import traceback
 from typing import Final, NamedTuple
 
+from gloc3.errors import Gloc3Error, Misuse
 from gloc3.guard import guard
 
 CAUSES_MAX: Final = 64
@@ -64,7 +65,12 @@ class ErrorHandler:
 
 
 def trace(error: BaseException) -> str:
-    """Where an exception came from; without folders, so that a log does not depend on where the code is installed."""
+    """Where an exception came from; without folders, so that a log does not depend on where the code is installed.
+
+    Empty for what says in its own words what is wrong outside the program: a device that is not there, say.
+    """
+    if _speaks_for_itself(error):
+        return ""
     frames = traceback.extract_tb(error.__traceback__)
     lines = [f"{frame.filename.rpartition('/')[2]}:{frame.lineno} {frame.name}: {frame.line}" for frame in frames]
     return "\n".join([*lines, describe(error)])
@@ -74,7 +80,13 @@ def describe(error: BaseException) -> str:
     """An exception in one line, the same in every run."""
     text, _ = guard(str, error)
     line = one_line(text or "")
+    if line and _speaks_for_itself(error):
+        return line
     return f"{type(error).__name__}: {line}" if line else type(error).__name__
+
+
+def _speaks_for_itself(error: BaseException) -> bool:
+    return isinstance(error, Gloc3Error) and not isinstance(error, Misuse)
 
 
 def reason_of(refusal: BaseException | None) -> str:

@@ -135,7 +135,7 @@ class ComponentHost:
             self._hosted.enter(fault)
 
     def _begun(self, refusal: str) -> None:
-        if refusal:
+        if refusal and self.state is not State.FAULTY:  # that has been told
             self._hosted.event(Severity.ERROR, f"it did not become {self.row.begin}: {refusal}")
 
     def close(self) -> None:

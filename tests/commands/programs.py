@@ -19,11 +19,14 @@ class Program:
         arguments: behind `gloc3`.
         folder: where it runs.
         before: a program that runs it, such as `unshare`, with its arguments.
+        module: what runs in place of `gloc3`.
     """
 
-    def __init__(self, arguments: Sequence[str], folder: Path, before: Sequence[str] = ()) -> None:
+    def __init__(
+        self, arguments: Sequence[str], folder: Path, before: Sequence[str] = (), module: str = "gloc3"
+    ) -> None:
         self.process = subprocess.Popen(
-            [*before, sys.executable, "-m", "gloc3", *arguments],
+            [*before, sys.executable, "-m", module, *arguments],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

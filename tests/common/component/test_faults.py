@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from gloc3.errors import Gloc3Error
 from gloc3.lci import State
 from gloc3.messages import Event, Severity
 from gloc3.ports import Actuation, Report
@@ -209,6 +210,15 @@ def test_the_error_handler_keeps_cause_count_first_and_last_time_and_tells_the_t
         assert told[0].details.endswith("ValueError: odd")
         assert "specimen.py" in told[0].details
         assert "/" not in told[0].details.replace(" / ", "")
+
+
+def test_what_is_wrong_outside_the_program_is_told_once_in_its_own_words_and_without_a_traceback() -> None:
+    diary = Diary()
+    diary.errors["start"] = Gloc3Error("/dev/video0 is not there; is it plugged in?")
+    with Bench() as bench:
+        bench.host(row(), lambda: Specimen(diary))
+        (told,) = [e for e in bench.all("components/specimen/event") if e.severity is Severity.ERROR]
+        assert (told.text, told.details) == ("standby -> faulty: /dev/video0 is not there; is it plugged in?", "")
 
 
 def test_a_fault_while_beginning_ends_the_begin() -> None:

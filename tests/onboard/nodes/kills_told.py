@@ -82,9 +82,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Longest sleep of the process that looks on, beyond what it wanted: this computer had no time."""
 
 
-def measured(
-    folder: Path, killed: list[Kill], end: str, took_s: float, told: Sequence[str], stall_s: float
-) -> Report:
+def measured(folder: Path, killed: list[Kill], end: str, took_s: float, told: Sequence[str], stall_s: float) -> Report:
     """The report.
 
     Args:
@@ -118,7 +116,9 @@ def measured(
     kills_s = [kill.t_s for kill in killed if kill.victim == "vehicle"]
     ends_s = [max(e.now_s for e in entries) for entries in mains]
     lost_s = [min((t_s for t_s in kills_s if t_s >= end_s), default=end_s) - end_s for end_s in ends_s]
-    summaries_s = sorted(e.envelope.t_s for entries in mains for e in entries if e.envelope.topic.endswith("/ci/summary"))
+    summaries_s = sorted(
+        e.envelope.t_s for entries in mains for e in entries if e.envelope.topic.endswith("/ci/summary")
+    )
     resumed, commands = _commands(told)
     with LogReader(folder / "truth" / "truth.mcap", TopicTable(TOPICS).types) as reader:
         truth = [(e.envelope.t_s, e.envelope.payload) for e in reader.entries("sim/truth")]

@@ -12,7 +12,9 @@ from tests.commands.programs import Program
 class Manager:
     """Starts a program, and starts it again whenever it ends."""
 
-    def __init__(self, arguments: Sequence[str], folder: Path, before: Sequence[str] = (), module: str = "gloc3") -> None:
+    def __init__(
+        self, arguments: Sequence[str], folder: Path, before: Sequence[str] = (), module: str = "gloc3"
+    ) -> None:
         self._how = (tuple(arguments), folder, tuple(before), module)
         self._is_over = Event()
         self.program = Program(*self._how)

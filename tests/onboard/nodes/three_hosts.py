@@ -15,13 +15,13 @@ from typing import Final, NamedTuple
 
 import msgspec
 from tests.commands.programs import program
-from tests.onboard.nodes.kills import Manager, begin, managed
+from tests.onboard.nodes.managed import Manager, managed
+from tests.onboard.nodes.patrol import begin
 from tests.onboard.real_vehicle import flights, station, until
 
 import gloc3_onboard.platforms
 from gloc3.ci import Verb
 from gloc3.log.reader import LogReader
-from gloc3_groundstation.plans import Plan
 
 LOCK: Final = Path(tempfile.gettempdir()) / "gloc3-namespaces.lock"
 ROOT: Final = Path(__file__).parents[3]
@@ -163,10 +163,7 @@ async def fly(
     async with three_hosts(folder) as hosts, station(f"udpin://{GROUND}.2:{STATION}", 255) as operator:
         name = await flights.await_platform(operator, None)
         await until(lambda: all(hosts.lines(f"host {host} is here") for host in NETS), 90.0, "all hosts are here")
-        assert not await flights.await_ready(operator, name)
-        text = MISSION.replace("WAY", there_and_back)
-        await flights.stream(operator, name, Plan(name="mission.yaml", title="along the wall", text=text))
-        await begin(operator, name)
+        await begin(operator, name, MISSION.replace("WAY", there_and_back))
 
         def known(what: str) -> str:
             found = operator.fleet.get(name)

@@ -68,7 +68,7 @@ def kills(progress: Progress) -> list[Figure]:
         ),
         Figure("commands that he sent meanwhile", f"{sum(found['outcomes'].values())}: {outcomes}"),
         Figure(
-            "… executed twice, or although they were refused",
+            "… executed twice",
             "; ".join(found["twice"]) or "none",
             "none",
             not found["twice"],

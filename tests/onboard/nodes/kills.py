@@ -29,6 +29,7 @@ from gloc3_sitl.demo import free_ports
 
 A_DAY: Final = timedelta(days=1)
 ROOT: Final = Path(__file__).parents[3]
+NAME: Final = "patrol"
 MAIN, SECOND, STATION = "vehicle", "second", "station"
 CHILDREN: Final = {"vehicle/one": MAIN, "vehicle/looks": MAIN, "second/two": SECOND}
 VICTIMS: Final = (MAIN, SECOND, STATION, *CHILDREN)
@@ -73,7 +74,7 @@ def platform() -> str:
             continue
         else:
             lines.append(line)
-    changed = "\n".join(lines).replace("times: 3", "times: 20").replace("battery_wh: 66.6, reserve: 0.2", "battery_wh: 666, reserve: 0")  # fmt: skip
+    changed = "\n".join(lines).replace("platform: pelican", f"platform: {NAME}").replace("times: 3", "times: 20").replace("battery_wh: 66.6, reserve: 0.2", "battery_wh: 666, reserve: 0")  # fmt: skip
     return changed.replace("components:\n", "hosts: {vehicle: {}, second: {on_loss: ignore}}\ncomponents:\n", 1) + "\n"
 
 
@@ -112,11 +113,11 @@ def _fleet(folder: Path, ground: int, watch: int) -> Iterator[tuple[Program, Fle
     register.found(folder / "net", "patrol", now, A_DAY)
     for host, listen in ((MAIN, [f"127.0.0.1:{meeting}"]), (SECOND, [])):
         entry = register.Member(role=Role.PLATFORM, certificate="", until="", listen=listen)
-        register.add(folder / "net", f"pelican.{host}", entry, now, A_DAY, is_renewed=False)
+        register.add(folder / "net", f"{NAME}.{host}", entry, now, A_DAY, is_renewed=False)
     link = f"companion=udpout://127.0.0.1:{companion}"
     words = {host: ["onboard", "platform.yaml", "--host", host, "--out", "out"] for host in (MAIN, SECOND)}
     for host, line in words.items():
-        line += ["--network", f"net/pelican.{host}/network.yaml"]
+        line += ["--network", f"net/{NAME}.{host}/network.yaml"]
     words[MAIN] += ["--autopilot", f"udpin://127.0.0.1:{companion}", "--station", f"udpout://127.0.0.1:{ground}"]
     words[MAIN] += ["--station", f"udpout://127.0.0.1:{watch}?role=observer"]
     operator = [f"udpin://127.0.0.1:{ground}", str(folder)]
@@ -149,7 +150,11 @@ async def fly(folder: Path, kills: Iterator[tuple[float, str]], count: int, say:
     with _fleet(folder, ground, watch) as (simulator, fleet):
         async with station(f"udpin://127.0.0.1:{watch}", 254) as watching:
             name = await flights.await_platform(watching, None)
-            await until(lambda: mission_state(watching, name, "rounds") == "running", 120.0, "it flies")
+            try:
+                await until(lambda: mission_state(watching, name, "rounds") == "running", 60.0, "it flies")
+            except AssertionError as error:
+                error.add_note("\n".join(fleet.managers[STATION].lines[-20:]))
+                raise
             begun_s = time.monotonic()
             stalls.start()
             while len(killed) < count and mission_state(watching, name) not in ENDED:

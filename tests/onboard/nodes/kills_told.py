@@ -12,7 +12,6 @@ from typing import Any, Final, NamedTuple
 import msgspec
 from tests.flight.fleet_trial import Command
 
-from gloc3.ci import Outcome
 from gloc3.errors import Gloc3Error
 from gloc3.lci import OPERATING, State
 from gloc3.log.reader import Entry, LogReader
@@ -77,7 +76,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     outcomes: dict[str, int]
     """Commands that an operator sent meanwhile, by what he was told of them; `killed` where he was killed before."""
     twice: list[str]
-    """Commands that were executed more than once, or although they were refused."""
+    """Commands that were passed to a component, or reached it, more than once."""
     stall_s: float
     """Longest sleep of the process that looks on, beyond what it wanted: this computer had no time."""
 
@@ -136,7 +135,7 @@ def measured(folder: Path, killed: list[Kill], end: str, took_s: float, told: Se
         noticed_s=noticed_s,
         taken_over_s=taken_over_s,
         outcomes=dict(Counter(command.outcome or "killed" for command in commands.values())),
-        twice=list(_wrong(commands, executed)),
+        twice=list(_twice(commands, executed)),
         stall_s=round(stall_s, 2),
     )
 
@@ -163,14 +162,11 @@ def _commands(told: Sequence[str]) -> tuple[int, dict[float, Command]]:
     return resumed, commands
 
 
-def _wrong(commands: dict[float, Command], executed: dict[str, Counter[float]]) -> Iterator[str]:
+def _twice(commands: dict[float, Command], executed: dict[str, Counter[float]]) -> Iterator[str]:
     for command in commands.values():
         for process, rates in executed.items():
             if rates[command.rate_hz] > 1:
                 yield f"{command.rate_hz} was executed {rates[command.rate_hz]} times in {process}"
-        is_refused = command.outcome == Outcome.REFUSED and "busy" not in command.reason
-        if is_refused and executed["vehicle"][command.rate_hz]:
-            yield f"{command.rate_hz} was refused ({command.reason}), and executed"
 
 
 def _flight(truth: list[tuple[float, SimTruth]]) -> dict[str, float]:

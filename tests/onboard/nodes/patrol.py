@@ -9,6 +9,7 @@ answered.
 import asyncio
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -57,13 +58,17 @@ def mission_state(watching: Station, name: str, task: str = "") -> str:
     return "" if told is None else str(told.tasks.get(task, "") if task else told.state)
 
 
-async def _command(operator: Station, name: str, component: str) -> None:
-    command = Command(operator.id, name, rate_hz())
-    _say(command)
-    body = CallFunction(component=component, function="set_rate", arguments={"rate_hz": command.rate_hz})
-    reply = await operator.client.ask(name, body, 3.0)
-    command.outcome, command.reason = str(reply.outcome), reply.reason
-    _say(command)
+async def command(
+    operator: Station, name: str, component: str, told: Callable[[Command], None] = lambda _: None
+) -> Command:
+    """Gives a component a rate; tells of it when it is sent, and when it is answered."""
+    sent = Command(operator.id, name, rate_hz())
+    told(sent)
+    body = CallFunction(component=component, function="set_rate", arguments={"rate_hz": sent.rate_hz})
+    reply = await operator.client.ask(name, body)
+    sent.outcome, sent.reason = str(reply.outcome), reply.reason
+    told(sent)
+    return sent
 
 
 def _say(what: Command | str) -> None:
@@ -79,12 +84,12 @@ async def main(link: str, folder: Path) -> None:
         await asyncio.sleep(1.0)
         if mission_state(operator, name) in ("", "waiting"):
             await begin(operator, name, (folder / "mission.yaml").read_text())
-        commanding: set[asyncio.Task[None]] = set()
+        commanding: set[asyncio.Task[Command]] = set()
         paused_s, turn = 0.0, 0
         while mission_state(operator, name) not in ENDED:
             await asyncio.sleep(EVERY_S)
             turn += 1
-            task = asyncio.create_task(_command(operator, name, COMMANDED[turn % len(COMMANDED)]))
+            task = asyncio.create_task(command(operator, name, COMMANDED[turn % len(COMMANDED)], _say))
             commanding.add(task)
             task.add_done_callback(commanding.discard)
             paused_s = paused_s + EVERY_S if mission_state(operator, name) == "paused" else 0.0

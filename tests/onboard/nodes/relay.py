@@ -1,39 +1,56 @@
-"""A TCP relay that does to a connection what networks do: `python -m tests.onboard.nodes.relay LISTEN TO`, told on stdin.
+"""A relay that does to a link what networks do: `python -m tests.onboard.nodes.relay [udp/]LISTEN TO`, told on stdin.
 
-`delay SECONDS`, `rate BYTES_S`, `partition` (nothing passes, nobody is told), `heal` (all is well again), `reset`.
+`delay SECONDS`, `rate BYTES_S`, `partition` (nothing passes, nobody is told), `heal` (all is well again); of a TCP connection
+also `reset`, of datagrams `loss SHARE`, both ways.
 """
 
 import asyncio
+import random
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
+
+UDP = "udp/"
+Address = tuple[str, int]
 
 
 class Relay:
-    """The connections, and what is done to them."""
+    """What is done to everything that passes."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._to = (host, port)
-        self.delay_s, self.rate = 0.0, 0.0
+    def __init__(self, to: Address) -> None:
+        self._to = to
+        self._delay_s, self._rate = 0.0, 0.0
         self._is_open = asyncio.Event()
         self._is_open.set()
-        self._ends: set[asyncio.StreamWriter] = set()
 
     def obey(self, line: str) -> None:
         """Does what it is told."""
         word, _, value = line.strip().partition(" ")
-        acts: dict[str, Callable[[], None]] = {
-            "delay": lambda: setattr(self, "delay_s", float(value)),
-            "rate": lambda: setattr(self, "rate", float(value)),
-            "partition": self._is_open.clear,
-            "heal": self._heal,
-            "reset": self._reset,
+        self._acts()[word](float(value or 0.0))
+
+    def _acts(self) -> dict[str, Callable[[float], Any]]:
+        return {
+            "delay": lambda value: setattr(self, "_delay_s", value),
+            "rate": lambda value: setattr(self, "_rate", value),
+            "partition": lambda _: self._is_open.clear(),
+            "heal": lambda _: self._heal(),
         }
-        acts[word]()
 
     def _heal(self) -> None:
-        self.delay_s = self.rate = 0.0
+        self._delay_s = self._rate = 0.0
         self._is_open.set()
+
+
+class Connections(Relay):
+    """Passes TCP connections on."""
+
+    def __init__(self, to: Address) -> None:
+        super().__init__(to)
+        self._ends: set[asyncio.StreamWriter] = set()
+
+    def _acts(self) -> dict[str, Callable[[float], Any]]:
+        return {**super()._acts(), "reset": lambda _: self._reset()}
 
     def _reset(self) -> None:
         for end in self._ends:
@@ -56,11 +73,60 @@ class Relay:
         with suppress(OSError):
             while data := await reader.read(16_384):
                 await self._is_open.wait()
-                loop.call_later(self.delay_s, _write, writer, data)
-                if self.rate:
-                    await asyncio.sleep(len(data) / self.rate)
+                loop.call_later(self._delay_s, _write, writer, data)
+                if self._rate:
+                    await asyncio.sleep(len(data) / self._rate)
                 await writer.drain()
-        loop.call_later(self.delay_s, writer.close)
+        loop.call_later(self._delay_s, writer.close)
+
+
+class Datagrams(Relay):
+    """Passes datagrams of one client on, and the answers back."""
+
+    def __init__(self, to: Address) -> None:
+        super().__init__(to)
+        self._loss, self._chance = 0.0, random.Random(1)
+        self._client: Address | None = None
+        self._front: asyncio.DatagramTransport | None = None
+        self._back: asyncio.DatagramTransport | None = None
+
+    async def open(self, own: Address) -> None:
+        """Opens both sides."""
+        loop = asyncio.get_running_loop()
+        self._front, _ = await loop.create_datagram_endpoint(lambda: _End(self._forth), local_addr=own)
+        self._back, _ = await loop.create_datagram_endpoint(lambda: _End(self._back_again), remote_addr=self._to)
+
+    def _acts(self) -> dict[str, Callable[[float], Any]]:
+        return {**super()._acts(), "loss": lambda value: setattr(self, "_loss", value)}
+
+    def _heal(self) -> None:
+        super()._heal()
+        self._loss = 0.0
+
+    def _forth(self, data: bytes, client: Address) -> None:
+        self._client = client
+        assert self._back is not None
+        self._pass(self._back.sendto, data)
+
+    def _back_again(self, data: bytes, _: Address) -> None:
+        if self._client is not None:
+            assert self._front is not None
+            self._pass(self._front.sendto, data, self._client)
+
+    def _pass(self, send: Callable[..., None], *datagram: Any) -> None:
+        if self._is_open.is_set() and self._chance.random() >= self._loss:
+            asyncio.get_running_loop().call_later(self._delay_s, send, *datagram)
+
+
+class _End(asyncio.DatagramProtocol):
+    def __init__(self, take: Callable[[bytes, Address], None]) -> None:
+        self._take = take
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        self._take(data, addr)
+
+    def error_received(self, exc: Exception) -> None:
+        """The other side is not there yet: a datagram that is lost."""
 
 
 def _write(writer: asyncio.StreamWriter, data: bytes) -> None:
@@ -68,16 +134,24 @@ def _write(writer: asyncio.StreamWriter, data: bytes) -> None:
         writer.write(data)
 
 
+def _address(text: str) -> Address:
+    host, _, port = text.rpartition(":")
+    return host, int(port)
+
+
 async def main(listen: str, to: str) -> None:
     """Relays until stdin ends."""
-    host, _, port = to.rpartition(":")
-    relay = Relay(host, int(port))
-    own, _, number = listen.rpartition(":")
-    server = await asyncio.start_server(relay.serve, own, int(number))
     loop = asyncio.get_running_loop()
-    async with server:
-        while line := await loop.run_in_executor(None, sys.stdin.readline):
-            relay.obey(line)
+    own = _address(listen.removeprefix(UDP))
+    relay: Relay
+    if listen.startswith(UDP):
+        relay = datagrams = Datagrams(_address(to))
+        await datagrams.open(own)
+    else:
+        relay = connections = Connections(_address(to))
+        await asyncio.start_server(connections.serve, *own)
+    while line := await loop.run_in_executor(None, sys.stdin.readline):
+        relay.obey(line)
 
 
 if __name__ == "__main__":

@@ -3,18 +3,26 @@
 from pathlib import Path
 
 import pytest
-from tests.onboard.nodes.three_hosts import BASE, BASE_FAULTS, fly, missing
+from tests.onboard.nodes.namespaces import BASE, missing
+from tests.onboard.nodes.three_hosts import fly
+from tests.onboard.nodes.three_hosts_faults import LINE_DOWN
 
-pytestmark = [pytest.mark.sockets, pytest.mark.thorough, pytest.mark.skipif(bool(missing()), reason=missing())]
+pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
 
 
 async def test_the_loss_of_a_host_has_the_vehicle_hold_as_its_policy_says_and_the_mission_goes_on(
     tmp_path: Path,
 ) -> None:
-    (line_down,) = BASE_FAULTS
-    report = await fly(tmp_path, BASE, (line_down._replace(for_s=4.0),), print, calm_s=3.0)
-    assert report.wrong == []
-    assert report.holds == 1
+    if lack := missing():
+        pytest.skip(lack)
+    report = await fly(tmp_path, BASE, (LINE_DOWN._replace(for_s=4.0),), print, 2.0)
+    (trial,) = report.trials
+    assert trial.wrong == []
+    assert trial.is_lost
+    assert trial.held_at_s > trial.ended_s
+    assert trial.used_s < 60.0
+    assert report.moving_m_s < 0.3
     assert report.mission == "done"
     assert report.rate_hz > 1.0, "the odometry of the base station comes to the vehicle"
+    assert report.used_share > 0.5, "and its pose rests on it"
     assert max(report.clock_bounds_s.values()) < 0.1

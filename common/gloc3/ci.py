@@ -404,6 +404,8 @@ class MissionSummary(Message, frozen=True):
     """The `TASK` or `TASK.ACTION` whose planned silence has begun and is not over; empty where none has."""
     silent_until_s: float = 0.0
     """With a silence: when contact is due, on the platform's clock."""
+    repetitions: dict[str, tuple[int, int]] = {}
+    """The tasks that are done several times and have begun: for which time, and how often at most."""
 
 
 class ControlState(Message, frozen=True):

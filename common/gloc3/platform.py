@@ -193,6 +193,16 @@ class Platform(_Row, frozen=True, kw_only=True):
         """The row of a component."""
         return next((row for row in self.components if row.name == name), None)
 
+    @property
+    def is_complete(self) -> bool:
+        """Whether all its components' classes can be loaded here, so that its topics are known."""
+        for row in self.components:
+            try:
+                row.load_class()
+            except Gloc3Error:
+                return False
+        return True
+
     def topics(self) -> set[str]:
         """The topics that the platform's components publish, as far as their classes can be loaded."""
         found: set[str] = set()

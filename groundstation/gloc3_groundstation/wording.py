@@ -16,6 +16,8 @@ class Item(NamedTuple):
     state: str
     progress: float | None
     """0 to 1; None, or 0, where there is none to tell: some actions have no measure of it."""
+    times: str = ""
+    """Of a task that is done several times: for which time, such as `2/5`."""
 
     @property
     def is_task(self) -> bool:
@@ -34,8 +36,14 @@ def items(mission: MissionSummary) -> list[Item]:
     for task in [target for target in mission.tasks if "." not in target]:
         for target, state in mission.tasks.items():
             if target == task or target.startswith(f"{task}."):
-                found.append(Item(target, state, mission.progress.get(target)))
+                found.append(Item(target, state, mission.progress.get(target), times(mission, target)))
     return found
+
+
+def times(mission: MissionSummary, task: str) -> str:
+    """For which time a task is being done: `2/5`; empty for one that is done once."""
+    count, most = mission.repetitions.get(task, (0, 0))
+    return f"{count}/{most}" if count else ""
 
 
 def running(mission: MissionSummary) -> str:
@@ -45,6 +53,8 @@ def running(mission: MissionSummary) -> str:
         if item.is_task or item.state not in ("running", "paused"):
             continue
         percent = f" {item.progress * 100:.0f} %" if item.progress else ""
+        if time := times(mission, item.target.partition(".")[0]):
+            percent += f" ({time})"
         parts.append(item.target + percent + (" paused" if item.state == "paused" else ""))
     return ", ".join(parts)
 

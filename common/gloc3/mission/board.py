@@ -8,6 +8,7 @@ from gloc3.errors import Misuse
 from gloc3.messages import Severity
 from gloc3.mission.abilities import abilities
 from gloc3.mission.assignments import Assignment, Assignments
+from gloc3.mission.conditions import Readings
 from gloc3.mission.items import MISSION, ActionRun, Item, Program, TaskRun
 from gloc3.mission.model import Mission, Policies
 from gloc3.mission.policy import Policy
@@ -81,6 +82,10 @@ class Board:
         self.missing: Mapping[str, tuple[str, ...]] = {}
         """Capabilities that are not available, with what they lack."""
         self.missing_since_s: Final[dict[str, float]] = {}
+        self.readings: Readings = {}
+        """What is measured now."""
+        self.is_watching = False
+        """Something waits for its guard."""
         self.reported_airborne = False
         self.is_taking_off = False
         """A take-off was begun, and no report says yet that the vehicle is in the air."""
@@ -173,6 +178,8 @@ class Board:
                 self.halt(run, by, now_s)
         elif isinstance(item, ActionRun):
             item.unavailable_since_s = None
+        item.rest(now_s)
+        if isinstance(item, ActionRun):
             assignment = self.assignment(item)
             if assignment is not None and item.state is ActionState.RUNNING:
                 self.assignments.pause(assignment, now_s)

@@ -23,7 +23,7 @@ def _time(mission: Mission, figures: Estimate, document: Document) -> Iterator[F
             hint = "give it until with its companion, or a duration or count"
             yield document.finding(where_of(target), f"{target} never ends by itself", hint, at_key=True)
         deadline_s = mission.actions()[target].options.deadline_s
-        yield from _late(document, where_of(target), deadline_s, part.end_s - part.start_s)
+        yield from _late(document, where_of(target), deadline_s, part.once_s)
     for name, task in mission.tasks.items():
         start_s, end_s = figures.task_span(task)
         yield from _late(document, where_of(name), task.options.deadline_s, end_s - start_s)

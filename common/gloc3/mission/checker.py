@@ -7,7 +7,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.document import load_bytes
-from gloc3.errors import Finding, Gloc3Error, InputError, nearest
+from gloc3.errors import Finding, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.abilities import WAIT, abilities
 from gloc3.mission.agreement import agreement_findings
@@ -15,6 +15,7 @@ from gloc3.mission.arguments import SetOff, argument_kinds
 from gloc3.mission.budget_check import budget_findings
 from gloc3.mission.estimate import Estimate, estimate, together
 from gloc3.mission.examples import find_mission
+from gloc3.mission.guard_check import guard_findings
 from gloc3.mission.legs import Budget
 from gloc3.mission.model import Mission, where_of
 from gloc3.mission.reader import Reading, Surroundings, inspect_mission
@@ -149,6 +150,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
         start_ned_m=circumstances.start_ned_m,
     )
     findings += budget_findings(mission, figures, platform)
+    findings += guard_findings(mission, platform)
     findings += silence_findings(mission, figures, platform)
     if platform is not None:
         findings += agreement_findings(mission, platform)
@@ -204,12 +206,7 @@ def _capabilities(reading: Reading, mission: Mission, circumstances: Circumstanc
     platform = circumstances.platform
     if platform is None:
         return
-    is_complete = True
-    for component in platform.components:
-        try:
-            component.load_class()
-        except Gloc3Error:
-            is_complete = False
+    is_complete = platform.is_complete
     names = sorted({*platform.topics(), *platform.capabilities, *(row.name for row in platform.components)})
     components, rows = [row.name for row in platform.components], circumstances.capabilities()
     for target, action in mission.actions().items():

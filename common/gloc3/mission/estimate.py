@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import dist
+from typing import Final
 
 from gloc3.frames import Vector3
 from gloc3.mission.arguments import LandOrder, ReturnHome
@@ -23,11 +24,15 @@ class ActionEstimate:
     energy_wh: float = 0.0
     is_endless: bool = False
     """Whether nothing is known to end it."""
+    once_s: float = 0.0
+    """How long it takes each time; its task may be repeated."""
+    more_m: float = 0.0
+    """Way that is not among the legs, since it is that of the last ones once more."""
 
     @property
     def length_m(self) -> float:
         """Length of its way."""
-        return sum(leg.length_m for leg in self.legs)
+        return self.more_m + sum(leg.length_m for leg in self.legs)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,42 +68,91 @@ def estimate(
         budget: home, speeds and the like.
         power: the platform's power model; None for no energies.
     """
-    all_actions = mission.actions()
-    here, moved_until_s, hover_wh = start_ned_m, 0.0, 0.0
-    found: dict[str, ActionEstimate] = {}
-    places = [start_ned_m]
+    planner = _Planner(mission, start_ned_m, budget, power)
     for target in order.targets:
-        action = all_actions.get(target)
-        if action is None:
-            continue
-        start_s = max((found[one].end_s for one in _before(target, mission) if one in found), default=0.0)
-        legs: tuple[Leg, ...] = ()
-        end_s = start_s + action.order.time_needed_s(here, budget)
-        if action.order.moves:
-            start_s = max(start_s, moved_until_s) if action.options.until is None else start_s
-            legs = action.order.legs(here, budget)
-            end_s = start_s + sum(leg.duration_s for leg in legs)
-            if len(places) > 1 and power is not None:
-                hover_wh += (power.hover_w + power.avionics_w) * max(0.0, start_s - moved_until_s) / 3600.0
-            here = legs[-1].end if legs else here
-            places += [leg.end for leg in legs]
-            moved_until_s = max(moved_until_s, end_s)
-        energy_wh = sum(leg.energy_wh(power) for leg in legs) if power is not None else 0.0
-        is_endless = action.order.is_endless and action.options.until is None and action.options.deadline_s is None
-        found[target] = ActionEstimate(
-            start_s=start_s, end_s=end_s, legs=legs, energy_wh=energy_wh, is_endless=is_endless
-        )
+        if target in planner.actions:
+            planner.add(target)
+    found = planner.found
     _end_companions(mission, found)
-    if power is not None:
-        _add_devices(mission, found)
+    _add_devices(mission, found)
     return Estimate(
         actions=found,
         duration_s=max((part.end_s for part in found.values()), default=0.0),
-        energy_wh=hover_wh + sum(part.energy_wh for part in found.values()),
+        energy_wh=planner.hover_wh + sum(part.energy_wh for part in found.values()),
         length_m=sum(part.length_m for part in found.values()),
-        end_ned_m=here,
-        return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in places),
+        end_ned_m=planner.here,
+        return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in planner.places),
     )
+
+
+class _Planner:
+    """Lets the actions run one after the other, or beside each other, as their order allows."""
+
+    def __init__(self, mission: Mission, start_ned_m: Vector3, budget: Budget, power: Power | None) -> None:
+        self._mission, self._budget, self._power = mission, budget, power
+        self.actions: Final = mission.actions()
+        self.found: Final[dict[str, ActionEstimate]] = {}
+        self.here = start_ned_m
+        self.places: Final = [start_ned_m]
+        """Where the vehicle comes to."""
+        self.hover_wh = 0.0
+        """For the time in which nothing moves it."""
+        self._moved_until_s = 0.0
+
+    def add(self, target: str) -> None:
+        """One action; the last of a task that is repeated brings the further times."""
+        self._once(target, max((self.found[one].end_s for one in self._earlier(target)), default=0.0))
+        task = self._mission.tasks[target.partition(".")[0]]
+        own = [f"{task.name}.{name}" for name in task.actions]
+        times = task.options.repeat.times if task.options.repeat is not None else 1
+        if times > 1 and all(one in self.found for one in own):
+            self._repeat([one for one in self.found if one in own], times)
+
+    def _earlier(self, target: str) -> Iterator[str]:
+        return (one for one in _before(target, self._mission) if one in self.found)
+
+    def _once(self, target: str, start_s: float) -> None:
+        action, budget, power = self.actions[target], self._budget, self._power
+        legs: tuple[Leg, ...] = ()
+        end_s = start_s + action.order.time_needed_s(self.here, budget)
+        if action.order.moves:
+            start_s = max(start_s, self._moved_until_s) if action.options.until is None else start_s
+            legs = action.order.legs(self.here, budget)
+            end_s = start_s + sum(leg.duration_s for leg in legs)
+            if len(self.places) > 1 and power is not None:
+                idle_s = max(0.0, start_s - self._moved_until_s)
+                self.hover_wh += (power.hover_w + power.avionics_w) * idle_s / 3600.0
+            self.here = legs[-1].end if legs else self.here
+            self.places.extend(leg.end for leg in legs)
+            self._moved_until_s = max(self._moved_until_s, end_s)
+        energy_wh = sum(leg.energy_wh(power) for leg in legs) if power is not None else 0.0
+        is_endless = action.order.is_endless and action.options.until is None and action.options.deadline_s is None
+        self.found[target] = ActionEstimate(
+            start_s=start_s, end_s=end_s, legs=legs, energy_wh=energy_wh, is_endless=is_endless, once_s=end_s - start_s
+        )
+
+    def _repeat(self, targets: Sequence[str], times: int) -> None:
+        """The further times of a task: the second as it is, from where the first has ended; the rest are like it."""
+        first = {target: self.found[target] for target in targets}
+        task = self._mission.tasks[targets[0].partition(".")[0]]
+        end_s = max(part.end_s for part in first.values())
+        for target in targets:
+            del self.found[target]
+        for target in targets:
+            after = [f"{task.name}.{name}" for name in self.actions[target].options.after]
+            self._once(target, max((self.found[one].end_s for one in after if one in self.found), default=end_s))
+        more_s = (times - 2) * (max(self.found[target].end_s for target in targets) - end_s)
+        for target in targets:
+            one, other = first[target], self.found[target]
+            self.found[target] = replace(
+                other,
+                start_s=one.start_s,
+                end_s=other.end_s + more_s,
+                legs=one.legs + other.legs,
+                energy_wh=one.energy_wh + (times - 1) * other.energy_wh,
+                more_m=(times - 2) * other.length_m,
+            )
+        self._moved_until_s += more_s
 
 
 def together(parts: Sequence[Estimate]) -> Estimate | None:
@@ -148,7 +202,9 @@ def _end_companions(mission: Mission, found: dict[str, ActionEstimate]) -> None:
         end_s = max(part.start_s, companion.end_s)
         if not action.order.is_endless and part.end_s > part.start_s:
             end_s = min(end_s, part.end_s)
-        found[target] = ActionEstimate(start_s=part.start_s, end_s=end_s, legs=part.legs, energy_wh=part.energy_wh)
+        is_repeated = mission.tasks[task_name].options.repeat is not None
+        once_s = companion.once_s if is_repeated else end_s - part.start_s
+        found[target] = replace(part, end_s=end_s, once_s=once_s, is_endless=False)
 
 
 def _add_devices(mission: Mission, found: dict[str, ActionEstimate]) -> None:

@@ -15,13 +15,14 @@ from gloc3.messages import Severity
 from gloc3.mission import elsewhere, flow, manoeuvres, silence, steering
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
+from gloc3.mission.conditions import Readings
 from gloc3.mission.items import MISSION, ActionRun, Program
 from gloc3.mission.messages import ActionStatus
 from gloc3.mission.model import Mission
 from gloc3.mission.policy import Policy, resolved
 from gloc3.mission.requests import Grant, Persist, Request, TakeBack
 from gloc3.mission.snapshot import Snapshot
-from gloc3.mission.states import ActionState, Trigger
+from gloc3.mission.states import OURS, ActionState, Trigger
 from gloc3.platform import Platform
 
 PROGRESS_STEP: Final = 0.05
@@ -79,7 +80,7 @@ class MissionExecutor:
         Raises:
             Refused: it cannot be done now; nothing has changed.
         """
-        commands = [str(t) for t in Trigger if t not in (Trigger.FINISH, Trigger.FAIL)]
+        commands = [str(t) for t in Trigger if t not in OURS]
         if verb not in commands:
             raise Refused(f"no command {verb!r}; known: {', '.join(commands)}")
         steering.steer(self.board, Trigger(verb), target, now_s, home_ned_m)
@@ -245,6 +246,13 @@ class MissionExecutor:
         """Whether a condition holds; its policy is carried out once, when it arises."""
         if is_on != (condition in self.board.conditions):
             manoeuvres.set_condition(self.board, condition, is_on, reason, now_s)
+            self.settle(now_s)
+
+    def sensed(self, readings: Readings, now_s: float) -> None:
+        """What is measured now of what conditions ask for; see `conditions.QUANTITIES`."""
+        board = self.board
+        board.readings = readings
+        if board.is_watching:
             self.settle(now_s)
 
     def link(self, silent_s: float, now_s: float) -> None:

@@ -3,11 +3,12 @@
 from math import inf
 from typing import Final
 
-from gloc3.mission import elsewhere, manoeuvres
+from gloc3.mission import elsewhere, guards, manoeuvres
 from gloc3.mission.arguments import LandOrder, SetOff, Wait
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.failures import fail_action, fail_program, fail_task
+from gloc3.mission.guards import Leave
 from gloc3.mission.items import ActionRun, Program
 from gloc3.mission.states import ActionState, Trigger
 
@@ -120,12 +121,18 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
             has_moved |= _end_companion(board, run, now_s)
         is_next = program.state is ActionState.RUNNING and task.state is ActionState.WAITING
         if is_next and all(program.tasks[name].has_ended for name in task.options.after):
-            board.move(task, Trigger.START, now_s)
-            has_moved = True
+            leave = guards.leave(board, task, now_s)
+            if leave is Leave.BEGIN:
+                board.move(task, Trigger.START, now_s)
+            has_moved |= leave is not Leave.WAIT
         if program.state is ActionState.RUNNING and task.state is ActionState.RUNNING:
             for run in task.actions.values():
                 has_moved |= _start(board, run, now_s)
-        if task.is_open and all(run.has_ended for run in task.actions.values()):
+        if not task.is_open or not all(run.has_ended for run in task.actions.values()):
+            pass
+        elif guards.is_to_repeat(board, task):
+            has_moved |= guards.repeat(board, task, now_s)
+        else:
             board.move(task, Trigger.FAIL if task.blemish else Trigger.FINISH, now_s, task.blemish)
             task.is_settled = True
             has_moved = True
@@ -161,6 +168,9 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
         return False
     if board.has_pilot or (run.is_motion and board.manoeuvre is not None):
         return False
+    leave = guards.leave(board, run, now_s)
+    if leave is not Leave.BEGIN:
+        return leave is Leave.ENDED
     holder = board.assignments.holder(run.row)
     if holder is not None:
         run.reason = f"waits for {holder.label}"
@@ -212,11 +222,15 @@ def finish_action(board: Board, run: ActionRun, now_s: float) -> None:
 
 def due_s(board: Board) -> float:
     """When something happens next by the passing of time alone; infinite if nothing does."""
+    board.is_watching = False
     times = [at_s for one in board.assignments.by_id.values() if (at_s := one.due_s()) is not None]
     for program in board.programs.values():
         if not program.is_open:
             continue
         times += [program.due_s(), *(item.due_s() for item in program.items())]
+        waits = [at_s for item in program.items() if (at_s := guards.due_s(item)) < inf]
+        board.is_watching = board.is_watching or bool(waits)
+        times += waits
         for run in program.actions():
             if run.state is ActionState.RUNNING:
                 times.append(lost_at_s(board, run))

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from math import inf
 from typing import Final
 
+from msgspec import structs
+
 from gloc3.mission.model import Action, ItemFile, Mission, Task, attempts
 from gloc3.mission.policy import Policy
 from gloc3.mission.snapshot import ItemSnapshot, ProgramSnapshot
@@ -35,6 +37,9 @@ class Item:
         """The level whose pause it is in."""
         self._ran_s = 0.0
         self._since_s: float | None = None
+        self._waited_s = 0.0
+        """For its guard, before it began."""
+        self._waits_since_s: float | None = None
 
     def __repr__(self) -> str:
         return f"<{self.level} {self.target} {self.state}>"
@@ -70,8 +75,33 @@ class Item:
         return self._since_s + duration_s - self._ran_s
 
     def due_s(self) -> float:
-        """When its deadline passes, if it goes on running."""
-        return self.reaches_s(self.deadline_s)
+        """When its deadline passes, if it goes on running; a wait for its guard counts."""
+        return self.reaches_s(self.deadline_s if self.deadline_s is None else self.deadline_s - self._waited_s)
+
+    def waited_s(self, now_s: float) -> float:
+        """How long it has been waiting for its guard, pauses left out."""
+        return self._waited_s + (now_s - self._waits_since_s if self._waits_since_s is not None else 0.0)
+
+    def await_leave(self, now_s: float, reason: str) -> None:
+        """Its turn has come, and its guard does not let it begin yet."""
+        self.reason = reason
+        if self._waits_since_s is None:
+            self._waits_since_s = now_s
+
+    def rest(self, now_s: float) -> None:
+        """It waits for its guard no more, or not now."""
+        self._waited_s, self._waits_since_s = self.waited_s(now_s), None
+
+    def patience_s(self, unknown_s: float) -> float:
+        """How long it waits for its guard at most; `unknown_s` where it waits only for what is not measured."""
+        is_waiting = self.options.otherwise == "wait" and self.deadline_s is not None
+        return self.deadline_s if is_waiting and self.deadline_s is not None else unknown_s
+
+    def gives_up_s(self, unknown_s: float) -> float:
+        """When it has waited for its guard that long; infinite where it does not wait."""
+        if self._waits_since_s is None or self.state is not ActionState.WAITING:
+            return inf
+        return self._waits_since_s + self.patience_s(unknown_s) - self._waited_s
 
     def move(self, trigger: Trigger, now_s: float, reason: str = "") -> None:
         """Goes on by the table.
@@ -82,6 +112,8 @@ class Item:
         to = transition(self.state, trigger)
         self._ran_s = 0.0 if to is ActionState.WAITING else self.ran_s(now_s)
         self._since_s = now_s if to is ActionState.RUNNING else None
+        if to is ActionState.WAITING:
+            self._waited_s, self._waits_since_s = 0.0, None
         self.state, self.reason = to, reason
         self.paused_by = ""
         if trigger is Trigger.START:
@@ -96,12 +128,14 @@ class Item:
             ran_s=self.ran_s(now_s),
             is_settled=self.is_settled,
             paused_by=self.paused_by,
+            waited_s=self.waited_s(now_s),
         )
 
     def restore(self, kept: ItemSnapshot, now_s: float) -> None:
         """Becomes what was kept."""
         self.state, self.reason, self.starts = kept.state, kept.reason, kept.starts
         self.is_settled, self.paused_by, self._ran_s = kept.is_settled, kept.paused_by, kept.ran_s
+        self._waited_s = kept.waited_s
         self._since_s = now_s if kept.state is ActionState.RUNNING else None
 
 
@@ -126,12 +160,13 @@ class ActionRun(Item):
         """Whether it moves the vehicle."""
         return "motion" in self.row.claims
 
+    def forget(self) -> None:
+        """It is to be done from its beginning."""
+        self.starts, self.progress, self.is_settled, self.unavailable_since_s = 0, 0.0, False, None
+
     def snapshot(self, now_s: float) -> ItemSnapshot:
         """What is kept of it."""
-        kept = super().snapshot(now_s)
-        return ItemSnapshot(
-            **{name: getattr(kept, name) for name in kept.__struct_fields__} | {"progress": self.progress}
-        )
+        return structs.replace(super().snapshot(now_s), progress=self.progress)
 
     def restore(self, kept: ItemSnapshot, now_s: float) -> None:
         """Becomes what was kept."""
@@ -154,6 +189,24 @@ class TaskRun(Item):
         }
         self.blemish = ""
         """Why it is going to end as failed, although it goes on."""
+        self.repeat: Final = task.options.repeat
+        self.repetition = 0
+        """The time for which it is being done, from 1; 0 where it is not repeated, or has not begun."""
+
+    def move(self, trigger: Trigger, now_s: float, reason: str = "") -> None:
+        """Goes on by the table."""
+        super().move(trigger, now_s, reason)
+        if trigger is Trigger.START and self.repeat is not None:
+            self.repetition = max(self.repetition, 1)
+
+    def snapshot(self, now_s: float) -> ItemSnapshot:
+        """What is kept of it."""
+        return structs.replace(super().snapshot(now_s), repetition=self.repetition)
+
+    def restore(self, kept: ItemSnapshot, now_s: float) -> None:
+        """Becomes what was kept."""
+        super().restore(kept, now_s)
+        self.repetition = kept.repetition
 
     def adopt(self, state: ActionState, reason: str, *, is_settled: bool) -> bool:
         """Takes what is told of a task of another platform; one that was skipped here stays so.

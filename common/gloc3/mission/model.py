@@ -10,6 +10,7 @@ import msgspec
 
 from gloc3.document import Document, Where
 from gloc3.mission.arguments import Arguments, Latitude, Longitude, Metres, Seconds
+from gloc3.mission.conditions import Condition
 from gloc3.mission.fence import Fence
 from gloc3.mission.placement import HeightAbove
 from gloc3.mission.policy import Policy
@@ -109,6 +110,19 @@ class ItemFile(_Part, frozen=True, kw_only=True):
     """From its start a lost link is no fault until the stated time has passed; then it is overdue: `on_overdue`."""
     retries: Retries = 0
     """Attempts after the first before `on_failure` applies; `on_failure: retry` alone means one."""
+    when: Condition | None = None
+    """It begins only where this holds when its turn has come."""
+    otherwise: Literal["skip", "wait", "fail"] = "skip"
+    """Where `when` does not hold: `wait` until it does, but no longer than `deadline_s`, which then counts from its turn."""
+
+
+class RepeatFile(_Part, frozen=True, kw_only=True):
+    """How often a task is done."""
+
+    times: Annotated[int, msgspec.Meta(ge=1, le=1_000)]
+    """At most."""
+    until: Condition | None = None
+    """Looked at after each time: no further one where it holds."""
 
 
 class ActionFile(ItemFile, frozen=True, kw_only=True):
@@ -123,6 +137,8 @@ class TaskOptions(ItemFile, frozen=True, kw_only=True):
 
     platform: PlatformName | None = None
     """The platform that performs it; in a mission for several each task names its own."""
+    repeat: RepeatFile | None = None
+    """Done several times, all its actions each time."""
 
 
 Actions = Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
@@ -183,7 +199,11 @@ class DefinitionFile(_Part, frozen=True, kw_only=True):
     actions: Actions
     deadline_s: float | Open | None = None
     on_failure: str | None = None
+    silence: dict[str, Any] | None = None
     retries: int | Open = 0
+    when: dict[str, Any] | None = None
+    otherwise: str | None = None
+    repeat: dict[str, Any] | None = None
     platform: PlatformName | None = None
 
 

@@ -1,13 +1,14 @@
 """Draws a mission: its partial order with times and claims as text for a terminal, and as a Mermaid diagram."""
 
 from collections.abc import Iterator, Mapping
+from textwrap import wrap
 from typing import Final
 
 import msgspec
 
 from gloc3.mission.arguments import Arguments
 from gloc3.mission.checker import Report
-from gloc3.mission.model import Action, ItemFile, Mission, Task
+from gloc3.mission.model import Action, ItemFile, Mission, Task, TaskOptions
 from gloc3.platform import Capability, Platform
 from gloc3.units import split_unit
 
@@ -81,11 +82,25 @@ def _item(mark: str, below: str, name: str, what: str, relations: list[str], bar
         return
     yield f"{_cut(text, _LEFT):<{_LEFT}} {bar}"
     if relations:
-        yield _cut(f"{below}   ({'; '.join(relations)})", WIDTH)
+        begin = f"{below}   "
+        told = f"({'; '.join(relations)})"
+        yield from (begin + line for line in wrap(told, WIDTH - len(begin), break_on_hyphens=False))
 
 
 def _relations(options: ItemFile) -> list[str]:
     found = [f"after {', '.join(options.after)}"] if options.after else []
+    found += terms(options)
+    return found
+
+
+def terms(options: ItemFile) -> list[str]:
+    """What is said of a task or action beside its order, in words."""
+    found: list[str] = []
+    if isinstance(options, TaskOptions) and options.repeat is not None:
+        until = f", until {options.repeat.until}" if options.repeat.until is not None else ""
+        found.append(f"up to {options.repeat.times} times{until}" if until else f"{options.repeat.times} times")
+    if options.when is not None:
+        found.append(f"when {options.when}, else {options.otherwise}")
     if options.deadline_s is not None:
         found.append(f"deadline {options.deadline_s:g} s")
     if options.silence is not None:

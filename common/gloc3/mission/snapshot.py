@@ -20,6 +20,10 @@ class ItemSnapshot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """Failed, and gone on with all the same."""
     paused_by: str = ""
     """The level whose pause it is in."""
+    waited_s: float = 0.0
+    """How long it has been waiting for its guard."""
+    repetition: int = 0
+    """Of a task that is repeated: the time for which it is being done."""
 
 
 class ProgramSnapshot(msgspec.Struct, frozen=True, kw_only=True):

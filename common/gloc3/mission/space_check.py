@@ -1,6 +1,7 @@
 """Whether the way of a mission stays inside the fence and the platform's limits, and begins and ends on the ground."""
 
 from collections.abc import Iterator
+from itertools import groupby
 
 from gloc3.document import Document, Where
 from gloc3.errors import Finding
@@ -20,7 +21,7 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
     """Take-off comes before all other motion, once, and a landing at the end."""
     document = mission.document
     actions = mission.actions()
-    moving = [target for target in order.targets if target in actions and actions[target].order.moves]
+    moving = list(_unrolled(mission, [one for one in order.targets if one in actions and actions[one].order.moves]))
     if document is None or not moving:
         return
     takes_off = any(isinstance(actions[target].order, SetOff) for target in moving)
@@ -49,6 +50,15 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
             at_key=True,
             is_warning=True,
         )
+
+
+def _unrolled(mission: Mission, targets: list[str]) -> Iterator[str]:
+    """The actions in their order, those of a task that is repeated twice: what may come next does so."""
+    for name, group in groupby(targets, key=lambda target: target.partition(".")[0]):
+        own = list(group)
+        yield from own
+        repeat = mission.tasks[name].options.repeat
+        yield from own if repeat is not None and repeat.times > 1 else ()
 
 
 def space_findings(

@@ -33,6 +33,8 @@ class Trigger(StrEnum):
     SKIP = "skip"
     ABORT = "abort"
     RETRY = "retry"
+    REPEAT = "repeat"
+    """Its task is done once more."""
     FINISH = "finish"
     FAIL = "fail"
 
@@ -64,10 +66,17 @@ TABLE: Final[Mapping[ActionState, Mapping[Trigger, ActionState]]] = {
         _T.SKIP: _S.SKIPPED,
         _T.ABORT: _S.ABORTED,
     },
-    _S.DONE: {},
-    _S.SKIPPED: {},
+    _S.DONE: {
+        _T.REPEAT: _S.WAITING,
+    },
+    _S.SKIPPED: {
+        _T.REPEAT: _S.WAITING,
+    },
     _S.ABORTED: {},
 }
+
+OURS: Final = (_T.FINISH, _T.FAIL, _T.REPEAT)
+"""The triggers that no operator gives."""
 
 ENDED: Final = (_S.DONE, _S.FAILED, _S.SKIPPED, _S.ABORTED)
 """The states in which nothing is going on."""
@@ -86,7 +95,7 @@ def transition(state: ActionState, trigger: Trigger) -> ActionState:
     """
     to = TABLE[state].get(trigger)
     if to is None:
-        accepted = ", ".join(allowed(state)) or "nothing"
+        accepted = ", ".join(one for one in allowed(state) if one is not Trigger.REPEAT) or "nothing"
         raise Refused(f"{trigger} is not accepted in {state}; accepted: {accepted}")
     return to
 
@@ -95,5 +104,5 @@ def to_mermaid() -> str:
     """The table as a Mermaid state diagram."""
     lines = ["stateDiagram-v2", f"    [*] --> {_S.WAITING}"]
     lines += [f"    {state} --> {to}: {trigger}" for state, row in TABLE.items() for trigger, to in row.items()]
-    lines += [f"    {state} --> [*]" for state, row in TABLE.items() if not row]
+    lines += [f"    {state} --> [*]" for state in TABLE if all(trigger in OURS for trigger in TABLE[state])]
     return "\n".join(lines) + "\n"

@@ -12,7 +12,7 @@ from gloc3.mission.flow import go_on_after_pause
 from gloc3.mission.items import ActionRun, Item, Program, TaskRun
 from gloc3.mission.model import Mission
 from gloc3.mission.policy import MANOEUVRES, Policy, resolved
-from gloc3.mission.states import TABLE, ActionState, Trigger
+from gloc3.mission.states import OURS, TABLE, ActionState, Trigger
 from gloc3.mission.structure import PartialOrder
 
 _BY_OPERATOR = "by an operator"
@@ -72,7 +72,7 @@ def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m:
 
 def triggers(item: Item) -> tuple[Trigger, ...]:
     """What an operator may do to an item in its state."""
-    return tuple(t for t in TABLE[item.state] if t not in (Trigger.FINISH, Trigger.FAIL))
+    return tuple(t for t in TABLE[item.state] if t not in OURS)
 
 
 def _start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -> None:

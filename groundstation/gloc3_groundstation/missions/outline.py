@@ -1,6 +1,6 @@
 """What of a mission is drawn and told: its tasks and actions with their order, without positions."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 import msgspec
@@ -8,8 +8,8 @@ import msgspec
 from gloc3.ci import MissionSummary
 from gloc3.mission.checker import Report
 from gloc3.mission.estimate import Estimate
-from gloc3.mission.model import Action, ItemFile, Mission, Task, digest_of
-from gloc3.mission.show import summary
+from gloc3.mission.model import Action, Mission, Task, digest_of
+from gloc3.mission.show import summary, terms
 from gloc3.platform import Capability
 
 COMMANDS: Final = "command-"
@@ -126,7 +126,7 @@ def _stage(task: Task, mission: Mission, figures: Estimate | None, capabilities:
     return Stage(
         name=task.name,
         after=tuple(name for name in task.options.after if name in mission.tasks),
-        terms=tuple(_terms(task.options)),
+        terms=tuple(terms(task.options)),
         steps=tuple(_step(task, action, figures, capabilities) for action in task.actions.values()),
     )
 
@@ -135,24 +135,15 @@ def _step(task: Task, action: Action, figures: Estimate | None, capabilities: Ma
     target = f"{task.name}.{action.name}"
     claims = capabilities[action.capability].claims if action.capability in capabilities else ()
     part = figures.actions.get(target) if figures is not None else None
-    terms = [*_terms(action.options), *([f"claims {', '.join(claims)}"] if claims else [])]
+    told = [*terms(action.options), *([f"claims {', '.join(claims)}"] if claims else [])]
     return Step(
         target=target,
         name=action.name,
         what=summary(action),
         after=tuple(name for name in action.options.after if name in task.actions),
         until=action.options.until or "",
-        terms=tuple(terms),
+        terms=tuple(told),
         capability=action.capability,
         claims=claims,
         duration_s=part.end_s - part.start_s if part is not None else None,
     )
-
-
-def _terms(options: ItemFile) -> Iterator[str]:
-    if options.deadline_s is not None:
-        yield f"deadline {options.deadline_s:g} s"
-    if options.on_failure is not None:
-        yield f"on failure {options.on_failure}"
-    if options.retries:
-        yield f"{options.retries} retries"

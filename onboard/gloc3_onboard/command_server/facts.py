@@ -1,7 +1,7 @@
 """What the server knows of the vehicle: where home is, whether it flies, and which conditions hold."""
 
 from collections.abc import Iterator
-from math import isfinite
+from math import hypot, isfinite
 from typing import Final
 
 import msgspec
@@ -12,7 +12,7 @@ from gloc3.mission.board import Condition
 from gloc3.mission.fence import Fence
 from gloc3.platform import Platform
 from gloc3.standard_topics import AUTOPILOT_SILENT_S
-from gloc3.vehicle import AutopilotState, DriverState, FenceState, LandedState, Pose, Setpoint
+from gloc3.vehicle import AutopilotState, DriverState, FenceState, HeightAboveGround, LandedState, Pose, Setpoint
 from gloc3_onboard.motion_limits import is_finite
 
 POSE_SILENT_S: Final = 0.2
@@ -23,6 +23,8 @@ POSE_LOST_S: Final = 0.4
 Without a young pose the vehicle brakes at once, since setpoints are dropped; some frames that a bad cable has lost are
 no reason to land. Shorter than the grace of a running action (`flow.GRACE_S`), so that the policy comes before that.
 """
+HEIGHT_SILENT_S: Final = 0.5
+"""A distance to the ground that is older is not known any more."""
 AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
 
 
@@ -59,6 +61,8 @@ class VehicleFacts:
         self._posed_s: float | None = None
         """When there was last a pose to fly by; None before the first look."""
         self._was_armed: bool | None = None
+        self._height_m: float | None = None
+        self._height_s = float("-inf")
 
     @property
     def is_connected(self) -> bool:
@@ -128,6 +132,12 @@ class VehicleFacts:
         if is_finite(envelope.payload):
             self.setpoint, self.setpoint_s = envelope.payload, envelope.t_s
 
+    def see_height(self, envelope: Envelope[HeightAboveGround]) -> None:
+        """Takes in how far the ground is below."""
+        height = envelope.payload
+        self._height_m = height.height_m if height.is_valid and isfinite(height.height_m) else None
+        self._height_s = envelope.t_s
+
     def look(self, now_s: float) -> None:
         """Lets the time pass: what is old is no longer known."""
         self.is_autopilot_known = now_s - self._autopilot_s < AUTOPILOT_SILENT_S
@@ -143,6 +153,25 @@ class VehicleFacts:
         if state.is_armed and self._was_armed is False:
             self.is_home_new = True
         self._was_armed = state.is_armed
+
+    def readings(self, now_s: float) -> dict[str, float]:
+        """What conditions of missions ask for, as far as it is known now; see `gloc3.mission.conditions.QUANTITIES`."""
+        found: dict[str, float] = {}
+        autopilot, pose, home = self.known_autopilot, self.pose, self.home_ned_m
+        if autopilot is not None and autopilot.battery_remaining >= 0.0:
+            found["battery"] = autopilot.battery_remaining
+        if self._height_m is not None and now_s - self._height_s <= HEIGHT_SILENT_S:
+            found["altitude_m"] = self._height_m
+        if pose is None or not self.is_pose_fresh(now_s):
+            return found
+        north, east, down = pose.position_ned_m
+        found["pose_quality"] = pose.quality
+        found["position_std_m"] = hypot(*pose.position_std_m[:2])
+        found["speed_m_s"] = hypot(*pose.velocity_ned_m_s)
+        if home is not None:
+            found |= {"height_m": home[2] - down, "depth_m": down - home[2]}
+            found["home_distance_m"] = hypot(north - home[0], east - home[1])
+        return found
 
     def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[Condition, bool, str]]:
         """Every condition of which it is known whether it holds, and why."""

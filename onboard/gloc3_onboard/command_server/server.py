@@ -245,6 +245,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._requests.gate.see(computer.payload)
         for height in inbox.new(self.height):
             self._requests.gate.see(height.payload)
+            self._facts.see_height(height)
         for event in inbox.new(self.event):
             self._forward(event)
 
@@ -357,7 +358,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
         for condition, is_on, reason in facts.conditions(fence, now_s):
             executor.condition(condition, is_on, reason, now_s)
-        executor.link(self._authority.silent_s(now_s), now_s)
+        silent_s = self._authority.silent_s(now_s)
+        executor.link(silent_s, now_s)
+        executor.sensed(facts.readings(now_s) | {"link_silent_s": silent_s}, now_s)
         for verdict in self._verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
         self._verdicts.clear()

@@ -51,6 +51,11 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
         progress=progress,
         policy=executor.policy,
         reasons=reasons,
+        repetitions={
+            task.target: (task.repetition, task.repeat.times)
+            for task in program.tasks.values()
+            if task.repeat is not None and task.repetition
+        },
         elsewhere={task.target: task.elsewhere for task in program.tasks.values() if task.elsewhere},
         silence=silence,
         silent_until_s=until_s,

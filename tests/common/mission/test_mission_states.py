@@ -26,6 +26,8 @@ stateDiagram-v2
     failed --> waiting: retry
     failed --> skipped: skip
     failed --> aborted: abort
+    done --> waiting: repeat
+    skipped --> waiting: repeat
     done --> [*]
     skipped --> [*]
     aborted --> [*]

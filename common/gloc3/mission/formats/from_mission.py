@@ -63,7 +63,14 @@ class _Converter:
             )
             raise InputError(self._findings)
         actions = mission.actions()
+        for name, task in mission.tasks.items():
+            if task.options.repeat is not None:
+                self._refuse(name, f"{name} is repeated, which a plan cannot say", "write its actions out")
+            if task.options.when is not None:
+                self._refuse(name, f"{name} has a guard, which a plan cannot say", "leave out when")
         for target in PartialOrder.of(mission).targets:
+            if actions[target].options.when is not None:
+                self._refuse(target, f"{target} has a guard, which a plan cannot say", "leave out when")
             self._action(target, actions[target].filled)
         fence = self._fence()
         if any(not finding.is_warning for finding in self._findings):

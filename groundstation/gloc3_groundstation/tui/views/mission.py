@@ -55,7 +55,7 @@ def _line(item: wording.Item, width: int) -> Line:
         SIGNS.get(ActionState(item.state), ("?", Tone.WARN)) if item.state in list(ActionState) else ("?", Tone.WARN)
     )
     indent = " " if item.is_task else "   "
-    state = item.state
+    state = f"{item.state} {item.times}".rstrip()
     if item.progress and item.state in (ActionState.RUNNING, ActionState.PAUSED):
         state = f"{bar(item.progress, BAR_WIDTH)} {item.progress * 100:3.0f} %"
     room = width - len(indent) - 3 - len(state)

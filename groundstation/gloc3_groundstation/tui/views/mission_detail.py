@@ -127,6 +127,8 @@ def _item(outline: Outline, told: MissionSummary | None, target: str, width: int
             head.append(Span(f"   about {wording.duration(item.duration_s)}", Tone.DIM))
     else:
         ended = sum(told.tasks.get(one.target) in ("done", "skipped") for one in item.steps) if told is not None else 0
+        if told is not None and (time := wording.times(told, target)):
+            head.append(Span(f"   {time} times", Tone.DIM))
         head.append(Span(f"   {ended} of {len(item.steps)} actions done" if told is not None else "", Tone.DIM))
     lines: list[Line] = [tuple(head)]
     reason = told.reasons.get(target, "") if told is not None else ""

@@ -200,6 +200,35 @@ class ReadReports(Body, frozen=True):
     most: int = 40
 
 
+class ListLogs(Body, frozen=True):
+    """Asks for the logs onboard; the reply's result holds a `LogOnboard` for each under `logs`."""
+
+
+class CutLog(Body, frozen=True):
+    """Ends the log that is being written and begins the next, so that what was recorded so far can be fetched."""
+
+
+class DigestLog(Body, frozen=True):
+    """Has the SHA-256 digest of a log calculated; it is under `sha256` in the reply's result, in hexadecimal digits."""
+
+    name: str
+
+
+class ReadLog(Body, frozen=True):
+    """Asks for a piece of a log, which comes as a `LogChunk` where the way to the station has room for it."""
+
+    name: str
+    offset: int
+    size: int
+
+
+class ConfirmLog(Body, frozen=True):
+    """The station has the whole log, with this digest: it is deleted onboard if that is its own digest, too."""
+
+    name: str
+    sha256: str
+
+
 AnyBody = (
     LoadMission
     | ReadMission
@@ -217,10 +246,16 @@ AnyBody = (
     | ListTopics
     | Preflight
     | ReadReports
+    | ListLogs
+    | CutLog
+    | DigestLog
+    | ReadLog
+    | ConfirmLog
 )
+AboutLogs = ListLogs | CutLog | DigestLog | ReadLog | ConfirmLog
 
 
-LOOKS: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadReports)
+LOOKS: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadReports, ListLogs, DigestLog, ReadLog)
 """What only looks: everybody who may watch the platform may ask for it."""
 
 
@@ -271,6 +306,27 @@ class CiReply(Message, frozen=True):
     """With `ReadMission`: the mission's text; with a failed check: the findings, one a line."""
     result: dict[str, Any] = {}
     """With `CallFunction`: the function's reply; with `Preflight`: the `PreflightReport`."""
+
+
+class LogOnboard(msgspec.Struct, frozen=True, array_like=True):
+    """A log as it lies onboard."""
+
+    name: str
+    size: int
+    """In bytes."""
+    is_open: bool
+    """It is still being written."""
+
+
+class LogChunk(Message, frozen=True):
+    """A piece of a log, for the station that has asked for it."""
+
+    station: str
+    name: str
+    offset: int
+    data: bytes
+    reason: str = ""
+    """Why there is no data."""
 
 
 class Health(StrEnum):

@@ -11,6 +11,7 @@ from gloc3.ci import (
     ComponentTrouble,
     ContactSummary,
     ControlState,
+    LogChunk,
     MissionSummary,
     StationHeard,
     Summary,
@@ -94,6 +95,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/event": TopicRow(CiEvent),
     "contact": TopicRow(ContactSummary, service=Service.COMMAND),
+    "log_chunk": TopicRow(LogChunk, is_logged=False, service=Service.BULK),
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),
     "host_presence": TopicRow(HostPresence),

@@ -4,6 +4,7 @@ import asyncio
 import faulthandler
 import os
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from random import SystemRandom
@@ -34,6 +35,7 @@ from gloc3.requested_path import RequestedPath
 from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
+from gloc3_onboard.command_server.log_shelf import LogShelf
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.files import shared_files
@@ -158,6 +160,7 @@ class OnboardProcess:
         )
         self._router = Router(self._autopilot.own, self._system_restarted)
         self._log: RunLog | None = None
+        self._readers = ThreadPoolExecutor(2, "logs")
         self._herald = Herald(self.exchange, platform.platform, self._autopilot.own, self._loop, self._tell_stations)
         self._may_write = True
         self._companion = Companion(
@@ -307,6 +310,7 @@ class OnboardProcess:
         self._signing_memory.close()
         if self._log is not None:
             await self._log.close()
+        self._readers.shutdown(cancel_futures=True)
         self._narrator.close()
 
     def say(self, severity: Severity, text: str) -> None:
@@ -394,6 +398,13 @@ class OnboardProcess:
             raise Refused(f"{error.filename or self._logs} cannot be written: {error.strerror}") from error
         return log.path
 
+    def _unfinished_logs(self) -> set[Path]:
+        return set() if self._log is None else self._log.unfinished
+
+    def _cut_log(self) -> None:
+        if self._log is not None:
+            self._log.cut()
+
     def _log_problem(self) -> str:
         return (self._log.problem if self._log is not None else "") or self._keeper.log_problem()
 
@@ -474,6 +485,7 @@ class OnboardProcess:
                 RecordFile(self._out / "progress.state"),
                 RecordFile(self._out / "events.store"),
                 self._random.getrandbits(31),
+                LogShelf(self._logs, self._unfinished_logs, self._cut_log, self._readers),
             ),
             "taps": ExchangeTaps(self.exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),

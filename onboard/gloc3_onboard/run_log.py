@@ -74,6 +74,7 @@ class RunLog:
         self._closing: asyncio.Future[None] | None = None
         self.path = files.next()
         """Of the file that is written now."""
+        self._before = self.path
         self._recorder, self._traffic = self._begin(self.path, "")
         self._prune()
         self._timer = loop.call_later(LOOK_EVERY_S, self._look)
@@ -82,6 +83,24 @@ class RunLog:
     def problem(self) -> str:
         """Why recording has ended early; empty while it goes on."""
         return self._recorder.problem
+
+    @property
+    def unfinished(self) -> set[Path]:
+        """The files that are still being written, or finished in a thread."""
+        paths = {self.path} if self._closing is None or self._closing.done() else {self.path, self._before}
+        return paths | {path.with_suffix(".tlog") for path in paths}
+
+    def cut(self) -> None:
+        """Ends the file that is being written, and begins the next.
+
+        Raises:
+            Refused: the one before is being finished still, or nothing can be recorded any more.
+        """
+        if self._closing is not None and not self._closing.done():
+            raise Refused("the log before is being finished still")
+        if self.problem:
+            raise Refused(self.problem)
+        self._go_on()
 
     def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
         """Keeps a MAVLink frame."""
@@ -130,6 +149,7 @@ class RunLog:
     def _go_on(self) -> None:
         """Begins the next file at once; the one before is finished in a thread, since a disk may take long."""
         recorder, traffic, before = self._recorder, self._traffic, self.path
+        self._before = before
         try:
             path = self._files.next()
             self._recorder, self._traffic = self._begin(path, before.name)

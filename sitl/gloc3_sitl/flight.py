@@ -44,9 +44,13 @@ from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
+from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf, NoShelf, Shelf
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.companion import Companion
+from gloc3_onboard.companion.files import LOGS, Folders
+from gloc3_onboard.companion.files import LogFiles as SharedLogs
 from gloc3_onboard.computer import SimulatedComputer
+from gloc3_onboard.log_files import LogFiles
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.sources.asked import NOWHERE
@@ -119,12 +123,14 @@ class GroundSide:
         self, loop: asyncio.AbstractEventLoop, topics: TopicTable, boot: int, system: int = STATION_ID
     ) -> None:
         own = Address(system, STATION_COMPONENT)
+        self.own: Final = own
+        self._listeners: list[Callable[[Frame], None]] = []
         self._encoder = Encoder(*own)
         self._parser = Parser(is_datagram=True)
         self._loop = loop
         self._endpoint: Any = None
         self.heartbeat = Heartbeat(own, vehicle_type=6)
-        self.exchange = MavlinkExchange(TunnelEndpoint(Role.STATION, str(system), own, boot, topics), loop, self._send)
+        self.exchange = MavlinkExchange(TunnelEndpoint(Role.STATION, str(system), own, boot, topics), loop, self.send)
         self.station = Station(self.exchange, loop, str(system), boot)
         self.exchange.listen(self._happened)
         self._timer: asyncio.TimerHandle | None = None
@@ -149,10 +155,21 @@ class GroundSide:
     def _beat(self) -> None:
         self.heartbeat.tick(self._loop.time())
         for message in self.heartbeat.outgoing():
-            self._send(message)
+            self.send(message)
         self._timer = self._loop.call_later(0.5, self._beat)
 
-    def _send(self, message: MavlinkMessage) -> None:
+    def listen(self, listener: Callable[[Frame], None]) -> Callable[[], None]:
+        """Is told every frame that is not of the command link, as services of the station are."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def forward(self, frame: Frame) -> None:
+        """Sends a frame that was made in the station's name."""
+        if self._endpoint is not None:
+            self._endpoint.send(self._encoder.forward(frame))
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends a message of the station's."""
         if self._endpoint is not None:
             self._endpoint.send(self._encoder.encode(message))
 
@@ -161,6 +178,9 @@ class GroundSide:
             message = frame.decode()
             if message is not None and message.name == "TUNNEL":
                 self.exchange.receive(message, frame.sender)
+            else:
+                for listener in tuple(self._listeners):
+                    listener(frame)
 
 
 class Flight:
@@ -184,6 +204,8 @@ class Flight:
         """True positions at 10 Hz, in the frame of the pose."""
         self.onboard: Onboard | None = None
         self._journal, self._progress, self._reports = MemoryRecords(), MemoryRecords(), MemoryRecords()
+        self.log_path = plan.out / "log.mcap" if plan.out is not None else None
+        """Of the log that is being written."""
         self.recorder = self._open_log()
         world = self._world()
         self.simulator: Final = self._simulator(world)
@@ -212,15 +234,29 @@ class Flight:
     # --- setting up ---
 
     def _open_log(self) -> Recorder | None:
-        if self.plan.out is None:
+        if self.log_path is None:
             return None
-        self.plan.out.mkdir(parents=True, exist_ok=True)
+        self.log_path.parent.mkdir(parents=True, exist_ok=True)
         metadata = {"platform": self.platform.platform, "autopilot": self.autopilot, "seed": str(self.plan.seed)}
-        recorder = Recorder(self.plan.out / "log.mcap", self.clock, self.topics, metadata, flush_s=FLUSH_S)
+        recorder = Recorder(self.log_path, self.clock, self.topics, metadata, flush_s=FLUSH_S)
         recorder.attach_file(PLATFORM_FILE, "application/yaml", find_platform(self.plan.platform).read_bytes())
         recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
         recorder.attach(self.exchange, self.loop)
         return recorder
+
+    def cut_log(self) -> None:
+        """Ends the log that is being written, and begins the next."""
+        if self.log_path is not None and self.recorder is not None:
+            self.recorder.close()
+            self.log_path = LogFiles(self.log_path.parent).next()
+            self.recorder = self._open_log()
+
+    def _shelf(self) -> Shelf:
+        """The logs that the station may fetch."""
+        if self.plan.out is None:
+            return NoShelf()
+        unfinished: Callable[[], set[Path]] = lambda: {self.log_path} if self.log_path is not None else set()  # noqa: E731
+        return LogShelf(self.plan.out, unfinished, self.cut_log, AtOnce())
 
     def _world(self) -> World:
         """The world that the mission's frame belongs to; for missions on Earth open ground at their first place."""
@@ -294,6 +330,8 @@ class Flight:
         self.station_link = StationLink(platform.platform, 1, self.loop, self.exchange, self.topics, boot)
         own = self.autopilot_link.own
         self.companion = Companion(own, platform, self.exchange, self.clock, self.loop, boot ^ 1)
+        if self.plan.out is not None:
+            self.companion.share(Folders({LOGS: SharedLogs(self.plan.out, is_writable=False)}), lambda: False)
         self.radio.b.on_data = self._serve(self.companion.attach(self.station_link.send))
         self._heartbeat = HeartbeatSource(
             self.exchange,
@@ -314,7 +352,7 @@ class Flight:
             "rig": self.rig,
             **sensors,
             "pictures": self._pictures,
-            "site": Site(platform, self._journal, self._progress, self._reports, boot),
+            "site": Site(platform, self._journal, self._progress, self._reports, boot, self._shelf()),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),
             "catalogue": Catalogue(platform, self.topics),
         }

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -34,11 +35,15 @@ app = App(
     - `gloc3 log commands runs/inspection`: which station commanded what, and what became of it
     - `gloc3 log report runs/inspection --wall "0,12,0 20,12,0 20,0,0 0,0,0"`: how much of the floor was seen
     - `gloc3 log replay runs/inspection limiter`: a component again, on what it was given then
+    - `gloc3 log pull udpin://0.0.0.0:14550`: the logs of a vehicle, from where the last attempt was cut off
 
     A log is an MCAP file, which Foxglove opens as it is.""",
     help_format="markdown",
     version_flags=[],
 )
+
+for _point in sorted(entry_points(group="gloc3.log_commands"), key=lambda point: point.name):
+    app.command(_point.load(), name=_point.name)
 
 DONE: Final = 0
 IMPERFECT: Final = 1

@@ -46,7 +46,16 @@ MESSAGES: Final[dict[Speech, tuple[str, ...]]] = {
     "ask": ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"),
 }
 """Zenoh's messages for what is told, and for what is asked for."""
-READABLE: Final = ("ci/**", "contact", "watch/**", "components/*/status", "components/*", "hosts/**", "latched/ci/**")
+READABLE: Final = (
+    "ci/**",
+    "contact",
+    "log_chunk",
+    "watch/**",
+    "components/*/status",
+    "components/*",
+    "hosts/**",
+    "latched/ci/**",
+)
 """What stations may read of a platform, below its name: topics and tokens."""
 SEEN_BY_PLATFORMS: Final = ("ci/summary", "ci/mission", "ci/control")
 """What one platform may read of another."""

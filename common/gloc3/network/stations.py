@@ -28,6 +28,8 @@ STATION_ROLES: Final[Mapping[Role | None, StationRole]] = {
     Role.OPERATOR: StationRole.OPERATOR,
     Role.OBSERVER: StationRole.OBSERVER,
 }
+CHUNKS: Final = "log_chunk"
+"""Pieces of logs, which no radio carries."""
 COMMANDS: Final = "request"
 QUESTIONS: Final = "ask"
 
@@ -73,7 +75,7 @@ def join_platforms(
     undo = [network.declare_alive(presence(station)), inside.subscribe("*/ci/request", send)]
     for name, row in topics:
         way = route(name, row)
-        if way is not None and way.sender is End.PLATFORM:
+        if name == CHUNKS or (way is not None and way.sender is End.PLATFORM):
             undo.append(network.subscribe(f"*/{name}", take))
 
     def part() -> None:

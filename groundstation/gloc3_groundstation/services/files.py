@@ -109,6 +109,16 @@ class FileService:
         part.finish()
         return part.path
 
+    async def read_into(self, path: str, part: PartFile, on_bytes: Callable[[int], None]) -> None:
+        """Downloads what is missing of a file; whoever asks compares and finishes it.
+
+        Raises:
+            Refused: it cannot be had; with the reason. What has come is kept.
+        """
+        path = _absolute(path)
+        call = self._client.read(self._target, path, now_s=self._machines.now_s, sink=part)
+        await self._finish(call, f"{path} cannot be downloaded", lambda: on_bytes(call.received), lambda: part.problem)
+
     async def upload(self, file: Path, folder: str, on_progress: OnProgress | None = None) -> str:
         """Uploads a file into a folder of the vehicle; both ends' checksums are compared behind it.
 

@@ -9,6 +9,7 @@ import msgspec
 
 from gloc3.ci import (
     LOOKS,
+    AboutLogs,
     AnyBody,
     CallFunction,
     CiReply,
@@ -123,6 +124,8 @@ class RequestHandler:
             self._say(Severity.WARNING, doubled)
         if isinstance(request.body, Query):
             return self._query(request, request.body)
+        if isinstance(request.body, AboutLogs):
+            return self._site.shelf.ask(request)
         if isinstance(request.body, ReadReports):
             return self._contacts.read(request, request.body)
         if isinstance(request.body, Watch | ListTopics):

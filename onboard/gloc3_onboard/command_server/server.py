@@ -12,6 +12,7 @@ from gloc3.ci import (
     ContactSummary,
     ControlState,
     Health,
+    LogChunk,
     MissionSummary,
     StationHeard,
     Summary,
@@ -127,6 +128,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     control = Output(ControlState)
     ci_event = Output(CiEvent)
     contact = Output(ContactSummary)
+    log_chunk = Output(LogChunk)
     command = Output(CommandRequest)
     function = Output(FunctionRequest)
     grant = Output(MotionGrant)
@@ -197,7 +199,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             results += self._replied(reply.payload, now_s)
         for function_reply in inbox.new(self.function_reply):
             results += self._replied(function_reply.payload, now_s)
-        results += self._requests.expire(now_s)
+        results += [*self._requests.expire(now_s), *self._site.shelf.take()]
         asks: Sequence[Request] = ()
         if self._executor is not None:
             self._executor.tick(now_s)

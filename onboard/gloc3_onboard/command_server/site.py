@@ -8,6 +8,7 @@ from gloc3.mission.snapshot import Snapshot
 from gloc3.platform import Platform
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.journal import Store
+from gloc3_onboard.command_server.log_shelf import NoShelf, Shelf
 from gloc3_onboard.command_server.report_store import Records, ReportStore
 
 
@@ -29,14 +30,22 @@ class Site:
         progress: for missions and home.
         reports: for what stations have been told.
         fresh_id: a random number, for reports that begin anew.
+        shelf: the logs that stations may fetch.
     """
 
     def __init__(
-        self, platform: Platform, journal: Store, progress: Store, reports: Records, fresh_id: int = 1
+        self,
+        platform: Platform,
+        journal: Store,
+        progress: Store,
+        reports: Records,
+        fresh_id: int = 1,
+        shelf: Shelf | None = None,
     ) -> None:
         self.platform: Final = platform
         self.journal: Final = journal
         self.reports: Final = ReportStore(reports, fresh_id)
+        self.shelf: Final = shelf or NoShelf()
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
         self._progress = progress

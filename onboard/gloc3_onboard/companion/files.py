@@ -11,6 +11,7 @@ from typing import Final
 from gloc3.link.ftp import Entry
 from gloc3.link.ftp_files import Files, FolderFiles
 from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES
+from gloc3_onboard.command_server.log_shelf import LOG_NAME
 
 MISSIONS: Final = "missions"
 LOGS: Final = "logs"
@@ -19,7 +20,7 @@ ALIASES: Final = {"@MAV_LOG": LOGS}
 LARGEST_MISSION_BYTES: Final = 1 << 20
 MOST_MISSIONS: Final = 200
 _MISSION: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
-_LOG: Final = re.compile(r"log(-[a-z0-9_-]+)?\.(mcap|tlog)|images(-[a-z0-9_-]+)?")
+_LOG: Final = re.compile(rf"{LOG_NAME.pattern}|images(-[a-z0-9_-]+)?")
 
 
 def shared_files(folder: Path, logs: Path, metadata: Mapping[str, bytes]) -> Files:

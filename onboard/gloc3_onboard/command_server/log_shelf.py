@@ -1,0 +1,169 @@
+"""The logs onboard, for stations that fetch them: listed, read in pieces, their digests, deleted when one has them."""
+
+import hashlib
+import re
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Final, ParamSpec, Protocol, TypeVar
+
+import msgspec
+
+from gloc3.ci import CiReply, CiRequest, ConfirmLog, CutLog, DigestLog, LogChunk, LogOnboard, Outcome, ReadLog
+from gloc3.errors import Gloc3Error
+from gloc3_onboard.command_server.answers import answer
+
+P = ParamSpec("P")
+R = TypeVar("R")
+LOG_NAME: Final = re.compile(r"log(-[a-z0-9_-]+)?\.(mcap|tlog)")
+LARGEST_CHUNK_BYTES: Final = 1 << 16
+MOST_UNDER_WAY: Final = 32
+"""Of so much it is asked at once at most; a station that asks for more asks again."""
+_PIECE_BYTES: Final = 1 << 20
+
+
+class AtOnce(Executor):
+    """Does everything at once, for virtual time, where there are no threads."""
+
+    def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> "Future[R]":
+        """Does it."""
+        done: Future[R] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+class Shelf(Protocol):
+    """What the command interface server needs of it."""
+
+    def ask(self, request: CiRequest) -> CiReply | None:
+        """Takes a request about logs; the answer where that is known at once."""
+
+    def take(self) -> list[CiReply | LogChunk]:
+        """The answers that are ready."""
+
+
+class NoShelf:
+    """Where no logs are kept."""
+
+    def ask(self, request: CiRequest) -> CiReply | None:
+        """Refuses."""
+        return answer(request, Outcome.REFUSED, "no logs are kept here")
+
+    def take(self) -> list[CiReply | LogChunk]:
+        """Nothing."""
+        return []
+
+
+class LogShelf:
+    """A folder of logs. The disk is read by somebody else, so that nothing waits for it.
+
+    Args:
+        folder: where they are.
+        unfinished: the logs that are still being written.
+        cut: ends the log that is being written, and begins the next.
+        workers: do what takes long.
+    """
+
+    def __init__(
+        self, folder: Path, unfinished: Callable[[], set[Path]], cut: Callable[[], None], workers: Executor
+    ) -> None:
+        self._folder, self._unfinished, self._cut, self._workers = folder, unfinished, cut, workers
+        self._under_way: set[tuple[str, int, int]] = set()
+        self._ready: deque[CiReply | LogChunk] = deque()
+        self._digests: dict[tuple[Path, int, int], str] = {}
+
+    def ask(self, request: CiRequest) -> CiReply | None:
+        """Takes a request about logs; one that is under way already is not begun again."""
+        body, key = request.body, (request.sender, request.boot, request.sequence)
+        if isinstance(body, CutLog):
+            try:
+                self._cut()
+            except Gloc3Error as error:
+                return answer(request, Outcome.REFUSED, str(error))
+            return answer(request)
+        if key in self._under_way:
+            return None
+        if len(self._under_way) >= MOST_UNDER_WAY:
+            return None if isinstance(body, ReadLog) else answer(request, Outcome.REFUSED, "too much is asked at once")
+        self._under_way.add(key)
+        unfinished = self._unfinished()
+        job = self._workers.submit(self._done, request, unfinished)
+        job.add_done_callback(lambda done: self._ready.append(done.result()))
+        return None
+
+    def take(self) -> list[CiReply | LogChunk]:
+        """The answers that are ready."""
+        found: list[CiReply | LogChunk] = []
+        while self._ready:
+            found.append(self._ready.popleft())
+        return found
+
+    def _done(self, request: CiRequest, unfinished: set[Path]) -> CiReply | LogChunk:
+        """Does what was asked; in a worker's thread, and without an exception."""
+        body = request.body
+        try:
+            match body:
+                case ReadLog():
+                    return self._read(request, body)
+                case DigestLog(name=name):
+                    return answer(request, result={"sha256": self._digest(self._path(name)), "size": self._size(name)})
+                case ConfirmLog():
+                    return self._delete(request, body, unfinished)
+                case _:
+                    return self._list(request, unfinished)
+        except (OSError, Gloc3Error) as error:
+            reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
+            if isinstance(body, ReadLog):
+                return LogChunk(station=request.sender, name=body.name, offset=body.offset, data=b"", reason=reason)
+            return answer(request, Outcome.REFUSED, reason)
+        finally:
+            self._under_way.discard((request.sender, request.boot, request.sequence))
+
+    def _list(self, request: CiRequest, unfinished: set[Path]) -> CiReply:
+        found = sorted(path for path in self._folder.iterdir() if LOG_NAME.fullmatch(path.name) and path.is_file())
+        logs = [LogOnboard(path.name, path.stat().st_size, path in unfinished) for path in found]
+        return answer(request, result={"logs": msgspec.to_builtins(logs)})
+
+    def _read(self, request: CiRequest, body: ReadLog) -> LogChunk:
+        with self._path(body.name).open("rb") as file:
+            file.seek(max(0, body.offset))
+            data = file.read(min(max(0, body.size), LARGEST_CHUNK_BYTES))
+        return LogChunk(station=request.sender, name=body.name, offset=body.offset, data=data)
+
+    def _delete(self, request: CiRequest, body: ConfirmLog, unfinished: set[Path]) -> CiReply:
+        path = self._path(body.name, is_needed=False)
+        if not path.exists():
+            return answer(request, reason=f"{body.name} is not here any more")
+        if path in unfinished:
+            return answer(request, Outcome.REFUSED, f"{body.name} is still being written")
+        if self._digest(path) != body.sha256.lower():
+            return answer(request, Outcome.REFUSED, f"{body.name} has another digest here: it is kept")
+        path.unlink()
+        return answer(request, reason=f"{body.name} is deleted")
+
+    def _size(self, name: str) -> int:
+        return self._path(name).stat().st_size
+
+    def _digest(self, path: Path) -> str:
+        about = path.stat()
+        key = (path, about.st_size, about.st_mtime_ns)
+        if key not in self._digests:
+            digest = hashlib.sha256()
+            with path.open("rb") as file:
+                while piece := file.read(_PIECE_BYTES):
+                    digest.update(piece)
+            self._digests = {known: value for known, value in self._digests.items() if known[0] != path}
+            self._digests[key] = digest.hexdigest()
+        return self._digests[key]
+
+    def _path(self, name: str, *, is_needed: bool = True) -> Path:
+        """The file of a log.
+
+        Raises:
+            FileNotFoundError: there is none of that name.
+        """
+        path = self._folder / name
+        if not LOG_NAME.fullmatch(name) or (is_needed and not path.is_file()):
+            raise FileNotFoundError(2, f"there is no log {name!r}")
+        return path

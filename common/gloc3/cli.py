@@ -23,6 +23,7 @@ SUMMARIES: Final = {
     "station": "Run the ground station: the terminal, --web for a browser, --headless for scripts.",
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",
     "demo": "Fly a mission with three real processes on this machine.",
+    "relay": "Pass datagrams on as a bad link would: a radio, an acoustic modem.",
     "mission": "Check, show and convert mission files.",
     "log": "Inspect, plot, report, recover and replay logs.",
     "odometry": "Run odometers on data sets, and compare trajectories with the truth.",

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
+from gloc3.acoustic.frames import AcousticSummary
 from gloc3.ci import (
     CiEvent,
     CiReply,
@@ -95,6 +96,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/event": TopicRow(CiEvent),
     "contact": TopicRow(ContactSummary, service=Service.COMMAND),
+    "acoustic": TopicRow(AcousticSummary),
     "log_chunk": TopicRow(LogChunk, is_logged=False, service=Service.BULK),
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),

@@ -63,6 +63,7 @@ def station(
     station_id: int | None = None,
     signing_key: Path | None = None,
     network: Path | None = None,
+    acoustic: Annotated[list[str] | None, Parameter(negative=())] = None,
     config: Path | None = None,
     no_record: Annotated[bool, FLAG] = False,
     foxglove: Annotated[bool, FLAG] = False,
@@ -95,6 +96,9 @@ def station(
             configuration file, else links are not signed.
         network: The network file of this station, which gloc3 network makes: it reaches the platforms encrypted, under the
             name and in the role of its certificate, beside the links. Then without --link no MAVLink link is opened.
+        acoustic: An acoustic modem, as PLATFORM=URL with udpin://, udpout:// or serial://; may be given again. Summaries
+            of a vehicle that is out of contact come there, and the emergency key's hold and land go there when nothing
+            else leads to it. ?key=FILE tags its frames.
         config: The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
             signing_key, downloads, and where the last session was. Default: gloc3/station.toml in the XDG configuration
             directory.
@@ -126,6 +130,7 @@ def station(
     for name, port in (("foxglove", foxglove_port), ("web", web_port)):
         if not 0 <= port <= 65535:
             raise Refused(f"--{name}-port must be from 0 to 65535")
+    modems = [_modem(text) for text in acoustic or ()]
     plan: Plan | None = None
     opens = ""
     if mission is not None:
@@ -170,12 +175,28 @@ def station(
         signing_key=key,
         foxglove_port=foxglove_port if foxglove else None,
         network=membership,
+        modems=modems,
     )
     if headless:
         return asyncio.run(session.narrate(wait, data=_print_json if json else None, override=override))
     page = WebOptions(host=web_host, port=web_port) if web else None
     show = session.show(is_starting=start, is_closing=exit_when_done, keep=file.write, web=page, opens=opens)
     return asyncio.run(show)
+
+
+def _modem(text: str) -> tuple[str, str]:
+    """The platform and the URL of `PLATFORM=URL`.
+
+    Raises:
+        Refused: it is written otherwise.
+    """
+    from gloc3.link.endpoints import parse_url
+
+    name, _, url = text.partition("=")
+    if not name or "://" not in url:
+        raise Refused(f"--acoustic {text!r} is not PLATFORM=URL, such as auv=udpin://0.0.0.0:15000")
+    parse_url(url)
+    return name, url
 
 
 def _print_json(line: msgspec.Struct) -> None:

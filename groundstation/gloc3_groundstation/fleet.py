@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
+from gloc3.acoustic.frames import AcousticSummary
 from gloc3.ci import (
     CiEvent,
     CiReply,
@@ -94,6 +95,12 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
         event = envelope.payload
         fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source)
     return with_platform(fleet, platform)
+
+
+def by_sound(fleet: Fleet, name: str, summary: AcousticSummary, now_s: float) -> Fleet:
+    """The fleet with what an acoustic modem has brought of a platform; it stays silent otherwise."""
+    known = fleet.get(name)
+    return fleet if known is None else with_platform(fleet, replace(known, acoustic=Timed(summary, now_s)))
 
 
 def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "") -> Fleet:

@@ -19,6 +19,7 @@ from gloc3.narrate import narrate
 from gloc3.network.file import Membership
 from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
+from gloc3_groundstation.acoustic_way import Modem, open_modem
 from gloc3_groundstation.configuration import Configuration, unsaved_folder
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
@@ -57,6 +58,7 @@ class Session:
         signing_key: bytes | None = None,
         foxglove_port: int | None = None,
         network: Membership | None = None,
+        modems: Sequence[tuple[str, str]] = (),
     ) -> None:
         """A run.
 
@@ -71,8 +73,10 @@ class Session:
             signing_key: signs all links; None for links that are not signed.
             foxglove_port: where Foxglove is served; None for nowhere.
             network: the network file of this station; None for MAVLink alone.
+            modems: acoustic modems: the platform that each leads to, and its URL.
         """
         self._network = network
+        self._acoustic = list(modems)
         self._urls = list(urls)
         self._system = system
         self._platform = platform
@@ -214,6 +218,7 @@ class Session:
         folder = Path(self._configuration.downloads or ".").expanduser()
         self._services = ServicesDesk(station, vehicles.reach, folder)
         view: LiveView | None = None
+        modems: list[Modem] = []
         try:
             if recording is not None:
                 recording.attach(exchange)
@@ -229,12 +234,16 @@ class Session:
                 signing_key=self._signing_key,
                 network=self._network,
             )
+            for platform, url in self._acoustic:
+                modems.append(await open_modem(platform, url, station, exchange, boot))
             view = self._serve_foxglove(station, exchange, loop, topics)
             yield station
         finally:
             if view is not None:
                 view.close()
             vehicles.close()
+            for modem in modems:
+                await modem.close()
             await self._services.close()
             station.close()
             if shown is not None:

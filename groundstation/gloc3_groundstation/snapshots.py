@@ -5,6 +5,7 @@ from typing import Final, Generic, TypeVar
 
 import msgspec
 
+from gloc3.acoustic.frames import AcousticSummary
 from gloc3.ci import (
     ComponentLine,
     ComponentTable,
@@ -151,6 +152,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     silence: PlannedSilence | None = None
     contact: Timed[ContactSummary] | None = None
     """What it told first when it was heard after a silence."""
+    acoustic: Timed[AcousticSummary] | None = None
+    """The last that was heard of it by sound."""
     control: Timed[ControlState] | None = None
     summary: Timed[Summary] | None = None
     """The last part of the summary that came; the components' own lines are in `lines`."""

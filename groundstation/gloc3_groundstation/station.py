@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, Final
 
+from gloc3.acoustic.frames import AcousticSummary
 from gloc3.ci import CiEvent, ContactSummary, Hello, MissionSummary, ReadReports
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
@@ -62,6 +63,7 @@ class Station:
         self._unsubscribes: list[Unsubscribe] = [
             exchange.subscribe(f"*/{topic}", self._take) for topic in reducers.HEARD_TOPICS
         ]
+        self._unsubscribes.append(exchange.subscribe("*/acoustic", self._hear_by_sound))
         self._unsubscribes.append(self.watcher.listen(self._see))
 
     @property
@@ -150,6 +152,10 @@ class Station:
             if more is None:
                 return
             wanted = more
+
+    def _hear_by_sound(self, envelope: Envelope[AcousticSummary]) -> None:
+        name, now_s = envelope.topic.partition("/")[0], self.now_s()
+        self._change(reducers.by_sound(self.fleet, name, envelope.payload, now_s), now_s)
 
     def _see(self, _: str, envelope: Envelope[Any]) -> None:
         """Keeps obstacles that somebody looks at with what is known of the platform, for the map."""

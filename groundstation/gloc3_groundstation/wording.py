@@ -2,7 +2,9 @@
 
 from typing import Final, NamedTuple
 
-from gloc3.ci import ContactSummary, MissionSummary, VehicleSummary
+from gloc3.acoustic.frames import action_of
+from gloc3.ci import ContactSummary, Health, MissionSummary, VehicleSummary
+from gloc3.messages import Severity
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
 LOSS_WORTH_TELLING: Final = 0.05
@@ -112,12 +114,30 @@ def silence(platform: PlatformSnapshot, now_s: float) -> str:
     """`nothing heard for 7 s` where that is so, `silent as planned (dive), due 14:03:20 UTC`, or overdue; else empty."""
     if not platform.is_quiet_link(now_s):
         return ""
-    planned = platform.silence
+    planned, sound = platform.silence, by_sound(platform, now_s)
     if planned is not None and now_s < planned.due_s:
-        return f"silent as planned ({planned.target}), due {planned.due_text}"
+        return f"silent as planned ({planned.target}), due {planned.due_text}{sound}"
     if planned is not None:
-        return f"OVERDUE by {duration(now_s - planned.due_s)} ({planned.target}), was due {planned.due_text}"
-    return f"nothing heard for {duration(platform.age_s(now_s))}"
+        return f"OVERDUE by {duration(now_s - planned.due_s)} ({planned.target}), was due {planned.due_text}{sound}"
+    return f"nothing heard for {duration(platform.age_s(now_s))}{sound}"
+
+
+def by_sound(platform: PlatformSnapshot, now_s: float) -> str:
+    """`; by sound 40 s ago: x 12.0  y 3.5  h -8.2 m, dive.out, battery 84 %` where it came after all else; else empty."""
+    timed = platform.acoustic
+    if timed is None or timed.heard_s < platform.heard_s:
+        return ""
+    told = timed.value
+    x_m, y_m, height_m = told.position_m
+    doing = action_of(told, platform.mission.value if platform.mission is not None else None)
+    parts = [
+        f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m" if told.is_pose_valid else "position unknown",
+        *filter(None, (f"policy {told.policy}" if told.policy else "", doing or told.state)),
+        *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
+        *([f"components {told.health}"] if told.health is not Health.WORKING else []),
+        *(["trouble below"] if told.worst <= Severity.WARNING else []),
+    ]
+    return f"; by sound {duration(timed.age_s(now_s))} ago: {', '.join(parts)}"
 
 
 def contact(told: ContactSummary, missed: int) -> str:

@@ -51,6 +51,7 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
         platform=platform,
         autopilot=options.autopilot,
         stations=tuple(options.station or (DEFAULT_STATION,)),
+        acoustic=options.acoustic,
         devices=tuple(options.device),
         host=options.host,
         network=options.network,

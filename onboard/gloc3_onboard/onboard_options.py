@@ -29,6 +29,9 @@ class OnboardOptions:
     """Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550. Behind it ?rate=BIT_S tells what
     a radio on the way carries, ?key=FILE (or &key=FILE) goes before --signing-key, and with ?role=observer those on the
     link may look, and command neither platform nor autopilot."""
+    acoustic: str = ""
+    """Where an acoustic modem is, as udpout://HOST:PORT or serial:///dev/PORT:BAUD: while no station is heard otherwise, a
+    summary of 32 bytes goes there once a minute, and orders to hold or surface are taken. ?key=FILE tags its frames."""
     device: Several = field(default_factory=list)
     """Where a sensor's data comes from, as NAME=URL, such as ground_camera=v4l2:///dev/video0; may be given again. It
     goes before what the platform file says. docs/sensors.md lists the URLs."""
@@ -66,7 +69,7 @@ class OnboardOptions:
         """
         from gloc3.link.endpoints import parse_url
 
-        for url in (self.autopilot, *self.station):
+        for url in (self.autopilot, *self.station, *filter(None, (self.acoustic,))):
             parse_url(url)
         if not 1 <= self.system_id <= MOST_SYSTEM_ID:
             raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")

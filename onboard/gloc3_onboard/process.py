@@ -32,6 +32,7 @@ from gloc3.places import Place, choose_host, clock_host, rows_at
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.readiness import LinkCondition, SensorCondition
 from gloc3.requested_path import RequestedPath
+from gloc3_onboard.acoustic_link import AcousticLink
 from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
@@ -159,6 +160,7 @@ class OnboardProcess:
             lambda: self._authority.why_not(loop.time()),
         )
         self._router = Router(self._autopilot.own, self._system_restarted)
+        self._modem: AcousticLink | None = None
         self._log: RunLog | None = None
         self._readers = ThreadPoolExecutor(2, "logs")
         self._herald = Herald(self.exchange, platform.platform, self._autopilot.own, self._loop, self._tell_stations)
@@ -240,6 +242,8 @@ class OnboardProcess:
             )
             self._stations.append(link)
             await self._open_link(url, link)
+        if options.acoustic:
+            await self._open_modem(options.acoustic)
         HeartbeatSource(
             self.exchange,
             platform.platform,
@@ -299,6 +303,8 @@ class OnboardProcess:
         if refused := self._companion.reasons.said:
             self.say(Severity.INFO, f"refused of other programs' stations: {counted(refused, 'request')}")
         self._autopilot.close()
+        if self._modem is not None:
+            self._modem.close()
         for station in self._stations:
             station.close()
         for routed in self._routed:
@@ -434,6 +440,17 @@ class OnboardProcess:
         file = parse_url(url).key
         key = read_signing_key(Path(file).expanduser()) if file else default
         return None if key is None else self._signing_memory.signing(key, number & 0xFF)
+
+    async def _open_modem(self, url: str) -> None:
+        """The acoustic modem, which carries nothing of the other links."""
+        file = parse_url(url).key
+        key = read_signing_key(Path(file).expanduser()) if file else None
+        modem: list[AcousticLink] = []
+        endpoint = await open_endpoint(url, self._loop, lambda data: modem[0].receive(data) if modem else None)
+        self._endpoints.append(endpoint)
+        boot = self._random.getrandbits(32)
+        modem.append(AcousticLink(self._platform.platform, self.exchange, self._loop, boot, endpoint.send, key))
+        self._modem = modem[0]
 
     async def _open_link(self, url: str, link: AutopilotLink | StationLink) -> None:
         is_to_stations = isinstance(link, StationLink)

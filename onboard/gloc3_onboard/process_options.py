@@ -14,6 +14,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     platform: str
     autopilot: str
     stations: tuple[str, ...]
+    acoustic: str = ""
+    """Where an acoustic modem is; empty for none."""
     devices: tuple[str, ...] = ()
     """Sources that differ from the platform file's, as NAME=URL."""
     out: Path | None = None

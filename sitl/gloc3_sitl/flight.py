@@ -27,8 +27,8 @@ from gloc3.exchange.tunnel.layout import Role
 from gloc3.frames import TangentPlane
 from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
 from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.memory import Conditions, MemoryLink
-from gloc3.messages import Envelope, Message
+from gloc3.link.memory import ACOUSTIC, Conditions, MemoryLink
+from gloc3.messages import Envelope, Message, Severity
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, load_mission
@@ -37,9 +37,11 @@ from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.topics import TopicTable
 from gloc3.vehicle import Pose
 from gloc3_groundstation import flights
+from gloc3_groundstation.acoustic_way import AcousticWay
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
+from gloc3_onboard.acoustic_link import AcousticLink
 from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
@@ -112,6 +114,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """Whether it has a station of its own; in a fleet all are the fleet's."""
     station_link: Conditions = STATION_RADIO
     """Both ways between station and platform."""
+    modem_period_s: float = 0.0
+    """How often a summary goes to the station by an acoustic modem; 0 where there is none."""
     cycle_cost_s: CycleCost | None = None
     """What a cycle of a component costs at a time, faults aside; None for nothing."""
 
@@ -218,6 +222,10 @@ class Flight:
         self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
         self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
         self.ground: Final = GroundSide(self.loop, self.topics, self.random.getrandbits(32))
+        self.modem: Final = MemoryLink(self.loop, Random(plan.seed + 99), ACOUSTIC, is_half_duplex=True)
+        """The acoustic modem's way; the station's end is `a`."""
+        self._acoustic: AcousticLink | None = None
+        self._acoustic_way: AcousticWay | None = None
         self._further_radios: list[MemoryLink] = []
         self._further_links: list[StationLink] = []
         self._publisher = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
@@ -302,6 +310,8 @@ class Flight:
         self.start_onboard()
         if self.plan.has_station:
             self.ground.open(self.radio.a)
+        if self.plan.modem_period_s:
+            self._open_modem()
         self._tell_truth()
         return self
 
@@ -312,6 +322,8 @@ class Flight:
         if self._truth_timer is not None:
             self._truth_timer.cancel()
         self.ground.close()
+        if self._acoustic_way is not None:
+            self._acoustic_way.close()
         self.kill_onboard()
         self.simulator.stop()
         if self.recorder is not None:
@@ -357,11 +369,40 @@ class Flight:
             "catalogue": Catalogue(platform, self.topics),
         }
         self.onboard = Onboard(platform, context, devices, self.sabotage.create)
+        if self.plan.modem_period_s:
+            self._acoustic = AcousticLink(
+                platform.platform,
+                self.exchange,
+                self.loop,
+                boot ^ 3,
+                self.modem.b.send,
+                period_s=self.plan.modem_period_s,
+            )
+            self.modem.b.on_data = self._acoustic.receive
         self.station_link.open(self.radio.b)
         for radio in self._further_radios:
             self._link_to(radio)
         self.autopilot_link.open(self.cable.b)
         self.onboard.begin()
+
+    def _open_modem(self) -> None:
+        """The station's end of the acoustic modem."""
+
+        def is_silent() -> bool:
+            known = self.station.fleet.get(self.name)
+            return known is None or known.is_quiet_link(self.loop.time())
+
+        self._acoustic_way = AcousticWay(
+            self.name,
+            self.ground.exchange,
+            self.loop,
+            1,
+            self.modem.a.send,
+            is_silent,
+            lambda text: self.station.note(self.name, Severity.NOTICE, text),
+            self.clock.utc_s,
+        )
+        self.modem.a.on_data = self._acoustic_way.receive
 
     def add_radio(self) -> MemoryLink:
         """One more link to a station; the station's end is `a`."""
@@ -412,6 +453,8 @@ class Flight:
             self._authority.close()
             self.autopilot_link.close()
             self.station_link.close()
+            if self._acoustic is not None:
+                self._acoustic.close()
             for link in self._further_links:
                 link.close()
             self._further_links.clear()

@@ -16,6 +16,7 @@ PLATFORMS = ("pelican",)
 FROM_ELSEWHERE: Final = {
     "ci/request": "the stations, through their links",
     "ci/heard": "the links to the stations",
+    "acoustic": "the station's end of an acoustic modem",
     "sim/*": "the flight harness",
     "hosts/**": "the main process of each host",
     "host_presence": "the main process of the clock host",

@@ -42,6 +42,8 @@ class Conditions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 PERFECT: Final = Conditions()
+ACOUSTIC: Final = Conditions(latency_s=2.0, jitter_s=1.0, loss=0.1, bandwidth_bit_s=80.0, queue_bytes=64)
+"""An acoustic modem over some 3 km of water; both directions share the line (`is_half_duplex`)."""
 
 
 class MemoryEnd:

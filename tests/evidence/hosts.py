@@ -11,7 +11,7 @@ import msgspec
 from tests.evidence.page import Bar, Figure, Progress
 from tests.onboard.nodes.namespaces import BASE, NETS, VISION, has_netem, missing, namespaces
 from tests.onboard.nodes.three_hosts import fly
-from tests.onboard.nodes.three_hosts_faults import HOLDS, Fault, emulated
+from tests.onboard.nodes.three_hosts_faults import EITHER, HOLDS, LANDS, Fault, emulated
 from tests.onboard.nodes.three_hosts_told import Report, Trial
 
 CALM_S = 15.0
@@ -20,7 +20,10 @@ USED = 0.95
 HEALED_S = 4.0
 """An end that was cut off is forgotten after 2 s, the other tries again at least every second, and a handshake has its
 time: so long where no process begins anew; else as long more as it took at the start of the flight."""
+LANDED_S = 20.0
+"""From 1.5 m, with 0.5 m/s; some seconds until the autopilot takes itself to be landed, and the companion's start."""
 AWAY_M = 0.7
+TOUCH_DOWN_M_S = 1.0
 STANDING_M_S = 0.2
 STALL_S = 0.5
 
@@ -50,9 +53,8 @@ def hosts(progress: Progress) -> list[Figure]:
 
 
 def _calm(found: Report) -> Iterator[Figure]:
-    yield Figure(
-        f"stereo odometer on {found.odometer}: the mission's end", found.mission, "done", found.mission == "done"
-    )
+    end = found.mission
+    yield Figure(f"stereo odometer on {found.odometer}: the flight's end", end, "landed", end == "landed")
     yield Figure("… odometry as it comes to the vehicle, in Hz; the cameras have 15", str(found.rate_hz))
     yield Figure("… lost on the way while nothing is wrong", str(found.missed), "0", found.missed == 0)
     yield Figure("… from the exposure to there, median, in s", str(found.delay_s))
@@ -75,9 +77,15 @@ def _fault(fault: Fault, trial: Trial, start_s: float) -> Iterator[Figure]:
     wanted.append(f"the mission {fault.mission}: {fault.policy}")
     has_held = trial.held_at_s > 0.0
     seen = ["lost" if trial.is_lost else "not lost"] if fault.is_lost is not None else []
-    seen.append("the mission was paused" if has_held else "the mission went on")
-    is_as_stated = (fault.is_lost is None or trial.is_lost == fault.is_lost) and has_held == (fault.mission == HOLDS)
+    seen.append("it was paused" if has_held else "it landed" if fault.mission == LANDS else "it went on")
+    is_to_hold = trial.is_lost if fault.mission == EITHER else fault.mission == HOLDS
+    is_as_stated = (fault.is_lost is None or trial.is_lost == fault.is_lost) and has_held == is_to_hold
     yield Figure(name, "; ".join((*seen, *trial.wrong)), "; ".join(wanted), is_as_stated and not trial.wrong)
+    if fault.mission == LANDS:
+        yield Figure(
+            "… … until it stands, in s", str(trial.healed_s), f"≤ {LANDED_S:g}", 0.0 <= trial.healed_s <= LANDED_S
+        )
+        return
     bound_s = HEALED_S + (start_s if fault.name == "SIGKILL" else 0.0)
     yield Figure(
         "… … until all is as before, in s",
@@ -95,6 +103,7 @@ def _whole(found: Report) -> Iterator[Figure]:
     away_m, speed = found.farthest_m, found.moving_m_s
     yield Figure("… commands on the lossy radio that were not executed just once", "; ".join(found.twice) or "none", "none", not found.twice)  # fmt: skip
     yield Figure("… farthest from the way, in m", str(away_m), f"< {AWAY_M:g}", away_m < AWAY_M)
+    yield Figure("… touches down with, in m/s", str(found.touch_down_m_s), f"< {TOUCH_DOWN_M_S:g}", found.touch_down_m_s < TOUCH_DOWN_M_S)  # fmt: skip
     yield Figure("… fastest while it holds, in m/s", str(speed), f"< {STANDING_M_S:g}", speed < STANDING_M_S)
     yield Figure(
         "… longest that the process that looks on overslept, in s: this computer had no time",

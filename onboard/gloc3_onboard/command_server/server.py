@@ -69,6 +69,7 @@ from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
 from gloc3_onboard.command_server.motion import motion_summary, site_summary
 from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.standstill import Standstill
 from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, motion_limits, vehicle_summary
 
 COME_UP_S = 30.0
@@ -159,6 +160,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._availability = Availability(platform)
         self._supervision: Supervision | None = None
         self._verdicts: list[Verdict] = []
+        self._standstill = Standstill()
         self._handover = Handover()
         self._performing: dict[str, str] = {}
         """Component to the action that it says it is performing."""
@@ -184,6 +186,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         """Takes everything in, decides, and says what follows."""
         self._now_s = now_s
         results: list[Result] = []
+        stood_s = self._standstill.look(now_s)
+        if stood_s:
+            self._say(Severity.WARNING, f"this process stood still for {stood_s:.1f} s", "supervision")
         self._observe(now_s, inbox)
         results += self._supervise(now_s, inbox)
         if self._executor is None:
@@ -268,7 +273,8 @@ class CommandServer(CommandInterface[ServerSettings]):
             steps += supervision.receive_status(status, now_s)
         for presence in inbox.new(self.host_presence):
             steps += self._see_host(supervision, presence.payload, now_s)
-        steps += supervision.tick(now_s)
+        if self._standstill.is_over(now_s):
+            steps += supervision.tick(now_s)
         results: list[Result] = []
         for step in steps:
             match step:
@@ -345,24 +351,26 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""
-        facts = self._facts
-        for name in self._book.down(now_s):
+        facts, is_silence_told = self._facts, self._standstill.is_over(now_s)
+        for name in self._book.down(now_s) if is_silence_told else ():
             status = self._book.status(name)
             executor.component_failed(name, (status.cause if status is not None else "") or "it has left", now_s)
         for action in inbox.new(self.action_status):
             executor.reported(action.payload, now_s)
-        executor.available(self._availability.missing(self._book, facts, now_s), now_s)
+        if is_silence_told:
+            executor.available(self._availability.missing(self._book, facts, now_s), now_s)
         if facts.is_connected:
             executor.vehicle(facts.is_airborne, now_s)
         driver = facts.driver
         if driver is not None and not self._is_handing_over(executor, driver, now_s):
             executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s)
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
-        for condition, is_on, reason in facts.conditions(fence, now_s):
-            executor.condition(condition, is_on, reason, now_s)
-        silent_s = self._authority.silent_s(now_s)
-        executor.link(silent_s, now_s)
-        executor.sensed(facts.readings(now_s) | {"link_silent_s": silent_s}, now_s)
+        if is_silence_told:
+            for condition, is_on, reason in facts.conditions(fence, now_s):
+                executor.condition(condition, is_on, reason, now_s)
+            silent_s = self._authority.silent_s(now_s)
+            executor.link(silent_s, now_s)
+            executor.sensed(facts.readings(now_s) | {"link_silent_s": silent_s}, now_s)
         for verdict in self._verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
         self._verdicts.clear()

@@ -176,16 +176,23 @@ def _flight(truth: list[tuple[float, SimTruth]]) -> dict[str, float]:
     down = max(i for i, height in enumerate(heights) if height > HEIGHT_M - 0.2)
     flown = [one for _, one in truth[up : down + 1]]
     back_m, along_m = _along([one.position_ned_m for one in flown])
-    touch_down = [one.velocity_ned_m_s[2] for (_, one), h in zip(truth[down:], heights[down:], strict=True) if h < NEAR_GROUND_M]  # fmt: skip
     return {
         "lowest_m": round(min(heights[up : down + 1]), 2),
         "highest_m": round(max(heights), 2),
         "farthest_m": round(max(_away_m(one.position_ned_m) for one in flown), 2),
         "fastest_m_s": round(max(max(abs(v) for v in one.velocity_ned_m_s) for one in flown), 2),
-        "touch_down_m_s": round(max(touch_down, default=inf), 2),
+        "touch_down_m_s": touch_down_m_s(truth),
         "flown_m": round(along_m, 1),
         "most_back_m": round(back_m, 2),
     }
+
+
+def touch_down_m_s(truth: list[tuple[float, SimTruth]]) -> float:
+    """The fastest downward in the last 0.3 m of a flight; infinite where it does not end on the ground."""
+    floor_m = -truth[0][1].position_ned_m[2]
+    heights = [-one.position_ned_m[2] - floor_m for _, one in truth]
+    down = max(i for i, height in enumerate(heights) if height > NEAR_GROUND_M)
+    return round(max((one.velocity_ned_m_s[2] for _, one in truth[down + 1 :]), default=inf), 2)
 
 
 def _until_standing_s(truth: list[tuple[float, SimTruth]], kill_s: float) -> float:

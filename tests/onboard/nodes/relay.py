@@ -12,6 +12,8 @@ from contextlib import suppress
 from typing import Any
 
 UDP = "udp/"
+MOST_UNDER_WAY = 1000
+"""Pieces of a connection's data, in each direction."""
 Address = tuple[str, int]
 
 
@@ -70,14 +72,16 @@ class Connections(Relay):
 
     async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         loop = asyncio.get_running_loop()
+        under_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(MOST_UNDER_WAY)
+        writing = loop.create_task(_write(under_way, writer))
         with suppress(OSError):
             while data := await reader.read(16_384):
                 await self._is_open.wait()
-                loop.call_later(self._delay_s, _write, writer, data)
+                await under_way.put((loop.time() + self._delay_s, data))
                 if self._rate:
                     await asyncio.sleep(len(data) / self._rate)
-                await writer.drain()
-        loop.call_later(self._delay_s, writer.close)
+        await under_way.put((loop.time() + self._delay_s, b""))
+        await writing
 
 
 class Datagrams(Relay):
@@ -129,9 +133,19 @@ class _End(asyncio.DatagramProtocol):
         """The other side is not there yet: a datagram that is lost."""
 
 
-def _write(writer: asyncio.StreamWriter, data: bytes) -> None:
-    if not writer.is_closing():
-        writer.write(data)
+async def _write(under_way: asyncio.Queue[tuple[float, bytes]], writer: asyncio.StreamWriter) -> None:
+    """Writes what is under way when it is due, in its order, until its end."""
+    loop = asyncio.get_running_loop()
+    while True:
+        due_s, data = await under_way.get()
+        await asyncio.sleep(due_s - loop.time())
+        if not data:
+            writer.close()
+            return
+        if not writer.is_closing():
+            writer.write(data)
+            with suppress(OSError):
+                await writer.drain()
 
 
 def _address(text: str) -> Address:

@@ -24,5 +24,5 @@ async def test_the_loss_of_a_host_has_the_vehicle_hold_as_its_policy_says_and_th
     assert report.moving_m_s < 0.3
     assert report.mission == "done"
     assert report.rate_hz > 1.0, "the odometry of the base station comes to the vehicle"
-    assert report.used_share > 0.5, "and its pose rests on it"
+    assert report.used_share > 0.2, "and its pose rests on it"
     assert max(report.clock_bounds_s.values()) < 0.1

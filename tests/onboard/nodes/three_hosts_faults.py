@@ -10,9 +10,7 @@ from tests.onboard.nodes.managed import Manager
 from tests.onboard.nodes.namespaces import BASE, VEHICLE, VISION
 
 RADIO: Final = "radio"
-GOES_ON, HOLDS = "goes on", "holds"
-LOST_S: Final = 2.0
-"""A node from which nothing came for so long is gone."""
+GOES_ON, HOLDS, LANDS, EITHER = "goes on", "holds", "ends", "goes on, or holds where the host is lost"
 
 
 class Scene(NamedTuple):
@@ -65,7 +63,8 @@ def _nothing(_: Scene) -> None:
     """It ends by itself."""
 
 
-IGNORE, HOLD, OWN = "`on_loss: ignore`", "`on_loss: hold`, until the operator says resume", "`on_restart: continue`"
+IGNORE, HOLD = "`on_loss: ignore`", "`on_loss: hold`, until the operator says resume"
+BLIND: Final = "the autopilot gets no pose for 0.5 s, and lands by itself"
 STILL: Final = "nobody is lost, nothing follows"
 
 
@@ -89,8 +88,8 @@ def _on_the_way_to_vision() -> tuple[Fault, ...]:
 def _on_the_vehicle() -> tuple[Fault, ...]:
     return (
         Fault("radio link of the station: 30 % lost, both ways", RADIO, 10.0, lambda scene: scene.tell(RADIO, "loss 0.3"), _heal(RADIO), False, GOES_ON, "commands are repeated, and executed once"),
-        Fault("SIGSTOP", VEHICLE, 3.0, _signal(VEHICLE, signal.SIGSTOP), _signal(VEHICLE, signal.SIGCONT), None, HOLDS, "the autopilot holds; the operator says resume"),
-        Fault("SIGKILL", VEHICLE, 0.0, _signal(VEHICLE, signal.SIGKILL), _nothing, None, GOES_ON, f"the autopilot holds; then {OWN}"),
+        Fault("SIGSTOP", VEHICLE, 0.3, _signal(VEHICLE, signal.SIGSTOP), _signal(VEHICLE, signal.SIGCONT), None, GOES_ON, "nobody was silent"),
+        Fault("SIGKILL", VEHICLE, 0.0, _signal(VEHICLE, signal.SIGKILL), _nothing, None, LANDS, BLIND),
     )  # fmt: skip
 
 
@@ -99,10 +98,11 @@ LINE_DOWN: Final = Fault("line down", BASE, 8.0, lambda _: namespaces.line(BASE,
 
 def _on_the_way_to_base() -> tuple[Fault, ...]:
     return (
-        Fault("QUIC over UDP: 30 % lost, both ways", BASE, 10.0, lambda scene: scene.tell(BASE, "loss 0.3"), _heal(BASE), False, GOES_ON, "what is lost is sent again; what is late is left out"),
+        Fault("QUIC over UDP: 30 % lost, both ways", BASE, 10.0, lambda scene: scene.tell(BASE, "loss 0.3"), _heal(BASE), None, EITHER, f"what is lost is sent again; after 2 s without a word {HOLD}"),
         LINE_DOWN,
         Fault("SIGSTOP", BASE, 5.0, _signal(BASE, signal.SIGSTOP), _signal(BASE, signal.SIGCONT), True, HOLDS, HOLD),
         Fault("SIGKILL", BASE, 0.0, _signal(BASE, signal.SIGKILL), _nothing, True, HOLDS, HOLD),
+        Fault("SIGSTOP", VEHICLE, 3.0, _signal(VEHICLE, signal.SIGSTOP), _signal(VEHICLE, signal.SIGCONT), None, LANDS, BLIND),
     )  # fmt: skip
 
 

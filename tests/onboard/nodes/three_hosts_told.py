@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import msgspec
 from tests.flight.fleet_trial import Command
+from tests.onboard.nodes.kills_told import touch_down_m_s
 from tests.onboard.nodes.namespaces import NETS, VEHICLE
 
 from gloc3.ci import Outcome
@@ -19,6 +20,8 @@ from gloc3_sitl.flight_messages import TOPICS, SimTruth
 
 HEIGHT_M, LENGTH_M = 1.5, 3.0
 STEREO: Final = "stereo"
+SOON_S: Final = 1.0
+"""What a fault does is seen by then."""
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,7 +41,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     commands: list[Command] = []
     wrong: list[str] = []
     used_s: float = 0.0
-    """From the end of the fault until the pose rested on the stereo odometry; infinite where it never did."""
+    """From the end of the fault until the pose rested on the stereo odometry again; 0 where it did all the while."""
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
@@ -64,6 +67,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Fastest when the operator said resume."""
     farthest_m: float
     """From the way, at most, between take-off and landing."""
+    touch_down_m_s: float
+    """Downward, at most, in the last 0.3 m."""
     twice: list[str]
     """Commands that were not accepted and executed just once."""
     stall_s: float
@@ -102,16 +107,21 @@ def measured(
         delay_s=round(median(e.now_s - e.envelope.t_s for e in stereo), 3) if stereo else inf,
         used_share=round(sum(in_calm) / max(1, len(in_calm)), 3),
         clock_bounds_s={host: round(median(found), 5) for host, found in bounds.items()},
-        trials=[msgspec.structs.replace(trial, used_s=_used_s(poses, trial.ended_s)) for trial in trials],
+        trials=[msgspec.structs.replace(trial, used_s=_used_s(poses, trial)) for trial in trials],
         moving_m_s=round(max(speeds, default=0.0), 2),
         farthest_m=round(_farthest_m(truth), 2),
+        touch_down_m_s=touch_down_m_s(truth),
         twice=list(_wrong(trials, by_topic)),
         stall_s=round(stall_s, 2),
     )
 
 
-def _used_s(poses: list[tuple[float, bool]], ended_s: float) -> float:
-    return round(next((now_s for now_s, is_used in poses if now_s >= ended_s and is_used), inf) - ended_s, 1)
+def _used_s(poses: list[tuple[float, bool]], trial: Trial) -> float:
+    missing_s = (now_s for now_s, is_used in poses if now_s >= trial.begun_s and not is_used)
+    since_s = max(trial.ended_s, next(missing_s, inf))
+    if since_s > trial.ended_s + SOON_S:
+        return 0.0
+    return round(next((now_s for now_s, is_used in poses if now_s >= since_s and is_used), inf) - trial.ended_s, 1)
 
 
 def _farthest_m(truth: list[tuple[float, SimTruth]]) -> float:

@@ -1,0 +1,22 @@
+"""The whole process stands still for a moment, as one does whose disk or memory has no time for it: nobody was silent."""
+
+from tests.flight.card import ONE_STYLE, Card
+from tests.flight.missions import mission
+
+from gloc3.mission.board import Condition
+
+STALL_S = 2.9
+
+
+@ONE_STYLE
+def test_what_was_not_heard_meanwhile_is_not_taken_for_lost(flight: Card) -> None:
+    flight.begin(mission(on_pose_lost="land", on_failure="land"))
+    flight.await_state("sweep", "running")
+    flight.wait(2.0)
+    loop = flight.flight.loop
+    loop.call_later(0.05, lambda: setattr(loop, "_now_s", loop.time() + STALL_S))
+    flight.wait(STALL_S + 5.0)
+    told = [one.payload.text for one in flight.heard["ci/event"]]
+    assert not [text for text in told if Condition.POSE_LOST in text or "is lost" in text], told
+    assert any("this process stood still for" in text for text in told)
+    assert flight.heard["ci/mission"][-1].payload.policy == ""

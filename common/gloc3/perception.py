@@ -132,3 +132,29 @@ def no_motion(source: str, reference_t_s: float, reason: str, *, is_level: bool 
         reason=reason,
         quality=0.0,
     )
+
+
+class BottomVelocity(Message, frozen=True):
+    """Velocity over the floor of the water, as a Doppler velocity log (DVL) tells it."""
+
+    velocity_frd_m_s: Vector3 = (0.0, 0.0, 0.0)
+    """Along the body's axes."""
+    std_m_s: float = 0.0
+    """White noise that the device claims for each axis."""
+    altitude_m: float = 0.0
+    """Distance to the floor; 0 where it is not known."""
+    is_valid: bool = True
+    """Whether it has bottom lock."""
+    reason: str = ""
+
+
+class SatelliteFix(Message, frozen=True):
+    """Where a satellite receiver says that it is."""
+
+    place_geo: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Latitude and longitude in degrees, altitude above mean sea level in metres."""
+    std_m: float = 0.0
+    """Standard deviation that the receiver claims along north and along east."""
+    satellites: int = 0
+    is_valid: bool = True
+    reason: str = ""

@@ -21,7 +21,16 @@ from gloc3.ci import (
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.host_messages import ClockAnswer, ClockQuestion, HostPresence, HostStatus
 from gloc3.mission.messages import ActionStatus
-from gloc3.perception import Features, FusionState, ImuSample, LaserScan, Odometry, PositionFix
+from gloc3.perception import (
+    BottomVelocity,
+    Features,
+    FusionState,
+    ImuSample,
+    LaserScan,
+    Odometry,
+    PositionFix,
+    SatelliteFix,
+)
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.topics import Service, TopicRow
@@ -57,6 +66,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "camera/*": TopicRow(Image, 15.0, is_logged=False, service=Service.BULK),
     "imu": TopicRow(ImuSample, 100.0, is_logged=False),
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
+    "dvl": TopicRow(BottomVelocity, 8.0),
+    "satellites": TopicRow(SatelliteFix, 2.0),
     # processors
     "features/*": TopicRow(Features, 15.0, is_logged=False),
     "odometry/*": TopicRow(Odometry, 10.0),

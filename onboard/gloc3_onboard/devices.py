@@ -7,7 +7,7 @@ from gloc3.camera_model import CameraModel
 from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Envelope
-from gloc3.perception import ImuSample, LaserScan
+from gloc3.perception import BottomVelocity, ImuSample, LaserScan, SatelliteFix
 from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image, VehicleClass
 
 
@@ -52,6 +52,20 @@ class StampedImu(NamedTuple):
 
     t_s: float
     sample: ImuSample
+
+
+class StampedBottomVelocity(NamedTuple):
+    """A velocity over the floor with its time of validity."""
+
+    t_s: float
+    bottom: BottomVelocity
+
+
+class StampedFix(NamedTuple):
+    """A satellite fix with its time of validity."""
+
+    t_s: float
+    fix: SatelliteFix
 
 
 Unwatch = Callable[[], None]
@@ -155,6 +169,23 @@ class Imu(Source, Protocol):
 
     def samples(self, after_s: float) -> Sequence[StampedImu]:
         """What it felt after a time, oldest first; it keeps about the last second."""
+
+
+class Dvl(Source, Protocol):
+    """A Doppler velocity log."""
+
+    def bottom_velocity(self) -> StampedBottomVelocity | None:
+        """The latest velocity over the floor; None before the first."""
+
+
+class Satellites(Protocol):
+    """A satellite receiver."""
+
+    def fix(self) -> StampedFix | None:
+        """The latest fix; None before the first."""
+
+    def on_fix(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when there is a new one."""
 
 
 class Rig(Protocol):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.frames import GeoPoint, TangentPlane, Vector3
-from gloc3.perception import LaserScan
+from gloc3.perception import BottomVelocity, LaserScan
 from gloc3.vehicle import Image
 from gloc3_sitl.truth import Truth
 
@@ -40,6 +40,13 @@ class Turn(NamedTuple):
     scan: LaserScan
 
 
+class Bottom(NamedTuple):
+    """A velocity over the floor with its time, as a DVL sampler reads it."""
+
+    t_s: float
+    bottom: BottomVelocity
+
+
 class DeviceFault(NamedTuple):
     """What is wrong with a device."""
 
@@ -49,7 +56,7 @@ class DeviceFault(NamedTuple):
     """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
 
 
-T = TypeVar("T", Exposure, PairExposure, Turn)
+T = TypeVar("T", Exposure, PairExposure, Turn, Bottom)
 
 ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
 """Nothing comes; the same comes again with new times; all comes late; late and with new times; what it tells of a motion
@@ -104,6 +111,8 @@ def is_stuck(fault: DeviceFault | None) -> bool:
 
 def spoilt(taken: T, fault: DeviceFault | None) -> T:
     """What a fault makes of what was taken."""
+    if isinstance(taken, Bottom):
+        return taken._replace(bottom=_spoilt_bottom(taken.bottom, fault))
     if fault is None or (fault.word in ALL and not (isinstance(taken, Turn) and fault.word == "scaled")):
         return taken
     if isinstance(taken, Turn):
@@ -112,6 +121,14 @@ def spoilt(taken: T, fault: DeviceFault | None) -> T:
     if isinstance(taken, PairExposure):
         return taken._replace(left=spoil(taken.left), right=spoil(taken.right))
     return taken._replace(image=spoil(taken.image))
+
+
+def _spoilt_bottom(bottom: BottomVelocity, fault: DeviceFault | None) -> BottomVelocity:
+    if fault is None or fault.word != "scaled":
+        return bottom
+    u, v, w = bottom.velocity_frd_m_s
+    factor = 1.0 + size_of(fault)
+    return msgspec.structs.replace(bottom, velocity_frd_m_s=(u * factor, v * factor, w * factor))
 
 
 def _filled(image: Image, t_s: float, grey: int) -> Image:

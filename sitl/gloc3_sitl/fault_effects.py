@@ -13,7 +13,7 @@ from gloc3_sitl.fault_form import Ended, Form, Parsed
 from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
 from gloc3_sitl.flight import Flight
 from gloc3_sitl.sensors.sensor import SIZED, FaultMode
-from gloc3_sitl.sim_devices import NoCamera, SimLaser
+from gloc3_sitl.sim_devices import NoCamera, SimDvl, SimLaser
 from gloc3_sitl.sim_imu import IMU, SimImu
 from gloc3_sitl.sim_rig import SimDevice
 from gloc3_sitl.topic_faults import TOPIC_WORDS, check_topic, spoil_topic
@@ -190,6 +190,8 @@ def _words(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
         return IMU
     if isinstance(device, SimLaser):
         return (*ALL, *LASER)
+    if isinstance(device, SimDvl):
+        return ALL
     return (*ALL, *CAMERA, *(_LIGHTS if name == "tracker_camera" else ()))
 
 

@@ -7,6 +7,7 @@ from typing import Final, Generic, TypeVar
 
 from gloc3.vehicle import Image
 from gloc3_sitl.device_faults import (
+    Bottom,
     DeviceFault,
     Exposure,
     PairExposure,
@@ -17,6 +18,7 @@ from gloc3_sitl.device_faults import (
     seen_from,
     spoilt,
 )
+from gloc3_sitl.sensors.dvl import DvlModel
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import Camera
@@ -24,7 +26,7 @@ from gloc3_sitl.world.laser import LaserModel, LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
-T = TypeVar("T", Exposure, PairExposure, Turn)
+T = TypeVar("T", Exposure, PairExposure, Turn, Bottom)
 
 _KEPT: Final = 64
 """How many instants a trigger remembers, for devices that are late."""
@@ -179,6 +181,22 @@ class SimLaser(_Device[Turn]):
     def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
         """A scaled one stands where it is: its ranges are too long."""
         return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
+
+
+class SimDvl(_Device[Bottom]):
+    """A Doppler velocity log."""
+
+    def __init__(self, trigger: Trigger, seed: int) -> None:
+        super().__init__(trigger)
+        self.model: Final = DvlModel(seed)
+        """What it measures with."""
+
+    def bottom_velocity(self) -> Bottom | None:
+        """The latest velocity over the floor; None before the first."""
+        return self._newest()
+
+    def _take(self, truth: Truth) -> Bottom:
+        return Bottom(truth.t_s, self.model.measure(truth))
 
 
 class NoCamera:

@@ -5,16 +5,17 @@ from collections.abc import Callable
 from typing import Final
 
 from gloc3.camera_model import CameraModel
-from gloc3_sitl.sim_devices import NoCamera, SimCamera, SimLaser, SimStereoCamera, Trigger
+from gloc3_sitl.sensors.dvl import RATE_HZ
+from gloc3_sitl.sim_devices import NoCamera, SimCamera, SimDvl, SimLaser, SimStereoCamera, Trigger
 from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.tracker import TrackerCamera
 
-SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser")
+SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser", "dvl")
 """Names of the devices, as platforms call them."""
 
-SimDevice = SimCamera | SimStereoCamera | SimLaser | NoCamera
+SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | NoCamera
 
 
 class SimRig:
@@ -42,6 +43,7 @@ class SimRig:
             "stereo_camera": SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz)),
             "tracker_camera": NoCamera(),
             "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
+            "dvl": SimDvl(trigger(RATE_HZ), seed),
         }
         """By name, all of `SIM_DEVICES`."""
         if self.tracker is not None:

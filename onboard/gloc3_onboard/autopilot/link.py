@@ -35,14 +35,14 @@ from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.lead import Lead
 from gloc3_onboard.autopilot.prearm import PrearmQuestions
 from gloc3_onboard.autopilot.px4 import Px4
-from gloc3_onboard.autopilot.sensors import AutopilotSensors
+from gloc3_onboard.autopilot.sensors import FIX_HZ, AutopilotSensors
 from gloc3_onboard.autopilot.setpoints import Wanted
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, SET_EKF_SOURCE_SET, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedHeight, Unwatch
+from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedFix, StampedHeight, Unwatch
 
 FORCE: Final = 21196.0
 """What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
@@ -474,6 +474,10 @@ class AutopilotLink:
         """The latest distance to the ground; None before the first."""
         return self._telemetry.height
 
+    def fix(self) -> StampedFix | None:
+        """What the satellite receiver said last; None before the first."""
+        return self.sensors.satellites
+
     def setup(self) -> AutopilotSetup:
         """Firmware, parameters that matter, and sensors' health, as known now."""
         return self._inspection.setup
@@ -497,3 +501,8 @@ class AutopilotLink:
     def on_height(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when a new distance is there."""
         return self._on_height.listen(ready)
+
+    def on_fix(self, ready: Callable[[], None]) -> Unwatch:
+        """Asks for satellite fixes, and has `ready` called when there is a new one."""
+        self.sensors.want("satellites", FIX_HZ)
+        return self.sensors.fix_bell.listen(ready)

@@ -1,6 +1,6 @@
-"""The sensors that are wired to an autopilot and told over MAVLink: inertial unit, range finders, range scanner.
+"""The sensors that are wired to an autopilot and told over MAVLink: inertial unit, ranges, scans, satellites.
 
-MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE. Messages are asked for once
+MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE, GPS_RAW_INT. Messages are asked for once
 somebody uses them.
 """
 
@@ -11,17 +11,22 @@ from typing import ClassVar, Final, Protocol
 
 from gloc3.frames import GRAVITY_M_S2, Vector3
 from gloc3.link.codec import MavlinkMessage
-from gloc3.perception import ImuSample
+from gloc3.perception import ImuSample, SatelliteFix
 from gloc3.vehicle import Style
 from gloc3_onboard.autopilot.ranges import FAR_S, RangeRing, scan_of_obstacles
 from gloc3_onboard.autopilot.style import DISTANCE_SENSOR, Stream
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.devices import Bell, StampedImu, StampedScan
+from gloc3_onboard.devices import Bell, StampedFix, StampedImu, StampedScan
 
-HIGHRES_IMU, SCALED_IMU, OBSTACLE_DISTANCE = 105, 26, 330
+HIGHRES_IMU, SCALED_IMU, OBSTACLE_DISTANCE, GPS_RAW_INT = 105, 26, 330, 24
 IMU_OF: Final = {Style.PX4: HIGHRES_IMU, Style.ARDUPILOT: SCALED_IMU}
 IMU_HZ: Final = 100.0
 SCAN_HZ: Final = 10.0
+FIX_HZ: Final = 2.0
+THREE_D: Final = 3
+"""GPS_FIX_TYPE from which there is a place."""
+USUAL_STD_M: Final = 2.5
+"""Taken where the receiver does not claim an accuracy."""
 KEPT: Final = 256
 """Samples of the inertial unit that are kept for who comes to fetch them."""
 MILLI_G: Final = 1e-3 * GRAVITY_M_S2
@@ -47,14 +52,16 @@ class AutopilotSensors:
         changed: called when other messages are wanted than before.
     """
 
-    HANDLES: ClassVar = ("HIGHRES_IMU", "SCALED_IMU", "RAW_IMU", "OBSTACLE_DISTANCE", "DISTANCE_SENSOR")
+    HANDLES: ClassVar = ("HIGHRES_IMU", "SCALED_IMU", "RAW_IMU", "OBSTACLE_DISTANCE", "DISTANCE_SENSOR", "GPS_RAW_INT")
 
     def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
         self.obstacles: StampedScan | None = None
         """By OBSTACLE_DISTANCE."""
         self.ranges: StampedScan | None = None
         """By range finders that look level, DISTANCE_SENSOR each."""
-        self.imu_bell, self.obstacles_bell, self.ranges_bell = Bell(), Bell(), Bell()
+        self.satellites: StampedFix | None = None
+        """By GPS_RAW_INT."""
+        self.imu_bell, self.obstacles_bell, self.ranges_bell, self.fix_bell = Bell(), Bell(), Bell(), Bell()
         self._changed = changed
         self._samples: deque[StampedImu] = deque(maxlen=KEPT)
         self._imu_kind, self._imu_s = "", -math.inf
@@ -65,7 +72,7 @@ class AutopilotSensors:
     # --- what is wanted ---
 
     def want(self, what: str, rate_hz: float) -> None:
-        """Has the messages of *imu*, *obstacles* or *ranges* asked for; from any thread."""
+        """Has the messages of *imu*, *obstacles*, *ranges* or *satellites* asked for; from any thread."""
         if self._rates_hz.get(what) != rate_hz:
             self._rates_hz = {**self._rates_hz, what: rate_hz}
             self._changed()
@@ -73,6 +80,7 @@ class AutopilotSensors:
     def streams(self, style: Style) -> list[Stream]:
         """The messages that are wanted of an autopilot of this family."""
         ids = {"imu": IMU_OF[style], "obstacles": OBSTACLE_DISTANCE, "ranges": DISTANCE_SENSOR}
+        ids["satellites"] = GPS_RAW_INT
         return [Stream(ids[what], rate_hz) for what, rate_hz in sorted(self._rates_hz.items())]
 
     def samples(self, after_s: float) -> Sequence[StampedImu]:
@@ -100,6 +108,9 @@ class AutopilotSensors:
                 if scan is not None:
                     self.ranges = StampedScan(clockwork.t_s(message.time_boot_ms, now_s), scan)
                     self.ranges_bell.ring()
+            case "GPS_RAW_INT":
+                self.satellites = StampedFix(self._t_s(message.time_usec, now_s, clockwork), satellite_fix(message))
+                self.fix_bell.ring()
 
     def _t_s(self, time_us: int, now_s: float, clockwork: Clockwork) -> float:
         if time_us == 0:
@@ -127,3 +138,16 @@ class AutopilotSensors:
         sample = ImuSample(rate_frd_rad_s=rate, specific_force_frd_m_s2=force)
         self._samples.append(StampedImu(t_s, sample))
         self.imu_bell.ring()
+
+
+def satellite_fix(message: MavlinkMessage) -> SatelliteFix:
+    """What a GPS_RAW_INT says; its accuracy is told by receivers that know it, and else taken as usual."""
+    claimed_m = message.h_acc * 1e-3
+    is_valid = message.fix_type >= THREE_D
+    return SatelliteFix(
+        place_geo=(message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3),
+        std_m=claimed_m if claimed_m > 0.0 else USUAL_STD_M,
+        satellites=message.satellites_visible,
+        is_valid=is_valid,
+        reason="" if is_valid else "no satellites",
+    )

@@ -7,16 +7,25 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gloc3.errors import Refused, nearest
-from gloc3.perception import ImuSample, LaserScan
+from gloc3.perception import BottomVelocity, ImuSample, LaserScan
 from gloc3.vehicle import HeightAboveGround, Image
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_onboard.autopilot.sensors import IMU_HZ, SCAN_HZ, AutopilotSensors
 from gloc3_onboard.devices import HeightSensor
 from gloc3_onboard.sources import carmen, euroc, kitti, mcap
+from gloc3_onboard.sources.dvl import DvlSource
 from gloc3_onboard.sources.hokuyo import HokuyoLaser
 from gloc3_onboard.sources.none import NoSource
 from gloc3_onboard.sources.pairs import PairedCameras, SideBySide
-from gloc3_onboard.sources.replay import LogTime, ReplayCamera, ReplayHeight, ReplayImu, ReplayLaser, ReplayStereoCamera
+from gloc3_onboard.sources.replay import (
+    LogTime,
+    ReplayCamera,
+    ReplayDvl,
+    ReplayHeight,
+    ReplayImu,
+    ReplayLaser,
+    ReplayStereoCamera,
+)
 from gloc3_onboard.sources.rplidar import RpLidar
 from gloc3_onboard.sources.stream import StreamCamera, StreamLaser, StreamStereoCamera
 from gloc3_onboard.sources.url import Sensor, SourceUrl, address_of, parse_source, sensor_of
@@ -84,6 +93,8 @@ class _Maker:
                 return RpLidar(name, url, now_s)
             case "hokuyo":
                 return HokuyoLaser(name, url, now_s)
+            case "a50" | "pd6":
+                return DvlSource(name, url, now_s)
             case "autopilot":
                 return self._autopilot(name, url, sensor)
             case "tcp":
@@ -140,6 +151,8 @@ class _Maker:
                 return ReplayImu(loop, time, index)
             case Sensor.HEIGHT:
                 return ReplayHeight(loop, time, index)
+            case Sensor.DVL:
+                return ReplayDvl(loop, time, index)
         return ReplayCamera(loop, time, index)
 
 
@@ -168,6 +181,8 @@ def _index(name: str, url: SourceUrl, sensor: Sensor | None, path: Path) -> Call
             return partial(mcap.topic_records, path, url.part or "laser", LaserScan)
         case _, Sensor.IMU:
             return partial(mcap.topic_records, path, url.part or "imu", ImuSample)
+        case _, Sensor.DVL:
+            return partial(mcap.topic_records, path, url.part or "dvl", BottomVelocity)
         case _, Sensor.HEIGHT:
             return partial(mcap.topic_records, path, url.part or "height", HeightAboveGround)
     return partial(mcap.topic_records, path, url.part or f"camera/{camera_name(name)}", Image)

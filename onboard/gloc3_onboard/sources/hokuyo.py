@@ -1,11 +1,9 @@
 """Hokuyo's range scanners, over a serial line or TCP."""
 
 import math
-import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from gloc3.errors import Gloc3Error
 from gloc3.perception import LaserScan
 from gloc3_onboard.autopilot.telemetry import BootClock
 from gloc3_onboard.devices import StampedScan
+from gloc3_onboard.sources.line import Line, open_line
 from gloc3_onboard.sources.mounted import mounted_scan
 from gloc3_onboard.sources.scip import (
     ASK,
@@ -28,56 +27,12 @@ from gloc3_onboard.sources.scip import (
 )
 from gloc3_onboard.sources.threaded import ThreadedSource
 from gloc3_onboard.sources.url import SourceUrl, address_of
-from gloc3_onboard.sources.video import device_problem
 
 BAUD: Final = 115_200
 """Of serial lines; those by USB take any."""
 WAIT_S: Final = 0.5
 ANSWER_TRIES: Final = 6
 """So often a piece is waited for until the scanner counts as silent."""
-
-
-class _Line(Protocol):
-    def read(self) -> bytes: ...
-    def write(self, data: bytes) -> None: ...
-    def close(self) -> None: ...
-
-
-class _Serial:
-    def __init__(self, path: str, baud: int) -> None:
-        import serial
-
-        self._port = serial.Serial(path, baud, timeout=WAIT_S, write_timeout=WAIT_S)
-
-    def read(self) -> bytes:
-        return bytes(self._port.read(max(1, self._port.in_waiting)))
-
-    def write(self, data: bytes) -> None:
-        self._port.write(data)
-
-    def close(self) -> None:
-        self._port.close()
-
-
-class _Tcp:
-    def __init__(self, address: tuple[str, int]) -> None:
-        self._socket = socket.create_connection(address, 2.0)
-        self._socket.settimeout(WAIT_S)
-
-    def read(self) -> bytes:
-        try:
-            data = self._socket.recv(65_536)
-        except TimeoutError:
-            return b""
-        if not data:
-            raise OSError("the scanner has closed the connection")
-        return data
-
-    def write(self, data: bytes) -> None:
-        self._socket.sendall(data)
-
-    def close(self) -> None:
-        self._socket.close()
 
 
 class HokuyoLaser(ThreadedSource[StampedScan]):
@@ -113,18 +68,10 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
                 line.write(STOP)
             line.close()
 
-    def _line(self) -> _Line:
-        try:
-            if self._address is not None:
-                return _Tcp(self._address)
-            problem = device_problem(Path(self._url.place), "dialout")
-            if problem:
-                raise Gloc3Error(f"{self.name}: {problem}")
-            return _Serial(self._url.place, int(self._url.number("baud", BAUD)))
-        except OSError as error:
-            raise Gloc3Error(f"{self.name}: {self._url.place}: {error.strerror or error}") from error
+    def _line(self) -> Line:
+        return open_line(self.name, self._url, self._address, BAUD, WAIT_S)
 
-    def _ask(self, line: _Line, reader: ScipReader) -> Parameters:
+    def _ask(self, line: Line, reader: ScipReader) -> Parameters:
         """Ends what it may be doing, and asks what it is."""
         line.write(STOP)
         line.write(ASK)
@@ -134,7 +81,7 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
                     return parameters_of(reply)
         raise Gloc3Error(f"{self.name}: {self._url.place} does not answer as a Hokuyo scanner does (SCIP 2)")
 
-    def _turns(self, line: _Line, reader: ScipReader, parameters: Parameters) -> Iterator[StampedScan | None]:
+    def _turns(self, line: Line, reader: ScipReader, parameters: Parameters) -> Iterator[StampedScan | None]:
         clock, lap_ms, before_ms = BootClock(), 0, 0
         while True:
             replies = reader.receive(line.read())

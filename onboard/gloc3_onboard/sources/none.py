@@ -2,7 +2,15 @@
 
 from collections.abc import Callable, Sequence
 
-from gloc3_onboard.devices import StampedHeight, StampedImage, StampedImu, StampedPair, StampedScan, Unwatch
+from gloc3_onboard.devices import (
+    StampedBottomVelocity,
+    StampedHeight,
+    StampedImage,
+    StampedImu,
+    StampedPair,
+    StampedScan,
+    Unwatch,
+)
 
 
 class NoSource:
@@ -39,3 +47,7 @@ class NoSource:
     def samples(self, after_s: float) -> Sequence[StampedImu]:
         """There is never a sample."""
         return ()
+
+    def bottom_velocity(self) -> StampedBottomVelocity | None:
+        """There is never a velocity."""
+        return None

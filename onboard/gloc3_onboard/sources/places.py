@@ -7,7 +7,7 @@ from typing import Final
 from gloc3_onboard.sources.url import SourceUrl
 from gloc3_onboard.sources.video import device_problem
 
-GROUPS: Final = {"v4l2": "video", "rplidar": "dialout", "hokuyo": "dialout"}
+GROUPS: Final = {"v4l2": "video", "rplidar": "dialout", "hokuyo": "dialout", "pd6": "dialout"}
 """The group of users that may use a device, by scheme (Debian's names)."""
 FILES: Final = ("video", "euroc", "kitti", "carmen", "mcap")
 """Schemes whose place is a file or folder."""

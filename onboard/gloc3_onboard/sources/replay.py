@@ -7,10 +7,11 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
-from gloc3.perception import ImuSample, LaserScan
+from gloc3.perception import BottomVelocity, ImuSample, LaserScan
 from gloc3.vehicle import HeightAboveGround, Image
 from gloc3_onboard.devices import (
     Bell,
+    StampedBottomVelocity,
     StampedHeight,
     StampedImage,
     StampedImu,
@@ -286,3 +287,22 @@ class ReplayHeight(Replay[HeightAboveGround]):
             self.close()
 
         return end
+
+
+class ReplayDvl(Replay[BottomVelocity]):
+    """A Doppler velocity log of a log."""
+
+    _bottom: StampedBottomVelocity | None = None
+
+    def take(self, t_s: float, item: BottomVelocity) -> None:
+        """Keeps a velocity."""
+        self._bottom = StampedBottomVelocity(t_s, item)
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._bottom = None
+
+    def bottom_velocity(self) -> StampedBottomVelocity | None:
+        """The latest velocity; None before the first."""
+        self.check()
+        return self._bottom

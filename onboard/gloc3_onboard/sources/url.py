@@ -17,6 +17,7 @@ class Sensor(StrEnum):
     LASER = "laser"
     IMU = "imu"
     HEIGHT = "height"
+    DVL = "dvl"
 
 
 def sensor_of(device: str) -> Sensor | None:
@@ -49,6 +50,7 @@ VIDEO: Final[Mapping[str, Number | None]] = {
 }
 BAUD: Final = Number(1200, 4_000_000, True)
 REPLAY: Final[Mapping[str, Number | None]] = {"skip_s": Number(0.0, 1e6)}
+DOPPLER: Final = {"yaw_deg": Number(-360.0, 360.0)}
 MOUNT: Final = {"yaw_deg": Number(-360.0, 360.0), "is_flipped": Number(0, 1, True)}
 
 
@@ -74,6 +76,8 @@ SCHEMES: Final[Mapping[str, Scheme]] = {
     "tcp": Scheme((*_EYES, Sensor.LASER), "tcp://127.0.0.1:5600", parts=True),
     "rplidar": Scheme((Sensor.LASER,), "rplidar:///dev/ttyUSB0", {"baud": BAUD, "max_m": Number(1, 100), **MOUNT}),
     "hokuyo": Scheme((Sensor.LASER,), "hokuyo:///dev/ttyACM0, or hokuyo://192.168.0.10:10940", {"baud": BAUD, **MOUNT}),
+    "a50": Scheme((Sensor.DVL,), "a50://192.168.194.95:16171", {**DOPPLER}),
+    "pd6": Scheme((Sensor.DVL,), "pd6:///dev/ttyUSB0, or pd6://192.168.0.20:1033", {"baud": BAUD, **DOPPLER}),
     "autopilot": Scheme((Sensor.LASER, Sensor.IMU, Sensor.HEIGHT), "autopilot://", {"rate_hz": RATE}, parts=True),
     "euroc": Scheme((*_EYES, Sensor.IMU), "euroc://V1_01_easy#cam0", REPLAY, parts=True),
     "kitti": Scheme(_EYES, "kitti://sequences/00#image_0", {**REPLAY, "rate_hz": RATE}, parts=True),

@@ -1,0 +1,131 @@
+"""Where a vehicle is by its velocity over the floor and its heading, from the last satellite fix on."""
+
+from math import cos, exp, sin, sqrt
+from typing import Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_N, _E, _VN, _VE, _TURN, _SCALE = range(6)
+
+
+class Errors(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of the errors before a dive: standard deviations."""
+
+    heading_rad: float = 0.0175
+    """Of heading and mounting angle together, constant for long."""
+    scale: float = 0.003
+    """Of the DVL's scale: salinity and temperature make most of it."""
+    heading_walk_rad: float = 0.0003
+    """Growth of the heading's error in one second's root."""
+    acceleration_m_s2: float = 0.12
+    """How the velocity changes by itself, in one second's root."""
+    adrift_m_s: float = 0.5
+    """Of a velocity that nothing measures: the current, and what the vehicle may do."""
+    forget_s: float = 20.0
+    """So fast the last measured velocity loses its worth."""
+
+
+class DeadReckoner:
+    """A Kalman filter of the errors of dead reckoning in the horizontal plane.
+
+    State: position (north, east), velocity over ground (north, east), error of the heading with the mounting angle of the
+    DVL, and error of the DVL's scale. A measured velocity is `(1 + scale) * turned(error) * true`, so the two errors are
+    found while satellites tell the truth, and their part in the position's covariance grows with the distance after that. Where
+    no velocity is measured, the last one is forgotten, and the covariance says so (first-order Gauss-Markov).
+
+    Args:
+        errors: what is known before.
+    """
+
+    def __init__(self, errors: Errors = Errors()) -> None:  # noqa: B008 # frozen
+        self.errors: Final = errors
+        self.x: Array = np.zeros(6)
+        """The state: m, m, m/s, m/s, rad, share."""
+        self.covariance: Array = np.diag(
+            [1e8, 1e8, errors.adrift_m_s**2, errors.adrift_m_s**2, errors.heading_rad**2, errors.scale**2]
+        )
+        """Of the state."""
+        self.velocity_s: float | None = None
+        """When a velocity was taken in last."""
+
+    def begin(self, north_m: float, east_m: float, std_m: float) -> None:
+        """Begins at a place, with this standard deviation along each axis; what is known of the errors stays."""
+        self.x[_N], self.x[_E] = north_m, east_m
+        self.covariance[:2, :] = 0.0
+        self.covariance[:, :2] = 0.0
+        self.covariance[_N, _N] = self.covariance[_E, _E] = std_m**2
+
+    def predict(self, dt_s: float, *, is_measured: bool) -> None:
+        """Goes on by a time; `is_measured` says whether velocities are measured meanwhile."""
+        errors = self.errors
+        step = np.eye(6)
+        step[_N, _VN] = step[_E, _VE] = dt_s
+        noise = np.zeros(6)
+        if is_measured:
+            noise[_VN] = noise[_VE] = errors.acceleration_m_s2**2 * dt_s
+        else:
+            keep = exp(-dt_s / errors.forget_s)
+            step[_VN, _VN] = step[_VE, _VE] = keep
+            noise[_VN] = noise[_VE] = errors.adrift_m_s**2 * (1.0 - keep * keep)
+        noise[_TURN] = errors.heading_walk_rad**2 * dt_s
+        self.x = step @ self.x
+        self.covariance = step @ self.covariance @ step.T + np.diag(noise)
+
+    def take_velocity(self, forward_m_s: float, right_m_s: float, yaw_rad: float, std_m_s: float) -> float:
+        """Takes in a velocity in the level plane of the body, by the DVL.
+
+        Returns:
+            The squared innovation over its gate (5 deviations); above 1 it was left out.
+        """
+        vn, ve, turn, scale = self.x[_VN], self.x[_VE], self.x[_TURN], self.x[_SCALE]
+        heading = yaw_rad + turn
+        cosine, sine = cos(heading), sin(heading)
+        along, across = cosine * vn + sine * ve, cosine * ve - sine * vn
+        expected = (1.0 + scale) * np.array([along, across])
+        h = np.zeros((2, 6))
+        h[0, _VN], h[0, _VE] = (1.0 + scale) * cosine, (1.0 + scale) * sine
+        h[1, _VN], h[1, _VE] = -(1.0 + scale) * sine, (1.0 + scale) * cosine
+        h[0, _TURN], h[1, _TURN] = (1.0 + scale) * across, -(1.0 + scale) * along
+        h[0, _SCALE], h[1, _SCALE] = along, across
+        return self._update(np.array([forward_m_s, right_m_s]) - expected, h, std_m_s**2)
+
+    def take_fix(self, north_m: float, east_m: float, std_m: float) -> float:
+        """Takes in a place, by satellites; returns as `take_velocity` does."""
+        h = np.zeros((2, 6))
+        h[0, _N] = h[1, _E] = 1.0
+        return self._update(np.array([north_m, east_m]) - self.x[:2], h, std_m**2)
+
+    def _update(self, innovation: Array, h: Array, variance: float) -> float:
+        spread = h @ self.covariance @ h.T + variance * np.eye(2)
+        ratio = float(innovation @ np.linalg.solve(spread, innovation)) / 25.0
+        if ratio > 1.0:
+            return ratio
+        gain = self.covariance @ h.T @ np.linalg.inv(spread)
+        rest = np.eye(6) - gain @ h
+        self.x = self.x + gain @ innovation
+        self.covariance = rest @ self.covariance @ rest.T + variance * gain @ gain.T
+        return ratio
+
+    @property
+    def position_m(self) -> tuple[float, float]:
+        """North and east."""
+        return float(self.x[_N]), float(self.x[_E])
+
+    @property
+    def velocity_m_s(self) -> tuple[float, float]:
+        """North and east, over ground."""
+        return float(self.x[_VN]), float(self.x[_VE])
+
+    @property
+    def heading_error_rad(self) -> float:
+        """What must be added to the heading."""
+        return float(self.x[_TURN])
+
+    @property
+    def std_m(self) -> tuple[float, float]:
+        """Standard deviation of the position along north and east."""
+        return sqrt(max(0.0, float(self.covariance[_N, _N]))), sqrt(max(0.0, float(self.covariance[_E, _E])))

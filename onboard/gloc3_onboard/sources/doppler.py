@@ -1,0 +1,132 @@
+"""What Doppler velocity logs say: Water Linked's JSON and Teledyne RDI's PD6, cut out of a stream and decoded; no I/O.
+
+Water Linked, "DVL A50/A125 protocols", report *velocity* of format json_v3; Teledyne RD Instruments, "Workhorse Commands and
+Output Data Format", PD6.
+"""
+
+from math import cos, isfinite, radians, sin
+from typing import Any, Final, NamedTuple, Protocol
+
+import msgspec
+
+from gloc3.perception import BottomVelocity
+
+LINE_MAX: Final = 65_536
+"""A line that is longer is noise."""
+PD6_STD_M_S: Final = 0.005
+"""Taken as the noise of a device that does not claim any."""
+
+
+class Report(NamedTuple):
+    """A velocity, and the device's own time where it tells one."""
+
+    stamp_us: int | None
+    bottom: BottomVelocity
+
+
+class Decoder(Protocol):
+    """Takes the bytes of a line, gives what they say."""
+
+    damaged: int
+    """Lines that could not be read."""
+
+    def receive(self, data: bytes) -> list[Report]:
+        """What is complete now."""
+
+
+class _Lines:
+    """Cuts a stream into lines."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def cut(self, data: bytes) -> list[bytes]:
+        """The lines that are complete now, without their ends."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LINE_MAX:
+            self._rest = b""
+        return [line.strip() for line in lines if line.strip()]
+
+
+class A50Decoder:
+    """Water Linked A50 and A125 over TCP: one JSON object a line; its axes are forward, right, down."""
+
+    def __init__(self, yaw_deg: float = 0.0) -> None:
+        self.damaged = 0
+        self._lines = _Lines()
+        self._yaw_deg = yaw_deg
+
+    def receive(self, data: bytes) -> list[Report]:
+        """The velocities that are complete now; reports of other types are passed over."""
+        found: list[Report] = []
+        for line in self._lines.cut(data):
+            try:
+                said = msgspec.json.decode(line)
+                if isinstance(said, dict) and said.get("type") == "velocity":
+                    found.append(self._report(said))
+            except (msgspec.DecodeError, KeyError, TypeError, ValueError):
+                self.damaged += 1
+        return found
+
+    def _report(self, said: dict[str, Any]) -> Report:
+        velocity = float(said["vx"]), float(said["vy"]), float(said["vz"])
+        is_valid = bool(said["velocity_valid"]) and all(map(isfinite, velocity))
+        altitude_m = float(said.get("altitude", 0.0))
+        stamp_us = said.get("time_of_validity")
+        return Report(
+            int(stamp_us) if stamp_us else None,
+            BottomVelocity(
+                velocity_frd_m_s=_turned(velocity, self._yaw_deg) if is_valid else (0.0, 0.0, 0.0),
+                std_m_s=max(1e-3, float(said.get("fom", PD6_STD_M_S))) if is_valid else 0.0,
+                altitude_m=max(0.0, altitude_m),
+                is_valid=is_valid,
+                reason="" if is_valid else "no bottom lock",
+            ),
+        )
+
+
+class Pd6Decoder:
+    """PD6: lines of text; `:BS` has the velocity of the ship over the bottom in mm/s, `:BD` the distance to it."""
+
+    def __init__(self, yaw_deg: float = 0.0) -> None:
+        self.damaged = 0
+        self._lines = _Lines()
+        self._yaw_deg = yaw_deg
+        self._altitude_m = 0.0
+
+    def receive(self, data: bytes) -> list[Report]:
+        """The velocities that are complete now."""
+        found: list[Report] = []
+        for line in self._lines.cut(data):
+            name, *fields = (part.strip() for part in line.decode("ascii", "replace").split(","))
+            try:
+                if name == ":BS":
+                    found.append(self._report(fields))
+                elif name == ":BD":
+                    self._altitude_m = max(0.0, float(fields[3]))
+            except (IndexError, ValueError):
+                self.damaged += 1
+        return found
+
+    def _report(self, fields: list[str]) -> Report:
+        starboard, forward, up = (1e-3 * float(text) for text in fields[:3])
+        if fields[3] not in ("A", "V"):
+            raise ValueError(fields[3])
+        is_valid = fields[3] == "A"
+        return Report(
+            None,
+            BottomVelocity(
+                velocity_frd_m_s=_turned((forward, starboard, -up), self._yaw_deg) if is_valid else (0.0, 0.0, 0.0),
+                std_m_s=PD6_STD_M_S if is_valid else 0.0,
+                altitude_m=self._altitude_m,
+                is_valid=is_valid,
+                reason="" if is_valid else "no bottom lock",
+            ),
+        )
+
+
+def _turned(velocity: tuple[float, float, float], yaw_deg: float) -> tuple[float, float, float]:
+    """From the axes of a device that is mounted turned to the right by so much, to the body's."""
+    x, y, z = velocity
+    cosine, sine = cos(radians(yaw_deg)), sin(radians(yaw_deg))
+    return x * cosine - y * sine, x * sine + y * cosine, z

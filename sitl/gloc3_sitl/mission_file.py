@@ -58,9 +58,9 @@ def platform_for(path: Path) -> str:
 
 
 def is_without_satellites(platform: Platform) -> bool:
-    """Whether a platform's autopilot flies by the pose that the platform sends it."""
-    kinds = (kind for row in platform.components for kind in row.load_class().__mro__)
-    return any(kind.__name__ == "VisionPoseDriver" for kind in kinds)
+    """Whether a platform's autopilot flies by the pose that the platform sends it, and by that alone."""
+    kinds = {kind.__name__ for row in platform.components for kind in row.load_class().__mro__}
+    return "VisionPoseDriver" in kinds and "SatellitesSampler" not in kinds
 
 
 def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFile:

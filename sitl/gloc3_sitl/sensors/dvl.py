@@ -20,7 +20,7 @@ NOISE_M_S: Final = 0.006
 """White noise of each horizontal axis at 1 m/s; the figure of merit of that class is a few millimetres per second."""
 SCALE: Final = 0.001
 """Deviation of the scale: long-term accuracy of 0.1 % (A50 Performance)."""
-MOUNT_RAD: Final = radians(0.25)
+MOUNT_RAD: Final = radians(0.15)
 """Deviation of what is left of the mounting angle after its calibration: our estimate."""
 
 

@@ -22,17 +22,26 @@ class Magnetometer(Sensor[MagnetometerReading]):
     bias_size = 1e-5
     noise_size = 5e-6
 
-    def __init__(self, seed: int, home: GeoPoint, rate_hz: float = 25.0) -> None:
+    def __init__(
+        self,
+        seed: int,
+        home: GeoPoint,
+        rate_hz: float = 25.0,
+        *,
+        noise_tesla: float = NOISE_TESLA,
+        bias_tesla: float = BIAS_TESLA,
+    ) -> None:
         super().__init__(seed, rate_hz)
+        self._noise_tesla = noise_tesla
         self._field_ned_tesla = field_ned_tesla(home)
-        self._bias_tesla = tuple(BIAS_TESLA * self._draw() for _ in range(3))
+        self._bias_tesla = tuple(bias_tesla * self._draw() for _ in range(3))
 
     def measure(self, motion: Motion, t_s: float) -> MagnetometerReading:
         """Turn the field into the body's axes and add the errors."""
         x, y, z = rotate_back(motion.truth().attitude_wxyz, self._field_ned_tesla)
         bx, by, bz = self._bias_tesla
-        draw = self._draw
-        field = (x + bx + NOISE_TESLA * draw(), y + by + NOISE_TESLA * draw(), z + bz + NOISE_TESLA * draw())
+        draw, noise = self._draw, self._noise_tesla
+        field = (x + bx + noise * draw(), y + by + noise * draw(), z + bz + noise * draw())
         return MagnetometerReading(t_s=t_s, field_frd_tesla=field)
 
     def shift(self, reading: MagnetometerReading, offset: Vector3) -> MagnetometerReading:

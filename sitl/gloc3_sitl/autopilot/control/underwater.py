@@ -21,10 +21,10 @@ _RATE_INTEGRAL: Final = 0.1
 """The same per radian of integrated rate error, times the square of that gain."""
 _RATE_MAX_RAD_S: Final = (0.8, 0.5, 0.6)
 _PITCH_MAX_RAD: Final = 0.5
-_CRUISE_AT_M_S: Final = 0.55
-"""A vehicle that steers by its heading turns into its way when more speed than this is wanted…"""
-_HOVER_AT_M_S: Final = 0.3
-"""…and keeps the heading that it is told again below this."""
+_CRUISE_AT_M_S, _CRUISE_AT_M = 0.25, 3.0
+"""A vehicle that steers by its heading turns into its way when it is to go on faster, or has farther to go, than this…"""
+_HOVER_AT_M_S, _HOVER_AT_M = 0.15, 2.0
+"""…and hovers again when it is slower, and nearer."""
 _STREAM_SPEED_M_S: Final = 0.5
 _STREAM_TURN_RAD_S: Final = 0.05
 _STREAM_S: Final = 6.0
@@ -134,7 +134,10 @@ class UnderwaterControl:
         errors = [want - have if want == want else 0.0 for want, have in zip(goal, velocity, strict=True)]
         tn, te, td = self._trim
         gain = gains.velocity_i_xy * OUTER_S
-        tn, te = _clamp(tn + gain * errors[0], _TRIM_MAX_M_S2), _clamp(te + gain * errors[1], _TRIM_MAX_M_S2)
+        if self._is_cruising:
+            tn = te = 0.0  # the current is met by crab angle then
+        else:
+            tn, te = _clamp(tn + gain * errors[0], _TRIM_MAX_M_S2), _clamp(te + gain * errors[1], _TRIM_MAX_M_S2)
         td = _clamp(td + gains.velocity_i_z * OUTER_S * errors[2], _TRIM_MAX_M_S2)
         self._trim = (tn, te, td)
         an, ae, ad = (feed if feed == feed else 0.0 for feed in wanted.acceleration_ned_m_s2)
@@ -157,7 +160,7 @@ class UnderwaterControl:
         yaw, rate = self._yaw_rad, wanted.yaw_rate_rad_s
         if model.fins is not None:
             self._learn_stream()
-            cruise = self._cruise(goal, errors)
+            cruise = self._cruise(wanted, goal, errors)
             if cruise is not None:
                 yaw, pitch, through_m_s = cruise
                 self._yaw_rad = self._estimator.yaw_rad
@@ -214,11 +217,20 @@ class UnderwaterControl:
             _clamp(east + share * (ve - along[1] - east), _STREAM_MAX_M_S),
         )
 
-    def _cruise(self, goal: Vector3, errors: Sequence[float]) -> tuple[float, float, float] | None:
+    def _cruise(
+        self, wanted: MotionSetpoint, goal: Vector3, errors: Sequence[float]
+    ) -> tuple[float, float, float] | None:
         """Heading, pitch and speed through the water for a way that is worth turning to; None to hover."""
         vn, ve, vd = goal
-        speed = hypot(vn, ve) if vn == vn else 0.0
-        self._is_cruising = speed > (_HOVER_AT_M_S if self._is_cruising else _CRUISE_AT_M_S)
+        pn, pe, _ = wanted.position_ned_m
+        on_n, on_e, _ = wanted.velocity_ned_m_s
+        n, e, _ = self._estimator.inertial.position_ned_m
+        speed = hypot(on_n, on_e) if on_n == on_n and on_e == on_e else 0.0
+        away = hypot(pn - n, pe - e) if pn == pn and pe == pe else 0.0
+        if self._is_cruising:
+            self._is_cruising = vn == vn and (speed > _HOVER_AT_M_S or away > _HOVER_AT_M)
+        else:
+            self._is_cruising = vn == vn and (speed > _CRUISE_AT_M_S or away > _CRUISE_AT_M)
         if not self._is_cruising:
             return None
         north, east = vn - self._stream[0], ve - self._stream[1]

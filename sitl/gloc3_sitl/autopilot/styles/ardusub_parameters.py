@@ -1,6 +1,7 @@
 """ArduSub's parameters that matter here, with the names, types and units of Sub 4.7.
 
-Defaults are ArduSub's where they decide what happens; gains and speeds are those of the simulated vehicles.
+Defaults are ArduSub's where they decide what happens, but for FS_GCS_ENABLE, which would disarm a vehicle that dives out of
+contact; gains and speeds are those of the simulated vehicles.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,7 +40,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     whole("FRAME_CONFIG", 2, 0, 7, "frame: vectored with six degrees of freedom", kind=Kind.INT8),
     # Arming and failsafes
     whole("ARMING_CHECK", 448, 0, 2**22, "arming checks: bits; 0 skips them"),
-    whole("FS_GCS_ENABLE", 2, 0, 4, "station loss action", "station_lost_action", _STATION_LOST, Kind.INT8),
+    whole("FS_GCS_ENABLE", 0, 0, 4, "station loss action", "station_lost_action", _STATION_LOST, Kind.INT8),
     whole("FS_LEAK_ENABLE", 1, 0, 2, "leak action", "leak_action", _LEAK, Kind.INT8),
     whole("FS_EKF_ACTION", 0, 0, 2, "position loss action", "position_lost_action", _POSITION_LOST, Kind.INT8),
     whole("FS_PILOT_INPUT", 2, 0, 2, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, Kind.INT8),

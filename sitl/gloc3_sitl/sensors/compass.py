@@ -1,0 +1,16 @@
+"""The compass of a vehicle that dives by dead reckoning: better than a multirotor's, far from motors and swung with care."""
+
+from gloc3.frames import GeoPoint
+from gloc3_sitl.sensors.magnetometer import Magnetometer
+
+NOISE_TESLA = 1e-7
+"""White noise of the RM3100 class, tens of nanotesla, with the vehicle's own."""
+BIAS_TESLA = 1e-7
+"""Deviation of what is left of the vehicle's field: 0.3 degrees of heading, static accuracy of the TRAX2 class (PNI)."""
+
+
+class Compass(Magnetometer):
+    """White noise and a bias that is constant for a dive."""
+
+    def __init__(self, seed: int, home: GeoPoint, rate_hz: float = 25.0) -> None:
+        super().__init__(seed, home, rate_hz, noise_tesla=NOISE_TESLA, bias_tesla=BIAS_TESLA)

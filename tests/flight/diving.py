@@ -1,0 +1,104 @@
+"""Dives of the whole stack in virtual time, and how far dead reckoning is off then."""
+
+from math import hypot
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gloc3.clock import run_virtual
+from gloc3.messages import Envelope
+from gloc3.vehicle import Pose
+from gloc3_sitl.faults import schedule_faults
+from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3_sitl.path_error import Sample
+
+UNDER_WATER_M = 1.0
+"""Deeper than this it counts as diving."""
+_WORTH_M = 30.0
+"""A share of the way is told from here on."""
+
+
+class Dive(NamedTuple):
+    """What came of one."""
+
+    state: str
+    """Of the mission."""
+    reason: str
+    way_m: float
+    """Under water, over ground."""
+    off_m: float
+    """How much the error of the pose had grown when the vehicle came up."""
+    worst: float
+    """Largest error on the way, as a share of the way until then."""
+    claimed_m: float
+    """Standard deviation that was claimed at the end, less what it began with."""
+    deepest_m: float
+    back_m: float
+    """Error of the last pose, at the surface."""
+    reasons: tuple[str, ...]
+    """What the pose said of itself, in order."""
+
+
+def dive(
+    mission: str,
+    platform: str,
+    seed: int,
+    folder: Path,
+    world: str = "bay",
+    faults: tuple[str, ...] = (),
+    out: str = "",
+) -> Dive:
+    """Dives.
+
+    Args:
+        mission: the text of one.
+        platform: the name of one that reckons its way.
+        seed: of all chance.
+        folder: for what has to be a file.
+        world: its name or file.
+        faults: as for `gloc3 fly`.
+        out: name of a folder in `folder` for the log; empty keeps none.
+    """
+    file = folder / "mission.yaml"
+    file.write_text(mission)
+    plan = FlightPlan(mission=str(file), platform=platform, seed=seed, world=world, out=folder / out if out else None)
+    return run_virtual(_dive(plan, faults))
+
+
+async def _dive(plan: FlightPlan, faults: tuple[str, ...]) -> Dive:
+    poses: list[Envelope[Pose]] = []
+    async with Flight(plan) as flight:
+        schedule_faults(flight, faults)
+        flight.exchange.subscribe(f"{flight.name}/pose", poses.append)
+        follower = await flight.upload_and_start()
+        end = await flight.await_end(follower, within_s=3000.0)
+        samples = list(flight.samples)
+    return _judged(str(end.state), end.reason, poses, samples)
+
+
+def _judged(state: str, reason: str, poses: list[Envelope[Pose]], samples: list[Sample]) -> Dive:
+    times = np.array([sample.t_s for sample in samples])
+    truth = np.array([sample.position_ned_m for sample in samples])
+    told = [envelope for envelope in poses if envelope.payload.is_valid and times[0] <= envelope.t_s <= times[-1]]
+    at = np.array([envelope.t_s for envelope in told])
+    true = np.column_stack([np.interp(at, times, truth[:, axis]) for axis in range(3)])
+    off = np.array([envelope.payload.position_ned_m for envelope in told])[:, :2] - true[:, :2]
+    deep = np.flatnonzero(true[:, 2] > UNDER_WATER_M)
+    first, last = (int(deep[0]), int(deep[-1])) if len(deep) else (0, len(at) - 1)
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(true[first : last + 1, :2], axis=0).T))])
+    grown = np.hypot(*(off[first : last + 1] - off[first]).T)
+    far = way > min(_WORTH_M, 0.5 * way[-1])
+    claimed = [hypot(*told[index].payload.position_std_m[:2]) for index in (first, last)]
+    reasons = dict.fromkeys(envelope.payload.reason for envelope in told if envelope.payload.reason)
+    return Dive(
+        state=state,
+        reason=reason,
+        way_m=float(way[-1]),
+        off_m=float(grown[-1]),
+        worst=float(np.max(grown[far] / way[far])),
+        claimed_m=float(np.sqrt(max(0.0, claimed[1] ** 2 - claimed[0] ** 2))),
+        deepest_m=float(true[:, 2].max()),
+        back_m=float(hypot(*off[-1])),
+        reasons=tuple(reasons),
+    )

@@ -1,0 +1,48 @@
+"""The AUV and the ROV dive a mission on their own reckoning, and come up where they say."""
+
+from pathlib import Path
+
+import pytest
+from tests.flight.diving import dive
+
+MISSION = """\
+mission: a short dive
+frame: bay
+geofence: {polygon_m: [[-40, -40], [60, -40], [60, 40], [-40, 40]], ceiling_m: 3}
+on_failure: land
+on_link_loss: continue
+on_low_battery: land
+on_pose_lost: land
+tasks:
+  down:
+    actions:
+      dive: {dive: {depth_m: 2}}
+  out:
+    after: [down]
+    actions:
+      line: {go_to: {position_m: [16, 4, -3], speed_m_s: 0.5}}
+  up:
+    after: [out]
+    actions:
+      surface: {land: {}}
+"""
+
+
+def test_it_dives_by_its_own_reckoning_and_comes_up(tmp_path: Path) -> None:
+    found = dive(MISSION, "auv", 5, tmp_path)
+    assert (found.state, found.reason) == ("done", "")
+    assert found.deepest_m == pytest.approx(3.0, abs=0.4)
+    assert found.way_m > 14.0
+    assert found.off_m < 0.03 * found.way_m
+    assert not found.reasons, "bottom lock all the way"
+
+
+def test_without_its_dvl_it_says_that_it_is_adrift_and_the_same_seed_gives_the_same_log(tmp_path: Path) -> None:
+    for name in ("one", "same"):
+        (tmp_path / name).mkdir()
+    faults = ("device:dvl=lost@20..300",)
+    found = dive(MISSION, "rov", 6, tmp_path / "one", faults=faults, out="flight")
+    assert any(reason.startswith("adrift: ") for reason in found.reasons)
+    assert found.claimed_m > 2.0
+    dive(MISSION, "rov", 6, tmp_path / "same", faults=faults, out="flight")
+    assert (tmp_path / "one/flight/log.mcap").read_bytes() == (tmp_path / "same/flight/log.mcap").read_bytes()

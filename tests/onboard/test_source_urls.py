@@ -20,6 +20,7 @@ DEVICE_OF = {
     Sensor.LASER: "top_laser",
     Sensor.IMU: "imu",
     Sensor.HEIGHT: "sonar_height",
+    Sensor.DVL: "dvl",
 }
 
 

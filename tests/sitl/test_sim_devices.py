@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gloc3.clock import run_virtual
-from gloc3_sitl.sim_devices import SimCamera, SimLaser, SimStereoCamera
+from gloc3_sitl.sim_devices import SimCamera, SimDvl, SimLaser, SimStereoCamera
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import Simulator
 from gloc3_sitl.truth import Truth
@@ -162,7 +162,7 @@ def test_a_world_without_a_tracker_has_none() -> None:
         assert sims.tracker is None
         device.open()
         await asyncio.sleep(0.2)
-        assert not isinstance(device, SimStereoCamera | SimLaser)
+        assert not isinstance(device, SimStereoCamera | SimLaser | SimDvl)
         assert device.frame() is None
 
     run(test, world="open")

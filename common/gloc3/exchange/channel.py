@@ -63,10 +63,11 @@ class Channel:
             express=service is Service.BULK,  # what is large fills packets of its own
             reliability=reliability,
         )
-        self._listener = self._publisher.declare_matching_listener(means.arrivals.taker(Inbound(self)))
+        self._listener = self._publisher.declare_matching_listener(means.arrivals.taker(Inbound(self._look)))
         self.is_settled = False
         """Whether it is known by now who asks for it; those who have just begun to ask may not be known yet."""
         self._is_wanted = False
+        self._is_open = True
         self._timer = means.loop.call_later(SETTLE_S, self._settle)
 
     @property
@@ -92,15 +93,17 @@ class Channel:
 
         return "" if self._sender.give(wait_and_put) else "others still wait for a link"
 
-    def look(self) -> None:
-        """In the loop: who asks for it has changed."""
-        status: Any = self._publisher.matching_status  # the stub says bool
-        self._is_wanted = status.matching
-
     def close(self) -> None:
         """Looks no more."""
+        self._is_open = False
         self._timer.cancel()
+
+    def _look(self, _: object = None) -> None:
+        """In the loop: who asks for it has changed."""
+        if self._is_open:
+            status: Any = self._publisher.matching_status  # the stub says bool
+            self._is_wanted = status.matching
 
     def _settle(self) -> None:
         self.is_settled = True
-        self.look()
+        self._look()

@@ -15,12 +15,17 @@ BATCH: Final = 64
 
 
 class Inbound:
-    """What waits of one subscription. When it is full the oldest makes place."""
+    """What waits of one subscription. When it is full the oldest makes place.
 
-    __slots__ = ("depth", "dropped", "source", "waiting")
+    Args:
+        take: is given each thing, in the loop.
+        depth: so many may wait.
+    """
 
-    def __init__(self, source: Any, depth: int = DEPTH) -> None:
-        self.source = source
+    __slots__ = ("depth", "dropped", "take", "waiting")
+
+    def __init__(self, take: Callable[[Any], None], depth: int = DEPTH) -> None:
+        self.take = take
         self.depth = depth
         self.dropped = 0
         """How many came while the loop was busy and were lost."""
@@ -32,12 +37,10 @@ class Arrivals:
 
     Args:
         loop: takes it.
-        take: called in the loop with the subscription and what came.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, take: Callable[[Inbound, Any], None]) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._take = take
         self._order: deque[Inbound] = deque()
         self._lock = Lock()
         self._is_awake = False
@@ -77,4 +80,4 @@ class Arrivals:
         if has_more:
             self._loop.call_soon(self._drain)
         for inbound, thing in batch:
-            self._take(inbound, thing)
+            inbound.take(thing)

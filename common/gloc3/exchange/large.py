@@ -140,7 +140,7 @@ class LargeSource:
         self.topic = topic_of(key)
         self._inlet, self._key = inlet, key
         self._session, self._loop = inlet.means.session, inlet.means.loop
-        self._inbound = Inbound(self, DEPTH)
+        self._inbound = Inbound(self._take, DEPTH)
         self._arrived = inlet.means.arrivals.taker(self._inbound)
         self._near: NearLink | None = None
         self._late = 0
@@ -153,7 +153,7 @@ class LargeSource:
         """How many came while the loop was busy, and were dropped."""
         return self._late + self._inbound.dropped + (self._near.late if self._near is not None else 0)
 
-    def take(self, thing: zenoh.Reply | zenoh.Sample) -> None:
+    def _take(self, thing: zenoh.Reply | zenoh.Sample) -> None:
         """In the loop: the answer with the ticket, or a message that came through Zenoh."""
         if isinstance(thing, zenoh.Sample):
             if self._through_zenoh is not None:

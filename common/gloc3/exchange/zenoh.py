@@ -11,14 +11,15 @@ import asyncio
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, Final, NamedTuple
+from functools import partial
+from typing import Any, Final
 
 import zenoh
 
 from gloc3.exchange.base import Deliver, Unsubscribe
-from gloc3.exchange.channel import Channel, Means
+from gloc3.exchange.channel import Means
 from gloc3.exchange.inbound import Arrivals, Inbound
-from gloc3.exchange.large import LARGE, LargeInlet, LargeSource, bulk_key, topic_of
+from gloc3.exchange.large import LARGE, LargeInlet, bulk_key, topic_of
 from gloc3.exchange.local import LocalExchange
 from gloc3.exchange.near import NearServer
 from gloc3.exchange.outlet import LATCHED, UNKNOWN, Outlet, latched_token
@@ -107,7 +108,7 @@ class ZenohExchange:
         self._watches: dict[str, _Watch] = {}
         self._owners: dict[str, _Subscription | None] = {}
         """By topic: through which of several fitting subscriptions its messages are taken, so that each comes once."""
-        self._arrivals = Arrivals(loop, self._take)
+        self._arrivals = Arrivals(loop)
         self._sequences: dict[tuple[str, Source], int] = {}
         """The last number of each topic and source, to tell losses by."""
         sender = Sender("zenoh huge", HUGE_DEPTH, self._fail)
@@ -137,7 +138,9 @@ class ZenohExchange:
         subscription = self._sources.get(pattern)
         if subscription is None:
             row = self._topics.row(pattern) or UNKNOWN
-            subscription = self._sources[pattern] = _Subscription(DEPTHS.get(row.travels, RELIABLE_DEPTH))
+            subscription = self._sources[pattern] = _Subscription(
+                self._take_message, DEPTHS.get(row.travels, RELIABLE_DEPTH)
+            )
             self._declare(pattern, subscription)
             self._owners.clear()
         subscription.users += 1
@@ -180,7 +183,7 @@ class ZenohExchange:
         """Reports tokens that come and go, here and elsewhere; those of a node that fell silent go after its lease."""
         watch = self._watches.get(pattern)
         if watch is None:
-            watch = self._watches[pattern] = _Watch()
+            watch = self._watches[pattern] = _Watch(self._take_token)
             self._declare_watch(pattern, watch)
         watch.users += 1
         end_here = self.here.watch(pattern, changed)
@@ -303,7 +306,7 @@ class ZenohExchange:
             subscription.declared.append(
                 self._session.liveliness().declare_subscriber(
                     key_expression(latched_token(pattern)),
-                    self._arrivals.taker(Inbound(_Latched(subscription))),
+                    self._arrivals.taker(Inbound(partial(self._ask_for_last, subscription))),
                     history=True,
                 )
             )
@@ -311,7 +314,7 @@ class ZenohExchange:
             subscription.declared.append(
                 self._session.liveliness().declare_subscriber(
                     key_expression(bulk_key(pattern)),
-                    self._arrivals.taker(Inbound(_Bulk(subscription))),
+                    self._arrivals.taker(Inbound(partial(self._see_bulk, subscription))),
                     history=True,
                 )
             )
@@ -326,21 +329,10 @@ class ZenohExchange:
         """A token; it is withdrawn when nobody holds this."""
         return self._session.liveliness().declare_token(token) if self._is_open else None
 
-    def _take(self, inbound: Inbound, thing: Any) -> None:
-        """In the loop: a sample of a subscription or of a watch, or a change of who wants a topic."""
-        match inbound.source:
-            case _Subscription() as subscription:
-                self._take_message(subscription, thing)
-            case _Watch() as watch:
-                self._take_token(watch, str(thing.key_expr), thing.kind == zenoh.SampleKind.PUT)
-            case _Latched(subscription=subscription):
-                self._ask_for_last(subscription, str(thing.key_expr), thing)
-            case _Bulk(subscription=subscription) if subscription.users and self._is_open:
-                self._large.see(str(thing.key_expr), thing.kind == zenoh.SampleKind.PUT)
-            case LargeSource() as source:
-                source.take(thing)
-            case Channel() as channel if self._is_open:
-                channel.look()
+    def _see_bulk(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
+        """Somebody has large messages of a topic, or has them no more."""
+        if subscription.users and self._is_open:
+            self._large.see(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
     def _take_message(self, subscription: _Subscription, sample: Any) -> None:
         if isinstance(sample, zenoh.Reply):
@@ -385,10 +377,10 @@ class ZenohExchange:
         if before is not None and envelope.sequence > before + 1:
             self._count("lost", envelope.topic, "messages are missing", envelope.sequence - before - 1)
 
-    def _ask_for_last(self, subscription: _Subscription, token: str, sample: zenoh.Sample) -> None:
+    def _ask_for_last(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
         """Somebody has the last message of a latched topic: what came before we met it."""
         if sample.kind == zenoh.SampleKind.PUT and self._is_open:
-            topic = token.replace(f"/{LATCHED}/", "/", 1)
+            topic = str(sample.key_expr).replace(f"/{LATCHED}/", "/", 1)
             self._session.get(
                 topic,
                 self._arrivals.taker(subscription.inbound),
@@ -398,7 +390,8 @@ class ZenohExchange:
                 timeout=ANSWER_S,
             )
 
-    def _take_token(self, watch: _Watch, token: str, is_alive: bool) -> None:
+    def _take_token(self, watch: _Watch, sample: zenoh.Sample) -> None:
+        token, is_alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
         if is_alive and token not in watch.tokens:
             watch.tokens[token] = self.here.declare_alive(token)
         elif not is_alive and token in watch.tokens:
@@ -424,30 +417,18 @@ def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:
 class _Subscription:
     """One pattern that somebody here asks others for."""
 
-    def __init__(self, depth: int) -> None:
-        self.inbound = Inbound(self, depth)
+    def __init__(self, take: Callable[[_Subscription, Any], None], depth: int) -> None:
+        self.inbound = Inbound(partial(take, self), depth)
         self.users = 0
         self.declared: list[zenoh.Subscriber[None]] = []
-
-
-class _Latched(NamedTuple):
-    """Waits for those who have last messages for a subscription."""
-
-    subscription: _Subscription
-
-
-class _Bulk(NamedTuple):
-    """Waits for those who have large messages for a subscription."""
-
-    subscription: _Subscription
 
 
 class _Watch:
     """One pattern of tokens that somebody here watches elsewhere."""
 
-    def __init__(self) -> None:
+    def __init__(self, take: Callable[[_Watch, Any], None]) -> None:
         self.declared: zenoh.Subscriber[None] | None = None
-        self.inbound = Inbound(self)
+        self.inbound = Inbound(partial(take, self))
         self.tokens: dict[str, Unsubscribe] = {}
         self.users = 0
 

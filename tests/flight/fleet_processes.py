@@ -1,11 +1,14 @@
 """Three stations and five vehicles as processes: each vehicle a simulator and an onboard process, each station its own.
 
-`python -m tests.flight.fleet_processes SYSTEM SEED SPAN_S NAMES LINKS` is one of the stations: it commands and takes
-control as `fleet_trial.Operator` does, and tells each command on stdout, when it is sent and when it is answered.
+`python -m tests.flight.fleet_processes SYSTEM SEED SPAN_S CRASH_S NAMES LINKS` is one of the stations: it commands all
+vehicles and takes control of those that fly no mission as `fleet_trial.Operator` does, and tells each command on stdout, when
+it is sent and when it is answered. After CRASH_S, where that is not 0, it kills itself as soon as it holds control.
 """
 
 import asyncio
 import contextlib
+import os
+import re
 import signal
 import socket
 import subprocess
@@ -20,15 +23,20 @@ from typing import Any
 import msgspec
 from tests.commands.programs import Program, program
 from tests.flight.fleet_trial import (
+    FLYING,
+    FLYING_STATION,
     FULL_WITHIN_S,
+    TWO,
     WITNESSED,
     Command,
     Operator,
     Witness,
     knows_everything,
+    passed_on,
     rates_of,
     wrongs,
 )
+from tests.flight.fleet_trial import ways as ways_of
 
 from gloc3.exchange import LocalExchange
 from gloc3.log.reader import LogReader
@@ -41,19 +49,6 @@ from gloc3_sitl.demo import free_ports
 ROOT = Path(__file__).parents[2]
 SYSTEMS = (255, 254, 253)
 LATE = 252
-TWO = """\
-mission: two of five
-frame: hold
-on_failure: land
-on_link_loss: continue
-tasks:
-  rise: {platform: vehicle0, actions: {climb: {take_off: {height_m: 1.5}}}}
-  follow:
-    platform: vehicle1
-    after: [rise]
-    actions: {climb: {take_off: {height_m: 2}}, down: {land: {}, after: [climb]}}
-  back: {platform: vehicle0, after: [follow], actions: {down: {land: {}}}}
-"""
 
 
 class ProcessesFound(msgspec.Struct):
@@ -63,14 +58,17 @@ class ProcessesFound(msgspec.Struct):
     accepted: int
     refused: int
     unknown: int
-    hand_overs: int
+    hand_overs: dict[str, int]
+    crashed_holding: int
     late_full_s: float
     mission: str
     """How the mission across two of the vehicles ended."""
     wrong: list[str]
 
 
-async def _operate(system: int, seed: int, span_s: float, names: Sequence[str], urls: Sequence[str]) -> None:
+async def _operate(
+    system: int, seed: int, span_s: float, crash_s: float, names: Sequence[str], urls: Sequence[str]
+) -> None:
     """One station: commands for a while, then waits for the rest of the answers."""
     loop, exchange, topics, links = asyncio.get_running_loop(), LocalExchange(), TopicTable.installed(), Links()
     boot = Random(f"{system} {seed}").getrandbits(32)
@@ -84,8 +82,14 @@ async def _operate(system: int, seed: int, span_s: float, names: Sequence[str], 
         await asyncio.sleep(0.05)
     full_s = loop.time() - began_s if knows_everything(station, names) else -1.0
     _say({"full_s": full_s})
-    operator = Operator(station, names, Random(seed * 1000 + system), rates_of(LATE + 3 - system), _say)
-    await operator.work(loop.time() + span_s)
+    chance, rates = Random(seed * 1000 + system), rates_of(LATE + 3 - system)
+    operator = Operator(station, names, names[FLYING:], chance, rates, _say)
+    await operator.work(loop.time() + (crash_s or span_s))
+    while crash_s:
+        held = await operator.seize()
+        if held:
+            _say({"crashed_holding": held})
+            os.kill(os.getpid(), signal.SIGKILL)
     station.close()
     await links.close()
 
@@ -106,7 +110,7 @@ def _vehicles(folder: Path, count: int, stations: int) -> Iterator[tuple[list[st
         onboard = []
         for number, name in enumerate(names):
             file = folder / f"{name}.yaml"
-            file.write_text(text.replace("platform: pelican", f"platform: {name}"))
+            file.write_text(re.sub(r"(?m)^platform: .*$", f"platform: {name}", text))
             cable, *ports = free_ports(1 + stations, kind)
             for way, port in zip(ways, ports, strict=True):
                 way.append(f"udpout://127.0.0.1:{port}")
@@ -128,29 +132,30 @@ def _vehicles(folder: Path, count: int, stations: int) -> Iterator[tuple[list[st
 
 
 def _station(
-    system: int, seed: int, span_s: float, names: Sequence[str], urls: Sequence[str]
+    system: int, seed: int, span_s: float, names: Sequence[str], urls: Sequence[str], crash_s: float = 0.0
 ) -> "subprocess.Popen[str]":
-    words = [str(system), str(seed), str(span_s), ",".join(names), ",".join(urls)]
+    words = [str(system), str(seed), str(span_s), str(crash_s), ",".join(names), ",".join(urls)]
     return subprocess.Popen(
         [sys.executable, "-m", "tests.flight.fleet_processes", *words], cwd=ROOT, stdout=subprocess.PIPE, text=True
     )
 
 
 def run_processes(seed: int, folder: Path, count: int = 5, span_s: float = 40.0) -> ProcessesFound:
-    """Three stations struggle for all but two of the vehicles, which fly a mission across them; one station is killed, one
-    comes late.
+    """Three stations command all vehicles and struggle for all but two of them, which fly a mission across them; the first
+    dies while it holds control, another comes late.
     """
     told: list[str] = []
     with _vehicles(folder, count, len(SYSTEMS) + 2) as (names, ways, onboard):
-        mine = names[2:]
-        crew = [_station(system, seed, span_s, mine, way[2:]) for system, way in zip(SYSTEMS, ways, strict=False)]
+        crew = [
+            _station(system, seed, span_s, names, way, crash_s=0.0 if number else span_s / 2.0)
+            for number, (system, way) in enumerate(zip(SYSTEMS, ways, strict=False))
+        ]
         (folder / "two.yaml").write_text(TWO)
-        links = [word for url in ways[-1][:2] for word in ("--link", url)]
-        words = ("station", "--headless", "--mission", "two.yaml", "--station-id", "251", *links)
+        links = [word for url in ways[-1][:FLYING] for word in ("--link", url)]
+        words = ("station", "--headless", "--mission", "two.yaml", "--station-id", str(FLYING_STATION), *links)
         with program(*words, folder=folder) as flying:
             time.sleep(span_s / 2.0)
-            crew[0].send_signal(signal.SIGKILL)
-            late = _station(LATE, seed, span_s / 2.0, mine, ways[-2][2:])
+            late = _station(LATE, seed, span_s / 2.0, names, ways[-2])
             for one in (*crew, late):
                 told += one.communicate(timeout=span_s + 60.0)[0].splitlines()
             ended = flying.end()
@@ -172,11 +177,16 @@ def _witness(log: Path) -> Witness:
 
 def _judge(told: Sequence[str], witnesses: dict[str, Witness], mission: str) -> ProcessesFound:
     commands: dict[float, Command] = {}
-    full_s = []
+    full_s, hands = [], []
+    held: list[str] = []
     for line in told:
         said = msgspec.json.decode(line)
         if "full_s" in said:
             full_s.append(said["full_s"])
+        elif "way" in said:
+            hands.append(said["way"])
+        elif "crashed_holding" in said:
+            held = said["crashed_holding"]
         else:
             command = msgspec.convert(said, Command)
             commands[command.rate_hz] = command
@@ -186,7 +196,8 @@ def _judge(told: Sequence[str], witnesses: dict[str, Witness], mission: str) -> 
         accepted=outcomes.count("accepted"),
         refused=outcomes.count("refused"),
         unknown=len(outcomes) - outcomes.count("accepted") - outcomes.count("refused"),
-        hand_overs=sum(len(witness.holders) - 1 for witness in witnesses.values()),
+        hand_overs=ways_of(hands),
+        crashed_holding=passed_on(held, str(SYSTEMS[0]), witnesses),
         late_full_s=round(full_s[-1], 1),
         mission=mission,
         wrong=list(wrongs(commands.values(), witnesses)),
@@ -194,5 +205,5 @@ def _judge(told: Sequence[str], witnesses: dict[str, Witness], mission: str) -> 
 
 
 if __name__ == "__main__":
-    own, chance, span, named, links = sys.argv[1:]
-    asyncio.run(_operate(int(own), int(chance), float(span), named.split(","), links.split(",")))
+    own, chance, span, crash, named, links = sys.argv[1:]
+    asyncio.run(_operate(int(own), int(chance), float(span), float(crash), named.split(","), links.split(",")))

@@ -24,7 +24,7 @@ from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, Undelivered
 from gloc3.exchange.tunnel.layout import Role
-from gloc3.frames import TangentPlane
+from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
 from gloc3.link.heartbeat import Heartbeat
 from gloc3.link.memory import ACOUSTIC, Conditions, MemoryLink
@@ -267,9 +267,16 @@ class Flight:
         return LogShelf(self.plan.out, unfinished, self.cut_log, AtOnce())
 
     def _world(self) -> World:
-        """The world that the mission's frame belongs to; for missions on Earth open ground at their first place."""
+        """The world that the mission's frame belongs to.
+
+        For frames of the platform that is the open, ground or water, at their origin; for missions on Earth at the first
+        place of the mission.
+        """
         if self.plan.world:
             return _fitting(World.load(self.plan.world), self.mission)
+        row = self.platform.frames.get(self.mission.frame)
+        if row is not None and self.mission.frame != "hold":
+            return World.load("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
         if self.mission.frame != "geo":
             return World.load("hold")
         from gloc3_sitl.earth import home_of
@@ -472,8 +479,6 @@ class Flight:
     def _see_pose(self, envelope: Envelope[Pose]) -> None:
         origin = envelope.payload.origin_geo
         if self.frame is None and origin is not None:
-            from gloc3.frames import GeoPoint
-
             self.frame = TangentPlane(GeoPoint(*origin))
 
     def _tell_truth(self) -> None:

@@ -21,6 +21,7 @@ from gloc3_sitl.sensor_server import SensorServer
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.truth_log import TruthLog
 from gloc3_sitl.vehicles.table import style_of
+from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, gusty
 from gloc3_sitl.world import World
 
@@ -30,6 +31,8 @@ ARDUPILOTS_LINK: Final = "station=tcpin://127.0.0.1:5760"
 """Where ArduPilot's own simulation listens, too: MAVProxy, dronekit and pymavlink look for it there."""
 
 MOST_PORT: Final = 65535
+MOST_WAVES_M: Final = 5.0
+MOST_CURRENT_M_S: Final = 3.0
 _COMPANION_PORTS: Final = range(14540, 14550)
 _KINDS: Final = {"station": LinkKind.GROUND, "companion": LinkKind.COMPANION}
 
@@ -46,6 +49,8 @@ app = App(
 
     - `gloc3 sitl`: the Pelican in a cargo hold, as `gloc3 onboard pelican_rtk` and `gloc3 station` look for it
     - `gloc3 sitl --autopilot ardupilot --world open --home 47.3977,8.5456,488,90 --wind 6`: for ground stations of others
+    - `gloc3 sitl --vehicle boat --world open --home 63.4396,10.399,0,0 --waves 0.3`: the Otter in the fjord, for `gloc3
+      onboard boat`; `--vehicle rover` is a Jackal
     - `gloc3 sitl --no-gps --sensors 7010`: with cameras and laser scanner, for `gloc3 onboard pelican --device`
     - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world, see docs/firmware.md""",
     help_format="markdown",
@@ -130,6 +135,8 @@ def sitl(
     seed: int = 0,
     wind: float = 0.0,
     wind_from: float = 0.0,
+    waves: float = 0.0,
+    current: float = 0.0,
     plain_gps: bool = False,
     no_gps: Annotated[bool, Parameter(negative=())] = False,
     battery: float = 1.0,
@@ -154,6 +161,8 @@ def sitl(
         seed: Seed of sensor noise and turbulence.
         wind: Mean speed of a gusty wind, in m/s.
         wind_from: Bearing that the wind blows from, in degrees.
+        waves: Significant height of waves from there, in metres, for what swims.
+        current: Of the water in m/s, to the north, for what swims.
         plain_gps: Metre-level fixes in place of RTK-grade ones.
         no_gps: No satellites: the autopilot is set to fly by the ODOMETRY that it is sent.
         battery: Charge at the start, 1 to 0.
@@ -175,6 +184,10 @@ def sitl(
         raise Refused("--speed must be above 0, and 1000 at most")
     if not 0.0 <= wind <= 30.0:
         raise Refused("--wind must be from 0 to 30 m/s")
+    if not 0.0 <= waves <= MOST_WAVES_M or not abs(current) <= MOST_CURRENT_M_S:
+        raise Refused(
+            f"--waves must be from 0 to {MOST_WAVES_M:g} m, --current from -{MOST_CURRENT_M_S:g} to {MOST_CURRENT_M_S:g} m/s"
+        )
     if not 0.0 <= battery <= 1.0:
         raise Refused("--battery must be from 0 to 1")
     if seed < 0:
@@ -187,6 +200,8 @@ def sitl(
         raise Refused(f"--firmware-port must be a port from 0 to {MOST_PORT}")
     place, heading = (None, None) if home is None else read_home(home)
     air = gusty(wind, wind_from) if wind > 0.0 else CALM
+    there = World.load(world, place, heading)
+    there.water = rough(there.water, waves_m=waves, waves_from_deg=wind_from, current_m_s=current)
     parameters = dict(read_parameter(text) for text in param or ())
     if firmware is not None:
         if battery != 1.0:
@@ -197,7 +212,7 @@ def sitl(
             run_firmware(
                 FirmwareOptions(
                     firmware=firmware,
-                    world=World.load(world, place, heading),
+                    world=there,
                     body=BodySettings(
                         vehicle=vehicle, seed=seed, wind=air, is_without_gps=no_gps, is_plain_gps=plain_gps
                     ),
@@ -216,7 +231,7 @@ def sitl(
     if firmware_binary is not None or firmware_running or firmware_port is not None:
         raise Refused("--firmware-binary, -running and -port need --firmware ardupilot or --firmware px4")
     simulator = Simulator(
-        World.load(world, place, heading),
+        there,
         vehicle=vehicle,
         style=autopilot,
         seed=seed,

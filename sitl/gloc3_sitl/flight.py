@@ -71,12 +71,14 @@ from gloc3_sitl.sim_imu import SimImu
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.vehicles.table import style_of, vehicle_of_type
+from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
 
 STATION_ID: Final = 255
 STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
+WEST_DEG: Final = 270.0
 DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu")
 """What the onboard process of a flight has."""
 SIMULATED: Final = "simulated"
@@ -101,6 +103,10 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """That autopilot's real firmware flies, in place of one of ours; `autopilot` is `ardupilot` then."""
     seed: int = 0
     wind: Wind = CALM
+    waves_m: float = 0.0
+    """Significant height of the waves, from the west; of what swims."""
+    current_m_s: float = 0.0
+    """Of the water, to the north."""
     out: Path | None = None
     """Folder for the log and the pictures; None keeps nothing."""
     parameters: dict[str, float] = {}
@@ -212,6 +218,7 @@ class Flight:
         """Of the log that is being written."""
         self.recorder = self._open_log()
         world = self._world()
+        world.water = rough(world.water, waves_m=plan.waves_m, waves_from_deg=WEST_DEG, current_m_s=plan.current_m_s)
         self.simulator: Final = self._simulator(world)
         self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
         self._pictures = PictureFolder(plan.out / "images", self.rig) if plan.out is not None else NoPictures()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import msgspec
 
 from gloc3.requested_path import RequestedFlight
-from gloc3_sitl.path_error import LegResult, PathResult, Sample, path_error
+from gloc3_sitl.path_error import PASSED_M, LegResult, PathResult, Sample, path_error
 
 
 class FlightReport(msgspec.Struct, kw_only=True):
@@ -32,7 +32,9 @@ class FlightReport(msgspec.Struct, kw_only=True):
     path_max_error_m: float | None = None
     waypoints: int = 0
     waypoints_passed: int = 0
-    """In their order, within 0.3 m."""
+    """In their order, within `passed_within_m`."""
+    passed_within_m: float = PASSED_M
+    """So near a waypoint counts as passed."""
     slowest_leg_share: float | None = None
     """The smallest mean speed of a leg, as a share of the speed asked for."""
     images: int = 0
@@ -42,15 +44,18 @@ class FlightReport(msgspec.Struct, kw_only=True):
     """What the flight cost: seconds of wall time."""
 
 
-def judge(report: FlightReport, samples: Sequence[Sample], requested: Sequence[RequestedFlight]) -> list[PathResult]:
+def judge(
+    report: FlightReport, samples: Sequence[Sample], requested: Sequence[RequestedFlight], near_m: float = PASSED_M
+) -> list[PathResult]:
     """Fills in the figures of the path; returns those of each flight along waypoints."""
+    report.passed_within_m = near_m
     results: list[PathResult] = []
     for flight in requested:
         end_s = math.inf if flight.end_s is None else flight.end_s
         flown = [sample for sample in samples if flight.start_s <= sample.t_s <= end_s]
         if flown:
             polyline = [flown[0].position_ned_m, *flight.polyline_ned_m[1:]]
-            results.append(path_error(flown, polyline))
+            results.append(path_error(flown, polyline, near_m))
     count = sum(result.samples for result in results)
     if count:
         square = sum(result.rms_m**2 * result.samples for result in results)
@@ -88,7 +93,9 @@ def as_lines(report: FlightReport) -> list[str]:
     lines.append(f"  flown    {report.flight_time_s:.1f} s, {report.distance_m:.1f} m")
     if report.path_rms_error_m is not None:
         lines.append(f"  path     RMS {report.path_rms_error_m:.3f} m, max {report.path_max_error_m:.3f} m")
-        lines.append(f"  passed   {report.waypoints_passed} of {report.waypoints} waypoints in order within 0.3 m")
+        lines.append(
+            f"  passed   {report.waypoints_passed} of {report.waypoints} waypoints in order within {report.passed_within_m:g} m"
+        )
     if report.slowest_leg_share is not None:
         lines.append(f"  speed    slowest leg at {100.0 * report.slowest_leg_share:.0f} % of what was asked")
     if report.images:

@@ -1,6 +1,7 @@
 """Flies a mission in virtual time from start-up to report; what `gloc3 fly` runs."""
 
 import asyncio
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -16,6 +17,7 @@ from gloc3_sitl.flight import Flight, FlightPlan
 from gloc3_sitl.flight_report import FlightReport, as_json, judge
 from gloc3_sitl.flight_watch import FlightWatch, Narrate
 from gloc3_sitl.mission_file import MissionFile, read_mission_file
+from gloc3_sitl.path_error import PASSED_M, Sample
 from gloc3_sitl.wind import CALM, Wind
 
 START_WITHIN_S: Final = 300.0
@@ -36,6 +38,8 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     """The real firmware of that name in place of an autopilot of ours."""
     seed: int = 0
     wind: Wind = CALM
+    waves_m: float = 0.0
+    current_m_s: float = 0.0
     faults: tuple[str, ...] = ()
     world: str = ""
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
@@ -72,6 +76,8 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         is_firmware=options.is_firmware,
         seed=options.seed,
         wind=options.wind,
+        waves_m=options.waves_m,
+        current_m_s=options.current_m_s,
         world=options.world,
         out=options.out,
     )
@@ -84,7 +90,14 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         if isinstance(flight.simulator, FirmwareInStep) and flight.simulator.problem:
             report.mission_state, report.reason = "failed", flight.simulator.problem
         watch.land(flight.loop.time())
-        judge(report, flight.samples, watch.path.flights)
+        limits = flight.platform.limits
+        near_m = max(PASSED_M, limits.survey_acceptance_m)
+        judge(
+            report,
+            _level(flight.samples) if limits.survey_height_m == 0.0 else flight.samples,
+            watch.path.flights,
+            near_m,
+        )
         if flight.recorder is not None:
             flight.recorder.write_requested_path(watch.path.points_ned_m)
         end_s, simulated_s = Clock.cost_s(), flight.loop.time()
@@ -120,6 +133,11 @@ async def _to_the_end(flight: Flight, estimate_s: float) -> tuple[str, str]:
     except TimeoutError:
         return "failed", f"not ended after {PATIENCE:g} times the estimate of {estimate_s:.0f} s, and a minute"
     return end.state, end.reason
+
+
+def _level(samples: Sequence[Sample]) -> list[Sample]:
+    """The way on the map, for what stays on the ground or on the water and is lifted by that."""
+    return [Sample(sample.t_s, (sample.position_ned_m[0], sample.position_ned_m[1], 0.0)) for sample in samples]
 
 
 def _write(out: Path, report: FlightReport, flight: Flight, watch: FlightWatch) -> None:

@@ -14,6 +14,8 @@ from gloc3_sitl.wind import CALM, gusty
 EXIT_DONE: Final = 0
 EXIT_FAILED: Final = 1
 MOST_WIND_M_S: Final = 30.0
+MOST_WAVES_M: Final = 5.0
+MOST_CURRENT_M_S: Final = 3.0
 
 app = App(
     name="gloc3 fly",
@@ -25,6 +27,7 @@ app = App(
     - `gloc3 fly hop`: the shortest mission there is
     - `gloc3 fly inspection --out runs/inspection`: leaves log.mcap, report.json, path.svg and images there
     - `gloc3 fly my.plan --autopilot ardupilot --wind 6 --seed 7 --json`
+    - `gloc3 fly survey --platform boat --waves 0.3 --current 0.2 --wind 5`: the same survey is for `rover`, too
     - `gloc3 fly patrol --fault link_loss@30..60 --fault crash:limiter@80`
 
     Faults are written KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]], with times in seconds of the flight:
@@ -55,6 +58,8 @@ def fly(
     firmware: Literal["ardupilot"] | None = None,
     seed: int = 0,
     wind: float = 0.0,
+    waves: float = 0.0,
+    current: float = 0.0,
     fault: Annotated[list[str], Parameter(negative=())] | None = None,
     world: str = "",
     out: Path | None = None,
@@ -64,7 +69,7 @@ def fly(
     """Fly a mission to its end and report.
 
     Args:
-        mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, patrol.
+        mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, patrol, survey.
         platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
             Pelican, with a receiver for satellites where the mission is on Earth.
         autopilot: The style of the simulated autopilot; else the usual one of the vehicle.
@@ -72,6 +77,8 @@ def fly(
             docs/firmware.md.
         seed: Of all chance: sensor noise, turbulence, links, boot numbers.
         wind: Mean wind in m/s from the west, gusty; 0 is calm air.
+        waves: Significant height of waves from the west, in metres, for what swims.
+        current: Of the water in m/s, to the north, for what swims.
         fault: Something that goes wrong, such as link_loss@30..60; may be given several times.
         world: World to fly in: the name of one of ours, such as hold_hard or hold_busy, or a world file; else the one that
             the mission's frame belongs to.
@@ -83,6 +90,10 @@ def fly(
     begin_s = Clock.cost_s()
     if not 0.0 <= wind <= MOST_WIND_M_S:
         raise Refused(f"--wind must be from 0 to {MOST_WIND_M_S:g} m/s")
+    if not 0.0 <= waves <= MOST_WAVES_M:
+        raise Refused(f"--waves must be from 0 to {MOST_WAVES_M:g} m")
+    if not abs(current) <= MOST_CURRENT_M_S:
+        raise Refused(f"--current must be from -{MOST_CURRENT_M_S:g} to {MOST_CURRENT_M_S:g} m/s")
     if seed < 0:
         raise Refused("--seed must be 0 or more")
     from gloc3.platform import load_platform
@@ -111,6 +122,8 @@ def fly(
         is_firmware=firmware is not None,
         seed=seed,
         wind=gusty(wind, from_deg=270.0) if wind > 0.0 else CALM,
+        waves_m=waves,
+        current_m_s=current,
         faults=tuple(fault or ()),
         world=world,
         out=out,

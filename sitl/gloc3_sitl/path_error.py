@@ -1,7 +1,7 @@
 """How well a flight kept to the way that was asked for: the figures by which flights are judged.
 
 The error of a sample is the distance of the true position to the requested polyline at or after the progress already
-made; progress may grow by at most `LOOK_AHEAD_M` between two samples, so that a leg cannot be skipped unseen.
+made; progress may grow by at most `LOOK_AHEAD_M` (more for what turns wide) between two samples, so that a leg cannot be skipped unseen.
 """
 
 import itertools
@@ -43,7 +43,7 @@ class PathResult(msgspec.Struct, frozen=True):
     samples: int
     legs: list[LegResult]
     passed: int
-    """Waypoints that were passed within `PASSED_M`, in their order, before the first that was not."""
+    """Waypoints that were passed near enough, in their order, before the first that was not."""
 
     @property
     def is_complete(self) -> bool:
@@ -56,13 +56,15 @@ class PathResult(msgspec.Struct, frozen=True):
         return min((leg.mean_speed_m_s for leg in self.legs), default=0.0)
 
 
-def path_error(samples: Sequence[Sample], polyline: Sequence[Vector3]) -> PathResult:
+def path_error(samples: Sequence[Sample], polyline: Sequence[Vector3], near_m: float = PASSED_M) -> PathResult:
     """Compares a flight with the way that was asked for.
 
     Args:
         samples: the true positions, in time order (10 Hz is meant).
         polyline: where the vehicle was at the begin, then every waypoint.
+        near_m: how near a waypoint is passed; what turns wide needs more, and then may be farther ahead.
     """
+    ahead_m = max(LOOK_AHEAD_M, 4.0 * near_m)
     starts = [0.0]
     for a, b in itertools.pairwise(polyline):
         starts.append(starts[-1] + math.dist(a, b))
@@ -71,11 +73,11 @@ def path_error(samples: Sequence[Sample], polyline: Sequence[Vector3]) -> PathRe
     passing: list[float | None] = [samples[0].t_s] + [None] * (len(polyline) - 1) if samples else []
     misses = [math.inf] * len(polyline)
     for sample in samples:
-        error_m, reached_m = _nearest(sample.position_ned_m, polyline, starts, progress_m)
+        error_m, reached_m = _nearest(sample.position_ned_m, polyline, starts, progress_m, ahead_m)
         errors.append(error_m)
         progress_m = max(progress_m, reached_m)
         for index in range(1, len(polyline)):
-            if abs(starts[index] - progress_m) <= LOOK_AHEAD_M:
+            if abs(starts[index] - progress_m) <= ahead_m:
                 misses[index] = min(misses[index], math.dist(sample.position_ned_m, polyline[index]))
             is_reached = progress_m >= starts[index] - 0.05
             if passing[index] is None and is_reached:
@@ -83,7 +85,7 @@ def path_error(samples: Sequence[Sample], polyline: Sequence[Vector3]) -> PathRe
     legs = [_leg(starts, passing, misses, index) for index in range(1, len(polyline))]
     passed = 0
     for leg in legs:
-        if leg.miss_m > PASSED_M or leg.duration_s == math.inf:
+        if leg.miss_m > near_m or leg.duration_s == math.inf:
             break
         passed += 1
     rms_m = math.sqrt(sum(error * error for error in errors) / len(errors)) if errors else math.inf
@@ -99,12 +101,12 @@ def _leg(starts: Sequence[float], passing: Sequence[float | None], misses: Seque
 
 
 def _nearest(
-    position: Vector3, polyline: Sequence[Vector3], starts: Sequence[float], progress_m: float
+    position: Vector3, polyline: Sequence[Vector3], starts: Sequence[float], progress_m: float, ahead_m: float
 ) -> tuple[float, float]:
     """Distance to the polyline between `progress_m` and the look-ahead, and the way along it to the nearest point."""
     best_m, best_at = math.inf, progress_m
     for index in range(len(polyline) - 1):
-        if starts[index + 1] < progress_m or starts[index] > progress_m + LOOK_AHEAD_M:
+        if starts[index + 1] < progress_m or starts[index] > progress_m + ahead_m:
             continue
         a, b = polyline[index], polyline[index + 1]
         length_m = starts[index + 1] - starts[index]
@@ -113,7 +115,7 @@ def _nearest(
         along = [(q - p) / length_m for p, q in zip(a, b, strict=True)]
         way = sum((x - p) * u for x, p, u in zip(position, a, along, strict=True))
         low = max(progress_m - starts[index], 0.0)
-        high = min(progress_m + LOOK_AHEAD_M - starts[index], length_m)
+        high = min(progress_m + ahead_m - starts[index], length_m)
         way = min(max(way, low), high)
         point = [p + u * way for p, u in zip(a, along, strict=True)]
         distance_m = math.dist(position, point)

@@ -3,6 +3,7 @@
 from typing import Annotated, Final
 
 import msgspec
+from msgspec.structs import replace
 
 from gloc3.frames import Vector3
 
@@ -30,6 +31,13 @@ class Water(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     current_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
     """Velocity of the water, north, east and down."""
     waves: Waves | None = None
+
+
+def rough(water: Water, *, waves_m: float = 0.0, waves_from_deg: float = 0.0, current_m_s: float = 0.0) -> Water:
+    """The same water with waves, and with a current to the north, where they are wanted."""
+    if waves_m > 0.0:
+        water = replace(water, waves=Waves(height_m=waves_m, from_deg=waves_from_deg))
+    return replace(water, current_ned_m_s=(current_m_s, 0.0, 0.0)) if current_m_s else water
 
 
 STILL: Final = Water()

@@ -14,10 +14,10 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("common/gloc3", "onboard/gloc3_onboard", "groundstation/gloc3_groundstation", "sitl/gloc3_sitl")
 BY_NAME = (
     *(f"{Path(package).name}/py.typed" for package in PACKAGES),
-    *(f"gloc3/mission/examples/{name}.yaml" for name in ("hop", "inspection", "patrol")),
+    *(f"gloc3/mission/examples/{name}.yaml" for name in ("hop", "inspection", "patrol", "survey")),
     *(
         f"gloc3_onboard/platforms/{name}.yaml"
-        for name in ("copter", "hummingbird", "pelican", "pelican_rtk", "rover", "submarine")
+        for name in ("boat", "copter", "hummingbird", "pelican", "pelican_rtk", "rover", "submarine")
     ),
     "gloc3_sitl/world/worlds/hold.yaml",
     "gloc3_sitl/aircraft/pelican/pelican.xml",

@@ -22,7 +22,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["mission"], "Usage: gloc3 mission COMMAND"),
     (["mission", "chek", "hop"], "no command 'chek'; did you mean 'check'?"),
     (["mission", "check"], "MISSION is missing"),
-    (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, patrol)"),
+    (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, patrol, survey)"),
     (["mission", "check", "hop", "more"], "nothing was expected after the arguments, but there is 'more'"),
     (["mission", "convert", "hop", "x.doc"], "unknown kind of file '.doc'"),
     (["fly"], "MISSION is missing"),

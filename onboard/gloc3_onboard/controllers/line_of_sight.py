@@ -45,8 +45,10 @@ class LineOfSightSettings(Settings, frozen=True):
     """It steers for the place where it would be on the way in so many seconds: longer is calmer, shorter is nearer."""
     lookahead_m: Annotated[float, Bounds(0.5, 100.0)] = 3.0
     """But no nearer than this, in metres: one to two lengths of the vehicle."""
-    integral: Annotated[float, Bounds(0.0, 1.0)] = 0.08
-    """How fast it learns the drift across the way, 1/s: less than a quarter of 1/`lookahead_s`."""
+    drift_s: Annotated[float, Bounds(0.1, 60.0)] = 3.0
+    """The drift to the side that the pose tells is averaged over so long, and steered against."""
+    integral: Annotated[float, Bounds(0.0, 1.0)] = 0.04
+    """How fast it learns what is left across the way, 1/s: less than a quarter of 1/`lookahead_s`."""
     turn_rate_rad_s: Annotated[float, Bounds(0.02, 3.0)] = 0.1
     """How fast it turns under way: corners are passed no faster than that allows within the acceptance."""
     climb_m_s: Annotated[float, Bounds(0.0, 5.0)] = 0.0
@@ -77,7 +79,7 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
         "go_to": FollowWaypointsOrder,
         "return_home": ReturnHome,
     }
-    loggable = ("waypoint", "cross_track_m", "crab_m", "left_m")
+    loggable = ("waypoint", "cross_track_m", "crab_m", "drift_m_s", "left_m")
 
     pose = Input(Pose)
     home = Input(Home)
@@ -86,7 +88,7 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
 
     def __init__(self) -> None:
         self.waypoint = 0
-        self.cross_track_m = self.crab_m = self.left_m = 0.0
+        self.cross_track_m = self.crab_m = self.left_m = self.drift_m_s = 0.0
         self._settings = LineOfSightSettings()
         self._pose: Pose | None = None
         self._home_ned_m: Vector3 | None = None
@@ -99,7 +101,7 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
         self._last_s = now_s
         self._now_m_s = self._alone_s = self._length_m = 0.0
         self._nearest_m, self._nearer_s = math.inf, now_s
-        self._misses = 0
+        self._misses, self.drift_m_s = 0, 0.0
         self._resting_since_s: float | None = None
         self._refusal = ""
 
@@ -134,6 +136,11 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
         if passed and not order.hold_s:
             passed = next_ahead(pose.position_ned_m, order.waypoints_ned_m, passed, order.acceptance_m)
         start = order.waypoints_ned_m[passed - 1] if passed else pose.position_ned_m
+        while not order.hold_s and passed < count - 1:
+            here = order.waypoints_ned_m[passed]
+            if math.dist(here[:2], pose.position_ned_m[:2]) > order.acceptance_m:
+                break
+            start, passed = here, passed + 1
         self._head_for(passed, start, now_s)
 
     def _way_home(self, arguments: ReturnHome) -> FollowWaypointsOrder:
@@ -220,13 +227,23 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
         wanted = slowed_m_s(
             order.speed_m_s, guidance.left_m, self._end_m_s(order), BRAKING_SHARE * settings.acceleration_m_s2
         )
+        heading_rad = self._against_drift(guidance.heading_rad, pose, duration_s)
         # The farther the nose is off, the less it helps to go on.
-        wanted *= max(SLOWLY, math.cos(guidance.heading_rad - yaw_of(pose.ned_from_frd)))
+        wanted *= max(SLOWLY, math.cos(heading_rad - yaw_of(pose.ned_from_frd)))
         self._now_m_s = max(
             min(LEAST_M_S, order.speed_m_s), min(wanted, self._now_m_s + settings.acceleration_m_s2 * duration_s)
         )
-        north, east, _ = heading_vector(guidance.heading_rad, self._now_m_s)
+        north, east, _ = heading_vector(heading_rad, self._now_m_s)
         return Setpoint(action_id=action_id, velocity_ned_m_s=(north, east, self._sink_m_s(pose, place)))
+
+    def _against_drift(self, course_rad: float, pose: Pose, duration_s: float) -> float:
+        """The heading that makes a course good, by the speed to the side that the pose tells."""
+        yaw, (north, east, _) = yaw_of(pose.ned_from_frd), pose.velocity_ned_m_s
+        heading_rad = course_rad - math.atan2(self.drift_m_s, max(self._now_m_s, LEAST_M_S))
+        if abs(wrap_pi(heading_rad - yaw)) < STRAIGHT_ON_RAD:  # in a turn it slips
+            aside_m_s = east * math.cos(yaw) - north * math.sin(yaw)
+            self.drift_m_s += min(1.0, duration_s / self._settings.drift_s) * (aside_m_s - self.drift_m_s)
+        return wrap_pi(heading_rad)
 
     def _rest(
         self, order: FollowWaypointsOrder, pose: Pose, place: Vector3, now_s: float, *, is_last: bool

@@ -1,4 +1,4 @@
-"""The first attitude: which way is down and north, found while the vehicle stands still."""
+"""The first attitude: which way is down and north, found while the vehicle stands still, or rocks about its middle."""
 
 from math import asin, atan2, sqrt
 
@@ -8,15 +8,19 @@ _SAMPLES = 160
 """IMU samples that are averaged: 0.8 s at 200 Hz."""
 _STILL_RAD_S = 0.1
 """Largest body rate that still counts as standing."""
+_PATIENCE = 2000
+"""After so many samples without rest, 10 s, it floats: then so much rocking is averaged over several waves."""
+_ROCKING_RAD_S = 1.5
+_ROCKING_SAMPLES = 1600
 
 
 class Alignment:
     """Averages the IMU while nothing moves; then gives attitude and gyro bias."""
 
-    __slots__ = ("_count", "_force", "_rate", "field_frd")
+    __slots__ = ("_count", "_force", "_rate", "_seen", "field_frd")
 
     def __init__(self) -> None:
-        self._count = 0
+        self._count = self._seen = 0
         self._force: Vector3 = (0.0, 0.0, 0.0)
         self._rate: Vector3 = (0.0, 0.0, 0.0)
         self.field_frd: Vector3 | None = None
@@ -25,7 +29,10 @@ class Alignment:
     def add(self, force_frd_m_s2: Vector3, rate_frd_rad_s: Vector3) -> bool:
         """Takes in one IMU sample; true when the average is complete."""
         p, q, r = rate_frd_rad_s
-        if p * p + q * q + r * r > _STILL_RAD_S * _STILL_RAD_S:
+        self._seen += 1
+        is_afloat = self._seen > _PATIENCE
+        most = _ROCKING_RAD_S if is_afloat else _STILL_RAD_S
+        if p * p + q * q + r * r > most * most:
             self._count = 0
             self._force = self._rate = (0.0, 0.0, 0.0)
             return False
@@ -35,7 +42,7 @@ class Alignment:
         ap, aq, ar = self._rate
         self._rate = (ap + p, aq + q, ar + r)
         self._count += 1
-        return self._count >= _SAMPLES
+        return self._count >= (_ROCKING_SAMPLES if is_afloat else _SAMPLES)
 
     @property
     def gyro_bias_rad_s(self) -> Vector3:

@@ -13,10 +13,22 @@ from gloc3.errors import Gloc3Error, InputError
 from gloc3.mission.abilities import abilities
 from gloc3.mission.arguments import Arguments, argument_kinds
 from gloc3.platform import Capability, Platform
+from gloc3.schema import in_words
 from gloc3.units import split_unit
 
-PAIRS: Final = {"waypoints_m": "waypoints", "position_m": "position", "at_m": "at"}
+PAIRS: Final = {
+    "waypoints_m": "waypoints",
+    "position_m": "position",
+    "at_m": "at",
+    "area_m": "area",
+    "wall_m": "wall",
+    "to_m": "to",
+}
 """Arguments in a local frame, and those that stand for them in frame geo."""
+LISTS: Final = ("waypoints_m", "area_m", "wall_m", "to_m")
+"""Those of them that are several positions."""
+FLAT: Final = ("at_m", "area_m", "wall_m", "to_m")
+"""Those of them whose positions have no height."""
 
 
 class Shape(StrEnum):
@@ -104,9 +116,9 @@ def arguments_of(form: Form, row: Capability, typed: Mapping[str, str]) -> dict[
     try:
         msgspec.convert(found, kind)
     except msgspec.ValidationError as error:
-        message, _, path = str(error).partition(" - at `$")
+        path = str(error).partition(" - at `$")[2]
         name = re.match(r"\.?(\w*)", path)
-        raise FormError(name.group(1) if name else "", _plain(message)) from None
+        raise FormError(name.group(1) if name else "", in_words(error)) from None
     return found
 
 
@@ -114,10 +126,12 @@ def _field(line: FieldLine, options: tuple[str, ...], *, is_geo: bool) -> Field:
     name, place = line.name, "latitude, longitude, height" if is_geo else "x, y, height"
     label, unit = split_unit(name)
     shape, hint = Shape.VALUE, line.bounds
-    if name in ("waypoints_m", "waypoints"):
-        shape, hint = Shape.POSITIONS, f"{place}; {place}; …"
-    elif name in (*PAIRS, *PAIRS.values()):
-        shape, hint = Shape.POSITION, place.removesuffix(", height") if name in ("at_m", "at") else place
+    local = _local(name)
+    where = place.removesuffix(", height") if local in FLAT else place
+    if local in LISTS:
+        shape, hint = Shape.POSITIONS, f"{where}; {where}; …"
+    elif local in PAIRS:
+        shape, hint = Shape.POSITION, where
     elif name == "heading":
         hint = f"along, hold, degrees, or {{look_at: [{place}]}}"
     choices = options or tuple(re.findall(r"'([^']*)'", line.type)) if name != "heading" else ()
@@ -130,7 +144,7 @@ def _field(line: FieldLine, options: tuple[str, ...], *, is_geo: bool) -> Field:
         hint=" | ".join(choices) if choices else hint.replace(">= ", "≥ ").replace("<= ", "≤ "),
         doc=_plain_doc(line.doc) if shape is Shape.VALUE and name != "heading" else "",
         default=default or (choices[0] if len(choices) == 1 else ""),
-        is_required=line.is_required or (shape is not Shape.VALUE and name not in ("at_m", "at")),
+        is_required=line.is_required or (shape is not Shape.VALUE and local != "at_m"),
         choices=choices,
     )
 
@@ -150,7 +164,7 @@ def _value(field: Field, text: str) -> Any:
 
 def _position(field: Field, text: str) -> list[float]:
     parts = text.strip().strip("[]").replace(",", " ").split()
-    wanted = 2 if field.name in ("at_m", "at") else 3
+    wanted = 2 if _local(field.name) in FLAT else 3
     try:
         numbers = [float(part) for part in parts]
     except ValueError:
@@ -160,17 +174,9 @@ def _position(field: Field, text: str) -> list[float]:
     return numbers
 
 
-def _plain(message: str) -> str:
-    words = {
-        "`float`": "a number",
-        "`int`": "a whole number",
-        "`str`": "text",
-        "`array`": "a list",
-        "`object`": "a mapping",
-    }
-    for technical, plain in words.items():
-        message = message.replace(technical, plain)
-    return message[:1].lower() + message[1:]
+def _local(name: str) -> str:
+    """An argument by its name in a local frame."""
+    return next((local for local, geo in PAIRS.items() if geo == name), name)
 
 
 def _plain_doc(doc: str) -> str:

@@ -12,7 +12,7 @@ def test_a_form_has_unit_bounds_default_and_choices_and_asks_first_for_what_is_n
     go_to = form_for("go_to", ROWS["go_to"], is_geo=False)
     assert [field.name for field in go_to.fields] == ["position_m", "speed_m_s", "heading", "acceptance_m", "hold_s"]
     speed = go_to.fields[1]
-    assert (speed.label, speed.unit, speed.hint, speed.default) == ("speed", "m/s", "> 0, ≤ 50", "1.0")
+    assert (speed.label, speed.unit, speed.hint, speed.default) == ("speed", "m/s", "> 0, ≤ 50", "")
     assert form_for("go_to", ROWS["go_to"], is_geo=True).fields[0].name == "position"
     camera = form_for("record_images", ROWS["record_images"], is_geo=False).fields[0]
     assert (camera.choices, camera.default) == (("ground",), "ground")
@@ -29,6 +29,10 @@ def test_what_was_typed_becomes_the_arguments_of_a_mission_file() -> None:
         "speed_m_s": 0.5,
         "heading": {"look_at": [0, 0, 1]},
     }
+    row = capabilities(None)["survey"]
+    typed = {"area_m": "0 0; 4 0; 4 4", "spacing_m": "2"}
+    found = arguments_of(form_for("survey", row, is_geo=False), row, typed)
+    assert found == {"area_m": [[0, 0], [4, 0], [4, 4]], "spacing_m": 2}
 
 
 @pytest.mark.parametrize(
@@ -37,7 +41,7 @@ def test_what_was_typed_becomes_the_arguments_of_a_mission_file() -> None:
         ("go_to", {}, "position_m", "position must be given"),
         ("go_to", {"position_m": "1 2"}, "position_m", "2 numbers where 3 are needed"),
         ("go_to", {"position_m": "here"}, "position_m", "no position"),
-        ("go_to", {"position_m": "1 2 3", "speed_m_s": "fast"}, "speed_m_s", "expected a number, got text"),
+        ("go_to", {"position_m": "1 2 3", "speed_m_s": "fast"}, "speed_m_s", "expected a number"),
         ("go_to", {"position_m": "1 2 3", "speed_m_s": "90"}, "speed_m_s", "<= 50"),
         ("go_to", {"position_m": "1 2 3", "heading": "{look_at: ["}, "heading", ""),
         ("go_to", {"position_m": "1 2 nan"}, "position_m", ""),

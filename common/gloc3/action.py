@@ -73,6 +73,7 @@ class ActionPerformer:
         reason: str = "",
         *,
         achieved: int | None = None,
+        is_blocked: bool = False,
     ) -> None:
         """Says how far the action is; with `done` or `failed` it ends.
 
@@ -83,11 +84,14 @@ class ActionPerformer:
             reason: why it is in that state, or gets no further.
             achieved: waypoints passed, pictures taken: what is reported at once, so that no restart has it done again;
                 None for as many as before.
+            is_blocked: whether an obstacle is in the way.
         """
         before = self._action
         assert before is not None
         achieved = before.achieved if achieved is None else achieved
         if state is not before.state or reason != before.reason or achieved != before.achieved:
+            self._is_changed = True
+        if is_blocked != before.is_blocked:
             self._is_changed = True
         self._action = ActionStatus(
             action_id=before.action_id,
@@ -95,6 +99,7 @@ class ActionPerformer:
             progress=min(max(progress, 0.0), 1.0),
             reason=reason,
             achieved=achieved,
+            is_blocked=is_blocked,
         )
         if state not in _UNDER_WAY:
             self.end_action(now_s)

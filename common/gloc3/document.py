@@ -43,6 +43,15 @@ class Document:
             node = node.children[step]
         return node
 
+    def seen_as(self, key: str, other: str) -> "Document":
+        """The same document with what stands under one key in the place of another."""
+        root = Node(self.root.value, self.root.line, self.root.column, self.root.file)
+        root.children, root.key_places = dict(self.root.children), dict(self.root.key_places)
+        root.children.pop(key, None)
+        if other in self.root.children:
+            root.children[key], root.key_places[key] = root.children[other], root.key_places[other]
+        return Document(self.file, root)
+
     def finding(
         self, where: Where, message: str, hint: str = "", *, at_key: bool = False, is_warning: bool = False
     ) -> Finding:

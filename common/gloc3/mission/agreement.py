@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from gloc3.errors import Finding
-from gloc3.mission.model import Mission
+from gloc3.mission.model import Mission, answer
 from gloc3.mission.policy import SEVERITY, Policy, resolved
 from gloc3.platform import Platform
 
@@ -80,7 +80,7 @@ def _pose_lost(mission: Mission, platform: Platform) -> Iterator[Finding]:
 
 
 def _policy(mission: Mission, key: str) -> Policy:
-    return resolved(Policy(getattr(mission.policies, key)), mission.policies.on_failure)
+    return resolved(answer(getattr(mission.policies, key)), mission.policies.on_failure)
 
 
 def _finding(mission: Mission, key: str, message: str, hint: str) -> Finding:

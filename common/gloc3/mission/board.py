@@ -10,7 +10,7 @@ from gloc3.mission.abilities import abilities
 from gloc3.mission.assignments import Assignment, Assignments
 from gloc3.mission.conditions import Readings
 from gloc3.mission.items import MISSION, ActionRun, Item, Program, TaskRun
-from gloc3.mission.model import Mission, Policies
+from gloc3.mission.model import Contingency, Mission, Policies
 from gloc3.mission.policy import Policy
 from gloc3.mission.requests import Told
 from gloc3.mission.snapshot import PlannedSilence, Snapshot
@@ -30,6 +30,8 @@ class Condition(StrEnum):
     LOW_BATTERY = "low battery"
     POSE_LOST = "pose lost"
     FENCE_BREACHED = "fence breached"
+    OBSTACLE = "obstacle"
+    """In the way of the action that moves the vehicle, for too long."""
     PLATFORM_LOST = "platform lost"
     """Another platform of the mission, whose tasks are waited for."""
 
@@ -37,7 +39,7 @@ class Condition(StrEnum):
 class Manoeuvre:
     """A policy that is being carried out."""
 
-    __slots__ = ("again_s", "assignment", "cause", "land_at_s", "policy", "trouble")
+    __slots__ = ("again_s", "assignment", "cause", "contingency", "land_at_s", "policy", "program", "trouble")
 
     def __init__(self, policy: Policy, cause: str) -> None:
         self.policy = policy
@@ -51,6 +53,10 @@ class Manoeuvre:
         """When its action is tried again."""
         self.trouble = ""
         """Why it could not be begun last; told once."""
+        self.contingency: Contingency | None = None
+        """The task that runs in its place first."""
+        self.program: Program | None = None
+        """With a contingency: its run."""
 
 
 class Board:
@@ -84,6 +90,8 @@ class Board:
         self.missing_since_s: Final[dict[str, float]] = {}
         self.readings: Readings = {}
         """What is measured now."""
+        self.blocked_since_s: float | None = None
+        """When an obstacle came into the way of the action that moves the vehicle; None where none is."""
         self.is_watching = False
         """Something waits for its guard."""
         self.reported_airborne = False
@@ -196,4 +204,5 @@ class Board:
             cause=self.manoeuvre.cause if self.manoeuvre is not None else "",
             has_pilot=self.has_pilot,
             silence=self.silence,
+            contingency=self.manoeuvre.contingency if self.manoeuvre is not None else None,
         )

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from gloc3.document import Document, Where
 from gloc3.errors import Finding
 from gloc3.mission.estimate import Estimate
-from gloc3.mission.model import Mission, where_of
+from gloc3.mission.model import Mission, answer, where_of
 from gloc3.platform import Platform
 
 
@@ -14,10 +14,14 @@ def budget_findings(mission: Mission, figures: Estimate, platform: Platform | No
     document = mission.document
     if document is None:
         return []
-    return [*_time(mission, figures, document), *_energy(mission, figures, platform, document)]
+    return [*time_findings(mission, figures), *_energy(mission, figures, platform, document)]
 
 
-def _time(mission: Mission, figures: Estimate, document: Document) -> Iterator[Finding]:
+def time_findings(mission: Mission, figures: Estimate) -> Iterator[Finding]:
+    """Deadlines that cannot be kept, and actions without an end."""
+    document = mission.document
+    if document is None:
+        return
     for target, part in figures.actions.items():
         if part.is_endless:
             hint = "give it until with its companion, or a duration or count"
@@ -48,7 +52,7 @@ def _energy(mission: Mission, figures: Estimate, platform: Platform | None, docu
             "make it shorter, or several missions",
         )
     reserve_wh = power.battery_wh * power.reserve
-    if mission.policies.on_low_battery == "return" and figures.return_wh > reserve_wh:
+    if answer(mission.policies.on_low_battery) == "return" and figures.return_wh > reserve_wh:
         yield document.finding(
             ("on_low_battery",),
             f"to return from the farthest place takes {figures.return_wh:.1f} Wh, more than the reserve "

@@ -12,7 +12,9 @@ from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.abilities import WAIT, abilities
 from gloc3.mission.agreement import agreement_findings
 from gloc3.mission.arguments import SetOff, argument_kinds
-from gloc3.mission.budget_check import budget_findings
+from gloc3.mission.budget_check import budget_findings, time_findings
+from gloc3.mission.contingencies import part_of
+from gloc3.mission.contingency_check import contingency_findings
 from gloc3.mission.estimate import Estimate, estimate, together
 from gloc3.mission.examples import find_mission
 from gloc3.mission.guard_check import guard_findings
@@ -125,7 +127,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
         reading = inspect_mission(data, file, circumstances.surroundings())
     except InputError as error:
         return Report(file=file, findings=error.findings)
-    structural = structure_findings(reading)
+    structural = [*structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
     findings = [*reading.findings, *structural]
     mission = reading.mission
     if mission is None or structural:
@@ -139,7 +141,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     start_ned_m = circumstances.start_ned_m or budget.home_ned_m
     figures = estimate(mission, order, start_ned_m, budget, platform.power if platform else None)
     findings += _nothing_for(platform, mission, reading)
-    findings += _capabilities(reading, mission, circumstances)
+    findings += _capabilities(mission, circumstances)
     findings += _resources(mission, order, circumstances.capabilities())
     findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
     findings += space_findings(
@@ -151,6 +153,10 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     )
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
+    findings += contingency_findings(mission)
+    for name, ready in mission.contingencies.items():
+        if ready.actions:
+            findings += _check_contingency(part_of(mission, name), circumstances, budget)
     findings += silence_findings(mission, figures, platform)
     if platform is not None:
         findings += agreement_findings(mission, platform)
@@ -181,6 +187,19 @@ def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mis
     )
 
 
+def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budget) -> Iterator[Finding]:
+    """A contingency for itself: it begins anywhere, in the air."""
+    platform, order = circumstances.platform, PartialOrder.of(part)
+    figures = estimate(part, order, budget.home_ned_m, budget, platform.power if platform else None)
+    limits = platform.limits if platform else None
+    yield from _capabilities(part, circumstances)
+    yield from _resources(part, order, circumstances.capabilities())
+    yield from (one for one in flight_findings(part, order, is_airborne=True) if not one.is_warning)
+    yield from space_findings(part, figures, limits, home_ned_m=None, start_ned_m=None)
+    yield from time_findings(part, figures)
+    yield from guard_findings(part, platform)
+
+
 def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
     """Why a mission may not start from this home; empty if it may."""
     if mission.fence is None:
@@ -201,10 +220,10 @@ def _nothing_for(platform: Platform | None, mission: Mission, reading: Reading) 
         yield reading.document.finding(("tasks",), message, hint, at_key=True)
 
 
-def _capabilities(reading: Reading, mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:
+def _capabilities(mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:
     """What the actions need is there, and the values of their arguments are possible here."""
-    platform = circumstances.platform
-    if platform is None:
+    platform, document = circumstances.platform, mission.document
+    if platform is None or document is None:
         return
     is_complete = platform.is_complete
     names = sorted({*platform.topics(), *platform.capabilities, *(row.name for row in platform.components)})
@@ -215,21 +234,21 @@ def _capabilities(reading: Reading, mission: Mission, circumstances: Circumstanc
         if row.performed_by and row.performed_by not in components:
             hint = nearest(row.performed_by, components)
             message = f"{action.capability} is performed by {row.performed_by!r}, which the platform does not have"
-            yield reading.document.finding(where, message, hint, at_key=True)
+            yield document.finding(where, message, hint, at_key=True)
         for need in row.needs:
             if need not in names:
                 message = f"{action.capability} needs {need!r}, which nothing on {platform.platform} provides"
                 hint = nearest(need, names) if is_complete else "not all components' classes are installed here"
-                yield reading.document.finding(where, message, hint, at_key=True, is_warning=not is_complete)
+                yield document.finding(where, message, hint, at_key=True, is_warning=not is_complete)
         for argument, possible in row.options.items():
             value = getattr(action.arguments, argument, None)
             if value is not None and str(value) not in possible:
                 hint = nearest(str(value), possible)
                 message = f"{argument} {value!r} is not possible on {platform.platform}"
-                yield reading.document.finding((*where, argument), message, hint)
+                yield document.finding((*where, argument), message, hint)
         if isinstance(action.order, SetOff) and not platform.arm:
             message = f"{platform.platform} does not arm by itself (arm: false)"
-            yield reading.document.finding(where, message, "a pilot has to arm it", at_key=True, is_warning=True)
+            yield document.finding(where, message, "a pilot has to arm it", at_key=True, is_warning=True)
 
 
 def _resources(mission: Mission, order: PartialOrder, rows: Mapping[str, Capability]) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from math import inf
 from typing import Final
 
 from gloc3.messages import Severity
-from gloc3.mission import manoeuvres
+from gloc3.mission import reactions
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.items import Program
 from gloc3.mission.policy import Policy
@@ -72,7 +72,7 @@ def watch(board: Board, now_s: float) -> None:
         board.tell(Severity.INFO, f"{Condition.PLATFORM_LOST}: over")
     elif program is not None and lost and was is None and program.state is ActionState.RUNNING:
         board.conditions[Condition.PLATFORM_LOST] = lost
-        manoeuvres.meet(board, Condition.PLATFORM_LOST, lost, now_s)
+        reactions.meet(board, Condition.PLATFORM_LOST, lost, now_s)
         if Policy(board.policies.on_platform_loss) is Policy.SKIP and not board.has_pilot:
             _leave_out(board, program, lost, now_s)
 

@@ -12,14 +12,14 @@ from typing import Final, Literal
 from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Severity
-from gloc3.mission import elsewhere, flow, manoeuvres, silence, steering
+from gloc3.mission import contingencies, elsewhere, flow, manoeuvres, reactions, resuming, silence, steering
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.conditions import Readings
 from gloc3.mission.items import MISSION, ActionRun, Program
 from gloc3.mission.messages import ActionStatus
 from gloc3.mission.model import Mission
-from gloc3.mission.policy import Policy, resolved
+from gloc3.mission.policy import Policy
 from gloc3.mission.requests import Grant, Persist, Request, TakeBack
 from gloc3.mission.snapshot import Snapshot
 from gloc3.mission.states import OURS, ActionState, Trigger
@@ -99,7 +99,7 @@ class MissionExecutor:
         steering.refuse_while_unfit(board)
         self._refuse_taken(mission, list(board.programs.values()))
         steering.check_readiness(board, mission)
-        manoeuvres.dismiss(board)
+        manoeuvres.dismiss(board, now_s)
         name = next(iter(mission.tasks))
         program = board.program(name, mission)
         if board.mission is None or not board.mission.is_open:
@@ -149,6 +149,8 @@ class MissionExecutor:
             if assignment.verb == "start" and assignment.asked_s is not None:
                 assignment.asked_s = None
                 assignment.accept()
+            if assignment.run is not None and assignment.run.is_motion:
+                self._see_obstacle(status, now_s)
             if assignment.run is None or status.progress == assignment.run.progress:
                 return
             self._note_progress(assignment.run, status)
@@ -204,12 +206,11 @@ class MissionExecutor:
             reason: why it is lost.
             now_s: the time.
         """
-        board, cause = self.board, f"{component} is lost ({reason})"
+        board = self.board
         if board.has_pilot:
-            board.tell(Severity.ERROR, f"{cause}; the pilot has control")
+            board.tell(Severity.ERROR, f"{component} is lost ({reason}); the pilot has control")
             return
-        board.tell(Severity.ERROR, f"{cause}; policy: {policy}")
-        manoeuvres.apply(board, resolved(policy, board.policies.on_failure), cause, now_s)
+        reactions.lose_component(board, component, policy, reason, now_s)
         self.settle(now_s)
 
     def vehicle(self, is_airborne: bool, now_s: float) -> None:
@@ -233,7 +234,7 @@ class MissionExecutor:
         if has_control:
             board.has_pilot, board.is_changed = True, True
             board.tell(Severity.WARNING, f"the pilot has control: {reason}")
-            manoeuvres.forget(board)
+            manoeuvres.forget(board, now_s)
             for program in board.programs.values():
                 if program.is_mission:
                     board.halt(program, program.level, now_s, f"pilot: {reason}")
@@ -245,7 +246,7 @@ class MissionExecutor:
     def condition(self, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
         """Whether a condition holds; its policy is carried out once, when it arises."""
         if is_on != (condition in self.board.conditions):
-            manoeuvres.set_condition(self.board, condition, is_on, reason, now_s)
+            reactions.set_condition(self.board, condition, is_on, reason, now_s)
             self.settle(now_s)
 
     def sensed(self, readings: Readings, now_s: float) -> None:
@@ -312,7 +313,10 @@ class MissionExecutor:
         """The policy that is being carried out, or `pilot` while a pilot has control; empty in normal flight."""
         if self.board.has_pilot:
             return "pilot"
-        return str(self.board.manoeuvre.policy) if self.board.manoeuvre is not None else ""
+        manoeuvre = self.board.manoeuvre
+        if manoeuvre is None:
+            return ""
+        return str(manoeuvre.policy) if manoeuvre.contingency is None else manoeuvre.contingency.task
 
     @property
     def granted(self) -> Grant:
@@ -367,7 +371,21 @@ class MissionExecutor:
     def settle(self, now_s: float) -> None:
         """Does everything that can be done now."""
         flow.advance(self.board, now_s)
+        while contingencies.has_ended(self.board):
+            if contingencies.follow(self.board, now_s):
+                resuming.resume_mission(self.board, now_s)
+            flow.advance(self.board, now_s)
         self._due_s = flow.due_s(self.board)
+
+    def _see_obstacle(self, status: ActionStatus, now_s: float) -> None:
+        """Notes since when something is in the way; `flow` judges when that is too long."""
+        board = self.board
+        if status.is_blocked and board.blocked_since_s is None:
+            board.blocked_since_s = now_s
+            self.settle(now_s)
+        elif not status.is_blocked and board.blocked_since_s is not None:
+            board.blocked_since_s = None
+            self.settle(now_s)
 
     def _note_progress(self, run: ActionRun, status: ActionStatus) -> None:
         run.progress = status.progress

@@ -3,9 +3,9 @@
 from math import inf
 from typing import Final
 
-from gloc3.mission import elsewhere, guards, manoeuvres
+from gloc3.mission import elsewhere, guards, manoeuvres, reactions
 from gloc3.mission.arguments import LandOrder, SetOff, Wait
-from gloc3.mission.assignments import Assignment, Phase
+from gloc3.mission.assignments import MOTION, Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.failures import fail_action, fail_program, fail_task
 from gloc3.mission.guards import Leave
@@ -31,6 +31,7 @@ def advance(board: Board, now_s: float) -> None:
         if program.is_open:
             _watch(board, program, now_s)
     elsewhere.watch(board, now_s)
+    _watch_obstacle(board, now_s)
     is_moving = True
     while is_moving:
         is_moving = False
@@ -84,6 +85,21 @@ def _watch(board: Board, program: Program, now_s: float) -> None:
                 fail_action(board, run, f"{run.action.capability} is no longer available ({missing})", now_s)
             elif isinstance(run.action.order, Wait):
                 _wait(board, run, run.action.order.duration_s, now_s)
+
+
+def _watch_obstacle(board: Board, now_s: float) -> None:
+    """An obstacle has been in the way for too long, or is not any more."""
+    if MOTION not in board.assignments.claims:
+        board.blocked_since_s = None
+    is_on = now_s >= obstacle_due_s(board)
+    if is_on != (Condition.OBSTACLE in board.conditions):
+        reason = f"in the way for {board.policies.obstacle_after_s:g} s" if is_on else ""
+        reactions.set_condition(board, Condition.OBSTACLE, is_on, reason, now_s)
+
+
+def obstacle_due_s(board: Board) -> float:
+    """When the obstacle that is in the way has been there for too long; infinite where there is none."""
+    return inf if board.blocked_since_s is None else board.blocked_since_s + board.policies.obstacle_after_s
 
 
 def _wait(board: Board, run: ActionRun, duration_s: float, now_s: float) -> None:
@@ -166,7 +182,7 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
     siblings = run.task.actions
     if run.state is not ActionState.WAITING or not all(siblings[name].has_ended for name in run.options.after):
         return False
-    if board.has_pilot or (run.is_motion and board.manoeuvre is not None):
+    if board.has_pilot or (run.is_motion and not _may_move(board, run)):
         return False
     leave = guards.leave(board, run, now_s)
     if leave is not Leave.BEGIN:
@@ -188,6 +204,11 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
     board.move(run, Trigger.START, now_s)
     _assign(board, run, now_s)
     return True
+
+
+def _may_move(board: Board, run: ActionRun) -> bool:
+    """Whether no policy moves the vehicle instead; a contingency's own actions do so for one."""
+    return board.manoeuvre is None or board.manoeuvre.program is run.task.program
 
 
 def _assign(board: Board, run: ActionRun, now_s: float) -> None:
@@ -239,6 +260,8 @@ def due_s(board: Board) -> float:
             elif run.state is ActionState.WAITING and run.unavailable_since_s is not None:
                 times.append(run.unavailable_since_s + PATIENCE_S)
     times += [manoeuvres.lost_at_s(board), elsewhere.due_s(board)]
+    if Condition.OBSTACLE not in board.conditions:
+        times.append(obstacle_due_s(board))
     manoeuvre = board.manoeuvre
     if manoeuvre is not None:
         times += [at_s for at_s in (manoeuvre.land_at_s, manoeuvre.again_s) if at_s is not None]

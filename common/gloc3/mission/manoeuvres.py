@@ -6,9 +6,9 @@ from typing import Final
 from gloc3.messages import Severity
 from gloc3.mission.arguments import Arguments, LandOrder, ReturnHome
 from gloc3.mission.assignments import Assignment
-from gloc3.mission.board import Board, Condition, Manoeuvre
+from gloc3.mission.board import Board, Manoeuvre
 from gloc3.mission.items import Program
-from gloc3.mission.policy import MANOEUVRES, SEVERITY, Policy, resolved
+from gloc3.mission.policy import SEVERITY, Policy
 from gloc3.mission.states import ENDED, ActionState, Trigger
 
 AGAIN_S: Final = 1.0
@@ -20,49 +20,6 @@ _CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
     Policy.RETURN: ("return_home", ReturnHome()),
     Policy.LAND: ("land", LandOrder()),
 }
-
-
-def set_condition(board: Board, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
-    """Notes whether a condition holds; its policy is carried out once, when it arises."""
-    if is_on == (condition in board.conditions):
-        return
-    if is_on:
-        board.conditions[condition] = reason
-        meet(board, condition, reason, now_s)
-    else:
-        del board.conditions[condition]
-        board.unanswered.pop(condition, None)
-        board.tell(Severity.INFO, f"{condition}: over")
-
-
-def meet(board: Board, condition: Condition, reason: str, now_s: float) -> None:
-    """Answers a condition that has just arisen with the governing policies."""
-    if board.has_pilot:
-        board.unanswered[condition] = reason
-        board.tell(Severity.WARNING, f"{condition}: {reason}; the pilot has control")
-        return
-    policy = _policy_for(board, condition)
-    board.tell(Severity.WARNING, f"{condition}{': ' + reason if reason else ''}; policy: {policy}")
-    if policy in MANOEUVRES:
-        apply(board, policy, str(condition), now_s)
-
-
-def _policy_for(board: Board, condition: Condition) -> Policy:
-    policies = board.policies
-    match condition:
-        case Condition.LINK_LOST:
-            wanted = Policy(policies.on_link_loss)
-        case Condition.OVERDUE:
-            wanted = Policy(policies.on_overdue or policies.on_link_loss)
-        case Condition.LOW_BATTERY:
-            wanted = Policy(policies.on_low_battery)
-        case Condition.POSE_LOST:
-            wanted = Policy(policies.on_pose_lost)
-        case Condition.PLATFORM_LOST:
-            wanted = Policy(policies.on_platform_loss)
-        case Condition.FENCE_BREACHED:
-            wanted = Policy.ABORT
-    return resolved(wanted, policies.on_failure)
 
 
 def apply(
@@ -81,17 +38,17 @@ def apply(
     current = board.manoeuvre
     if current is not None and not is_ordered and SEVERITY[current.policy] >= SEVERITY[policy]:
         return
-    _stop(board)
+    stop(board, now_s)
     reason = f"{cause}: {policy}"
     if policy is Policy.HOLD:
         for program in board.programs.values():
             if program.is_mission:
                 board.halt(program, "mission", now_s, reason)
             elif _is_stopped_by_hold(program):
-                _end_program(board, program, Trigger.ABORT, now_s, reason)
+                end_program(board, program, Trigger.ABORT, now_s, reason)
     else:
         for program in board.programs.values():
-            _end_program(board, program, trigger if program.is_mission else Trigger.ABORT, now_s, reason)
+            end_program(board, program, trigger if program.is_mission else Trigger.ABORT, now_s, reason)
     if not board.is_airborne:
         return
     board.manoeuvre = Manoeuvre(policy, cause)
@@ -111,40 +68,44 @@ def _is_stopped_by_hold(program: Program) -> bool:
     )
 
 
-def _end_program(board: Board, program: Program, trigger: Trigger, now_s: float, reason: str) -> None:
+def end_program(board: Board, program: Program, trigger: Trigger, now_s: float, reason: str) -> None:
+    """Ends a program with all that is in it, if it is under way."""
     if program.is_open:
         board.end_all(program, Trigger.ABORT, now_s, reason)
         board.move(program, trigger, now_s, reason)
 
 
-def _stop(board: Board) -> None:
-    """Ends the policy that is being carried out."""
+def stop(board: Board, now_s: float) -> None:
+    """Ends the policy that is being carried out, or the contingency."""
     if board.manoeuvre is not None:
+        if board.manoeuvre.program is not None:
+            end_program(board, board.manoeuvre.program, Trigger.ABORT, now_s, "something else is done")
         if board.manoeuvre.assignment is not None:
             board.assignments.drop(board.manoeuvre.assignment)
         board.manoeuvre = None
         board.is_changed = True
 
 
-def dismiss(board: Board) -> None:
+def dismiss(board: Board, now_s: float) -> None:
     """Ends a policy's hold because an operator acts; the hold controller keeps the vehicle until he goes on."""
-    if board.manoeuvre is not None and board.manoeuvre.policy is Policy.HOLD:
-        _stop(board)
+    manoeuvre = board.manoeuvre
+    if manoeuvre is not None and manoeuvre.policy is Policy.HOLD and manoeuvre.program is None:
+        stop(board, now_s)
 
 
-def forget(board: Board) -> None:
+def forget(board: Board, now_s: float) -> None:
     """Ends whatever policy is being carried out, because a pilot has control."""
-    _stop(board)
+    stop(board, now_s)
 
 
 def advance(board: Board, now_s: float) -> None:
     """Begins the manoeuvre's next action, or lands after a hold in which nobody has acted."""
     manoeuvre = board.manoeuvre
-    if manoeuvre is None:
+    if manoeuvre is None or manoeuvre.program is not None:
         return
     if not board.is_airborne and manoeuvre.assignment is None:
         board.tell(Severity.INFO, f"policy {manoeuvre.policy} ended: the vehicle is on the ground")
-        _stop(board)
+        stop(board, now_s)
     elif manoeuvre.land_at_s is not None and now_s >= manoeuvre.land_at_s:
         cause = f"{manoeuvre.cause}; nobody acted for {board.policies.hold_s:g} s"
         apply(board, Policy.LAND, cause, now_s)

@@ -52,3 +52,5 @@ class ActionStatus(Message, frozen=True):
     achieved: int = 0
     """What is not to be done again after a restart: waypoints passed, pictures taken. With each of them progress is put on
     disk."""
+    is_blocked: bool = False
+    """An obstacle is in the way."""

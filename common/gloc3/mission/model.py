@@ -68,18 +68,41 @@ class GeofenceFile(AreaFile, frozen=True, kw_only=True):
     """Areas where it may not be."""
 
 
+class Contingency(_Part, frozen=True, kw_only=True):
+    """The answer to a condition that is a task of its own, from `contingencies`."""
+
+    task: Name
+    then: Literal["resume", "hold", "return", "land"] = "hold"
+    """What follows it: `resume` has the mission go on where it was paused, or holds where the task has failed."""
+
+    def __str__(self) -> str:
+        return f"{self.task}, then {self.then}"
+
+
+def answer(wanted: "str | Contingency") -> Policy:
+    """The policy that an answer to a condition is, or ends in."""
+    if isinstance(wanted, Contingency):
+        return Policy.HOLD if wanted.then == "resume" else Policy(wanted.then)
+    return Policy(wanted)
+
+
 class Policies(_Part, frozen=True, kw_only=True):
     """What is done when something goes wrong."""
 
     on_failure: Policy = Policy.HOLD
     """When a task fails that says nothing itself."""
-    on_link_loss: ConditionPolicy = "hold"
+    on_link_loss: ConditionPolicy | Contingency = "hold"
     """When nothing was heard from the holder of control for `link_loss_after_s`."""
     link_loss_after_s: Annotated[float, msgspec.Meta(ge=0.5, le=86_400.0)] = 5.0
-    on_overdue: ConditionPolicy | None = None
+    on_overdue: ConditionPolicy | Contingency | None = None
     """When a planned silence has lasted longer than stated; None: `on_link_loss`."""
-    on_low_battery: ConditionPolicy = "return"
-    on_pose_lost: ConditionPolicy = "land"
+    on_low_battery: ConditionPolicy | Contingency = "return"
+    on_pose_lost: ConditionPolicy | Contingency = "land"
+    on_obstacle: ConditionPolicy | Contingency = "continue"
+    """When an obstacle has been in the way of an action for `obstacle_after_s`."""
+    obstacle_after_s: Annotated[float, msgspec.Meta(ge=0.0, le=3_600.0)] = 5.0
+    on_component_fault: ConditionPolicy | Contingency = "continue"
+    """When a component is lost for good whose row has a policy; the more severe of both wins, and `land` any task."""
     on_platform_loss: PlatformLossPolicy = "hold"
     """When another platform, whose tasks are waited for, is silent or has given the mission up. `continue`: wait on;
     `skip`: its tasks count as skipped, and what comes after them runs."""
@@ -233,6 +256,8 @@ class MissionFile(Policies, frozen=True, kw_only=True):
     define: dict[Name, DefinitionFile] = {}
     """Tasks to be used by name."""
     tasks: Annotated[dict[Name, TaskFile], msgspec.Meta(min_length=1)]
+    contingencies: dict[Name, TaskFile] = {}
+    """Tasks that policies name: `on_low_battery: {task: NAME, then: land}`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -282,6 +307,7 @@ class Mission:
     policies: Policies = field(default_factory=Policies)
     deadline_s: float | None = None
     tasks: Mapping[str, Task]
+    contingencies: Mapping[str, Task] = field(default_factory=dict)
     text: str = field(default="", compare=False)
     """The file's content, from which the same mission can be read again."""
     document: Document | None = field(default=None, compare=False, repr=False)

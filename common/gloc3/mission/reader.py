@@ -24,6 +24,7 @@ from gloc3.mission.model import (
     Policies,
     Task,
     TaskOptions,
+    where_of,
 )
 from gloc3.mission.patterns import height_is_known
 from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
@@ -79,6 +80,20 @@ class Surroundings:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Tasks:
+    """The tasks of a mission, or its contingencies."""
+
+    document: Document
+    """In which they stand under `tasks`."""
+    read: dict[str, Task]
+    """Lack the actions that are not usable."""
+    skeleton: dict[str, TaskOptions]
+    """As written."""
+    actions: dict[str, ActionFile]
+    """What each `TASK.ACTION` takes beside its capability, also of actions that are not usable."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Reading:
     """What was found in a mission file, usable or not."""
 
@@ -86,10 +101,8 @@ class Reading:
     findings: list[Finding]
     mission: Mission | None
     """None where the frame of the file is not usable at all; lacks the actions that are not."""
-    skeleton: Mapping[str, TaskOptions]
-    """The tasks as written."""
-    actions: Mapping[str, ActionFile]
-    """What each `TASK.ACTION` takes beside its capability, also of actions that are not usable."""
+    tasks: Tasks
+    contingencies: Tasks
 
 
 def read_mission(data: bytes | str, file: str, surroundings: Surroundings | None = None) -> Mission:
@@ -101,7 +114,7 @@ def read_mission(data: bytes | str, file: str, surroundings: Surroundings | None
     from gloc3.mission.structure import structure_findings
 
     reading = inspect_mission(data, file, surroundings or Surroundings())
-    findings = [*reading.findings, *structure_findings(reading)]
+    findings = [*reading.findings, *structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
     if reading.mission is None or any(not finding.is_warning for finding in findings):
         raise InputError(sorted(findings))
     return reading.mission
@@ -133,30 +146,8 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
     document = expanded(document, findings)
     written = schema.check(document.root, MissionFile, file, findings)
     placement = _placement(document, surroundings, findings)
-    tasks: dict[str, Task] = {}
-    skeleton: dict[str, TaskOptions] = {}
-    options: dict[str, ActionFile] = {}
-    for name, node in _entries(document.root, "tasks"):
-        task = _options(node, TaskOptions, file, [], name)
-        is_elsewhere = None not in (task.platform, surroundings.platform) and task.platform != surroundings.platform
-        actions: dict[str, Action] = {}
-        if isinstance(node.value, dict) and not {"actions", "use"} & {*node.children}:
-            hint = "give it actions, or use a definition"
-            findings.append(document.finding(("tasks", name), f"'actions' is missing in {name}", hint))
-        for action_name, action_node in _entries(node, "actions"):
-            where: Where = ("tasks", name, "actions", action_name)
-            if not isinstance(action_node.value, dict):
-                options[f"{name}.{action_name}"] = ActionFile()
-                continue
-            if is_elsewhere:
-                options[f"{name}.{action_name}"] = _options(action_node, ActionFile, file, findings, action_name)
-                continue
-            found = _action(action_name, action_node, where, document, surroundings, placement, findings)
-            options[f"{name}.{action_name}"] = found if isinstance(found, ActionFile) else found.options
-            if isinstance(found, Action):
-                actions[action_name] = found
-        skeleton[name] = task
-        tasks[name] = Task(name=name, actions=actions, options=task, is_elsewhere=is_elsewhere)
+    tasks = _tasks(document, surroundings, placement, findings)
+    ready = _tasks(document.seen_as("tasks", "contingencies"), surroundings, placement, findings)
     geofence = fence = None
     fence_node = document.root.children.get("geofence")
     if fence_node is not None and fence_node.value is not None:
@@ -174,11 +165,42 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
             fence=fence,
             policies=Policies(**{name: getattr(written, name) for name in Policies.__struct_fields__}),
             deadline_s=written.deadline_s,
-            tasks=tasks,
+            tasks=tasks.read,
+            contingencies=ready.read,
             text=data if isinstance(data, str) else data.decode("utf-8-sig"),
             document=document,
         )
-    return Reading(document=document, findings=findings, mission=mission, skeleton=skeleton, actions=options)
+    return Reading(document=document, findings=findings, mission=mission, tasks=tasks, contingencies=ready)
+
+
+def _tasks(
+    document: Document, surroundings: Surroundings, placement: Placement | None, findings: list[Finding]
+) -> Tasks:
+    """The tasks of a document, each with its actions as far as they can be used."""
+    found = Tasks(document=document, read={}, skeleton={}, actions={})
+    for name, node in _entries(document.root, "tasks"):
+        options = _options(node, TaskOptions, document.file, [], name)
+        platforms = (options.platform, surroundings.platform)
+        is_elsewhere = None not in platforms and options.platform != surroundings.platform
+        if isinstance(node.value, dict) and not {"actions", "use"} & {*node.children}:
+            hint = "give it actions, or use a definition"
+            findings.append(document.finding(("tasks", name), f"'actions' is missing in {name}", hint))
+        actions: dict[str, Action] = {}
+        for action_name, action_node in _entries(node, "actions"):
+            target, where = f"{name}.{action_name}", where_of(f"{name}.{action_name}")
+            if not isinstance(action_node.value, dict):
+                found.actions[target] = ActionFile()
+                continue
+            if is_elsewhere:
+                found.actions[target] = _options(action_node, ActionFile, document.file, findings, action_name)
+                continue
+            action = _action(action_name, action_node, where, document, surroundings, placement, findings)
+            found.actions[target] = action if isinstance(action, ActionFile) else action.options
+            if isinstance(action, Action):
+                actions[action_name] = action
+        found.skeleton[name] = options
+        found.read[name] = Task(name=name, actions=actions, options=options, is_elsewhere=is_elsewhere)
+    return found
 
 
 def _entries(node: Node, key: str) -> Iterator[tuple[str, Node]]:

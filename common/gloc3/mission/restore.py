@@ -6,6 +6,8 @@ from gloc3.errors import InputError
 from gloc3.messages import Severity
 from gloc3.mission import elsewhere, flow, manoeuvres, silence
 from gloc3.mission.arguments import LandOrder, SetOff
+from gloc3.mission.board import Board
+from gloc3.mission.contingencies import CONTINGENCY, part_of, take_up
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.items import ActionRun, Program
 from gloc3.mission.model import Mission
@@ -38,7 +40,10 @@ def restore(
     board.reported_airborne = is_airborne
     for kept in snapshot.programs:
         try:
-            program = board.program(kept.name, read(kept.text))
+            mission_read = read(kept.text)
+            if kept.name == CONTINGENCY:
+                mission_read = part_of(mission_read, next(name for name in kept.items if "." not in name))
+            program = board.program(kept.name, mission_read)
         except InputError as error:
             board.tell(Severity.ERROR, f"after the restart {kept.name} cannot be read: {error.findings[0]}")
             continue
@@ -49,6 +54,9 @@ def restore(
         if program.is_mission:
             board.policies = program.mission.policies
             elsewhere.expect(board, program, now_s)
+        elif kept.name == CONTINGENCY and _goes_on(board, snapshot, is_airborne):
+            assert snapshot.contingency is not None
+            board.manoeuvre = take_up(program, snapshot.contingency, snapshot.cause)
         elif program.is_open:
             board.end_all(program, Trigger.ABORT, now_s, _RESTART)
             board.move(program, Trigger.ABORT, now_s, _RESTART)
@@ -56,6 +64,8 @@ def restore(
     mission = board.mission
     if snapshot.has_pilot:
         executor.pilot(True, f"he had it before the {_RESTART}", now_s)
+    elif board.manoeuvre is not None and board.manoeuvre.program is not None:
+        _take_up(executor, board.manoeuvre.program, now_s)
     elif snapshot.policy is not None and is_airborne:
         manoeuvres.apply(board, snapshot.policy, f"{snapshot.cause}, {_RESTART}", now_s)
     elif mission is not None and mission.is_open:
@@ -64,6 +74,19 @@ def restore(
         manoeuvres.apply(board, Policy.HOLD, _RESTART, now_s)
     executor.settle(now_s)
     return executor
+
+
+def _goes_on(board: Board, snapshot: Snapshot, is_airborne: bool) -> bool:
+    """Whether a contingency that was under way is taken up again; if not, what it ends in is done."""
+    is_wanted = snapshot.contingency is not None and not snapshot.has_pilot
+    return is_wanted and is_airborne and Policy(board.policies.on_restart) is Policy.CONTINUE
+
+
+def _take_up(executor: MissionExecutor, contingency: Program, now_s: float) -> None:
+    executor.board.tell(Severity.WARNING, "restart in flight: the contingency goes on")
+    for run in contingency.actions():
+        if run.paused_by == _RESTART and run.state is ActionState.PAUSED:
+            flow.go_on_after_pause(executor.board, run, now_s)
 
 
 def _bring_back(program: Program, kept: ProgramSnapshot, now_s: float) -> None:

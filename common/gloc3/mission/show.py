@@ -8,7 +8,7 @@ import msgspec
 
 from gloc3.mission.arguments import Arguments
 from gloc3.mission.checker import Report
-from gloc3.mission.model import Action, ItemFile, Mission, Task, TaskOptions
+from gloc3.mission.model import Action, ItemFile, Mission, Policies, Task, TaskOptions
 from gloc3.platform import Capability, Platform
 from gloc3.units import split_unit
 
@@ -33,12 +33,19 @@ def drawing(report: Report, capabilities: Mapping[str, Capability], platform: Pl
     total_s = report.estimate.duration_s if report.estimate is not None else 0.0
     if total_s > 0.0:
         lines.append(" " * _LEFT + f" 0{f'{total_s:.0f} s':>{_BAR - 1}}")
-    tasks = {name: task.options.after for name, task in mission.tasks.items()}
-    for name, mark, below in _layered(tasks, "●", "│"):
-        task = mission.tasks[name]
-        lines += _item(mark, below, name, "", _relations(task.options), "")
-        lines += _actions(task, below, report, capabilities, total_s)
+    lines += _tasks(mission.tasks, report, capabilities, total_s)
+    if mission.contingencies:
+        lines += ["", "when something befalls it:"]
+        lines += _tasks(mission.contingencies, report, capabilities, 0.0)
     return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _tasks(
+    tasks: Mapping[str, Task], report: Report, capabilities: Mapping[str, Capability], total_s: float
+) -> Iterator[str]:
+    for name, mark, below in _layered({name: task.options.after for name, task in tasks.items()}, "●", "│"):
+        yield from _item(mark, below, name, "", _relations(tasks[name].options), "")
+        yield from _actions(tasks[name], below, report, capabilities, total_s)
 
 
 def _head(mission: Mission, report: Report, platform: Platform | None) -> Iterator[str]:
@@ -50,11 +57,17 @@ def _head(mission: Mission, report: Report, platform: Platform | None) -> Iterat
         if platform is not None and platform.power is not None:
             energy = f", {figures.energy_wh:.1f} of {platform.power.usable_wh:.1f} Wh"
         yield f"about {figures.duration_s:.0f} s, {figures.length_m:.0f} m{energy}"
-    yield _cut(
-        f"on failure {policies.on_failure}, link loss {policies.on_link_loss}, low battery {policies.on_low_battery}, "
-        f"pose lost {policies.on_pose_lost}",
-        WIDTH,
-    )
+    yield from wrap(", ".join(answers(policies)), WIDTH)
+
+
+def answers(policies: Policies) -> list[str]:
+    """What the mission does when something befalls the vehicle, in words."""
+    told = [f"on failure {policies.on_failure}", f"link loss {policies.on_link_loss}"]
+    told += [f"overdue {policies.on_overdue}"] if policies.on_overdue is not None else []
+    told += [f"low battery {policies.on_low_battery}", f"pose lost {policies.on_pose_lost}"]
+    told += [f"obstacle {policies.on_obstacle}"] if policies.on_obstacle != "continue" else []
+    told += [f"component fault {policies.on_component_fault}"] if policies.on_component_fault != "continue" else []
+    return told
 
 
 def _actions(

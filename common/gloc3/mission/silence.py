@@ -1,7 +1,7 @@
 """Planned silence: from the start of a task or action on, a lost link is no fault until the stated time has passed."""
 
 from gloc3.messages import Severity
-from gloc3.mission import manoeuvres
+from gloc3.mission import reactions
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.snapshot import PlannedSilence
 
@@ -50,4 +50,4 @@ def _goes_on(board: Board, planned: PlannedSilence) -> bool:
 
 
 def _set(board: Board, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
-    manoeuvres.set_condition(board, condition, is_on, reason, now_s)
+    reactions.set_condition(board, condition, is_on, reason, now_s)

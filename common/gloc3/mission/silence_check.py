@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gloc3.errors import Finding
 from gloc3.mission.estimate import Estimate
-from gloc3.mission.model import Mission, where_of
+from gloc3.mission.model import Mission, answer, where_of
 from gloc3.mission.policy import SEVERITY, Policy, resolved
 from gloc3.platform import Platform
 
@@ -34,7 +34,7 @@ def silence_findings(mission: Mission, figures: Estimate, platform: Platform | N
         if takes_s > expected_s:
             message = f"about {takes_s:.0f} s are needed, but contact is due after {expected_s:g} s"
             yield document.finding(where, message, "state a longer silence", is_warning=True)
-    overdue = resolved(Policy(policies.on_overdue or policies.on_link_loss), policies.on_failure)
+    overdue = resolved(answer(policies.on_overdue or policies.on_link_loss), policies.on_failure)
     if planned and SEVERITY[overdue] <= SEVERITY[Policy.CONTINUE]:
         target = next(iter(planned))
         key = "on_overdue" if policies.on_overdue is not None else "on_link_loss"

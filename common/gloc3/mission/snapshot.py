@@ -2,6 +2,7 @@
 
 import msgspec
 
+from gloc3.mission.model import Contingency
 from gloc3.mission.policy import Policy
 from gloc3.mission.states import ActionState
 
@@ -62,3 +63,5 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """A pilot has control, and no operator has said resume since."""
     silence: PlannedSilence | None = None
     """The planned silence that had begun; its times are those of the process that kept it."""
+    contingency: Contingency | None = None
+    """The contingency that was under way; `policy` is what it ends in."""

@@ -2,16 +2,16 @@
 
 from gloc3.errors import Refused, nearest
 from gloc3.frames import Vector3
-from gloc3.mission import elsewhere, manoeuvres
+from gloc3.mission import elsewhere, manoeuvres, reactions
 from gloc3.mission.arguments import SetOff, TakeOff
 from gloc3.mission.assignments import MOTION
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.checker import home_problem
 from gloc3.mission.failures import reopen, retry
-from gloc3.mission.flow import go_on_after_pause
 from gloc3.mission.items import ActionRun, Item, Program, TaskRun
 from gloc3.mission.model import Mission
 from gloc3.mission.policy import MANOEUVRES, Policy, resolved
+from gloc3.mission.resuming import check_resumable, go_on
 from gloc3.mission.states import OURS, TABLE, ActionState, Trigger
 from gloc3.mission.structure import PartialOrder
 
@@ -53,7 +53,7 @@ def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m:
         case Trigger.START:
             _start(board, item, now_s, home_ned_m)
         case Trigger.PAUSE:
-            manoeuvres.dismiss(board)
+            manoeuvres.dismiss(board, now_s)
             board.halt(item, item.level, now_s, _BY_OPERATOR)
         case Trigger.RESUME:
             _resume(board, item, now_s)
@@ -66,7 +66,7 @@ def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m:
                 raise Refused("a mission that has ended is not tried again; load it again")
             if item.is_settled:
                 raise Refused(f"the mission has gone on without {item.target}")
-            manoeuvres.dismiss(board)
+            manoeuvres.dismiss(board, now_s)
             retry(board, item, now_s)
 
 
@@ -85,7 +85,7 @@ def _start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -
     check_readiness(board, item.mission)
     if home_ned_m is not None and (problem := home_problem(item.mission, home_ned_m)):
         raise Refused(problem)
-    manoeuvres.dismiss(board)
+    manoeuvres.dismiss(board, now_s)
     board.policies = item.mission.policies
     elsewhere.expect(board, item, now_s)
     board.move(item, Trigger.START, now_s, _BY_OPERATOR)
@@ -100,8 +100,14 @@ def refuse_while_unfit(board: Board) -> None:
     if board.has_pilot:
         raise Refused("the pilot has control; resume the mission to take it back")
     manoeuvre = board.manoeuvre
+    if manoeuvre is not None and manoeuvre.contingency is not None:
+        raise Refused(_busy(manoeuvre.contingency.task, manoeuvre.cause))
     if manoeuvre is not None and manoeuvre.policy is not Policy.HOLD:
         raise Refused(f"the policy {manoeuvre.policy} is being carried out ({manoeuvre.cause})")
+
+
+def _busy(task: str, cause: str) -> str:
+    return f"the contingency {task} is under way ({cause}); skip or abort it first"
 
 
 def check_readiness(board: Board, mission: Mission) -> None:
@@ -133,16 +139,16 @@ def _take_back(board: Board, now_s: float) -> None:
     """An operator says resume after a pilot had control."""
     mission = board.mission
     if mission is not None and mission.state is ActionState.PAUSED:
-        _check_resumable(board, mission)
+        check_resumable(board, mission)
     board.has_pilot = False
     board.is_taking_back = True
     unanswered = dict(board.unanswered)
     board.unanswered.clear()
     if mission is not None and mission.state is ActionState.PAUSED:
-        _go_on(board, mission, now_s)
+        go_on(board, mission, now_s)
     for condition, reason in unanswered.items():
         if condition in board.conditions:
-            manoeuvres.meet(board, condition, reason, now_s)
+            reactions.meet(board, condition, reason, now_s)
 
 
 def _resume(board: Board, item: Item, now_s: float) -> None:
@@ -151,11 +157,15 @@ def _resume(board: Board, item: Item, now_s: float) -> None:
     for parent in _parents(item):
         if parent.state is ActionState.PAUSED:
             raise Refused(f"the {parent.level} is paused; resume that")
-    if board.manoeuvre is not None and board.manoeuvre.policy is not Policy.HOLD:
-        raise Refused(f"the policy {board.manoeuvre.policy} is being carried out ({board.manoeuvre.cause})")
-    _check_resumable(board, item)
-    manoeuvres.dismiss(board)
-    _go_on(board, item, now_s)
+    manoeuvre = board.manoeuvre
+    if manoeuvre is not None and manoeuvre.contingency is not None:
+        if item not in (manoeuvre.program, *(manoeuvre.program.items() if manoeuvre.program is not None else ())):
+            raise Refused(_busy(manoeuvre.contingency.task, manoeuvre.cause))
+    elif manoeuvre is not None and manoeuvre.policy is not Policy.HOLD:
+        raise Refused(f"the policy {manoeuvre.policy} is being carried out ({manoeuvre.cause})")
+    check_resumable(board, item)
+    manoeuvres.dismiss(board, now_s)
+    go_on(board, item, now_s)
 
 
 def _parents(item: Item) -> list[Item]:
@@ -167,50 +177,9 @@ def _parents(item: Item) -> list[Item]:
     return []
 
 
-def _paused_in(item: Item) -> list[ActionRun]:
-    """The actions that a resume of the item would resume."""
-    runs = item.actions() if isinstance(item, Program) else item.actions.values() if isinstance(item, TaskRun) else ()
-    found = [run for run in runs if run.state is ActionState.PAUSED and run.paused_by == item.paused_by]
-    return [item] if isinstance(item, ActionRun) else found
-
-
-def _check_resumable(board: Board, item: Item) -> None:
-    for run in _paused_in(item):
-        holder = board.assignments.holder(run.row)
-        if holder is not None:
-            raise Refused(f"{run.target} needs {run.row.claims[0]}, claimed by {holder.label}; pause or abort it first")
-        if run.is_motion and not board.is_airborne and not isinstance(run.action.order, SetOff):
-            raise Refused(f"the vehicle is on the ground, and {run.target} was paused in the air; abort it")
-        if run.action.capability in board.missing:
-            lacking = ", ".join(board.missing[run.action.capability])
-            raise Refused(f"{run.action.capability} is not available: it lacks {lacking}")
-
-
-def _go_on(board: Board, item: Item, now_s: float) -> None:
-    """Resumes an item, what was paused with it, and tries again what has failed in it."""
-    by = item.paused_by
-    runs = _paused_in(item)
-    if isinstance(item, Program):
-        board.move(item, Trigger.RESUME, now_s)
-        for task in item.own_tasks:
-            if task.state is ActionState.PAUSED and task.paused_by == by:
-                board.move(task, Trigger.RESUME, now_s)
-            elif task.state is ActionState.FAILED and not task.is_settled:
-                retry(board, task, now_s)
-    elif isinstance(item, TaskRun):
-        board.move(item, Trigger.RESUME, now_s)
-    for run in runs:
-        go_on_after_pause(board, run, now_s)
-    if isinstance(item, Program | TaskRun):
-        waiting = item.actions() if isinstance(item, Program) else iter(item.actions.values())
-        for run in waiting:
-            if run.state is ActionState.FAILED and not run.is_settled:
-                retry(board, run, now_s)
-
-
 def _end(board: Board, item: Item, trigger: Trigger, now_s: float) -> None:
     """Skips or aborts; an abort is followed by the mission's `on_failure`."""
-    manoeuvres.dismiss(board)
+    manoeuvres.dismiss(board, now_s)
     if isinstance(item, Program):
         was_open = item.is_open
         board.end_all(item, trigger, now_s, _BY_OPERATOR)

@@ -9,12 +9,12 @@ from gloc3.errors import Finding, nearest
 from gloc3.mission.model import ActionFile, ItemFile, Mission, TaskOptions, where_of
 
 if TYPE_CHECKING:
-    from gloc3.mission.reader import Reading
+    from gloc3.mission.reader import Tasks
 
 MAX_ACTIONS: Final = 500
 
 
-def structure_findings(reading: "Reading") -> list[Finding]:
+def structure_findings(reading: "Tasks") -> list[Finding]:
     """Unknown names in `after` and `until`, cycles, and too many actions."""
     document = reading.document
     if len(reading.actions) > MAX_ACTIONS:

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import msgspec
+from msgspec import structs
 
 from gloc3.document import dump
-from gloc3.mission.model import Action, Mission, Task
+from gloc3.mission.model import Action, Contingency, Mission, Policies, Task, answer
 from gloc3.mission.placement import HeightAbove
 from gloc3.mission.policy import Policy
 
@@ -24,6 +25,8 @@ def write_mission(mission: Mission) -> str:
         written["geofence"] = msgspec.to_builtins(mission.geofence)
     written |= msgspec.to_builtins(mission.policies)
     written["tasks"] = {name: _task(task) for name, task in mission.tasks.items()}
+    if mission.contingencies:
+        written["contingencies"] = {name: _task(task) for name, task in mission.contingencies.items()}
     return dump(written)
 
 
@@ -44,9 +47,15 @@ def single_action(name: str, capability: str, arguments: Mapping[str, Any], miss
             written["height_above"] = mission.height_above.value
         if mission.geofence is not None:
             written["geofence"] = msgspec.to_builtins(mission.geofence)
-        written = msgspec.to_builtins(mission.policies) | written
+        written = msgspec.to_builtins(structs.replace(mission.policies, **_answers(mission.policies))) | written
     written["tasks"] = {name: {"actions": {capability: {capability: dict(arguments)}}}}
     return dump(written)
+
+
+def _answers(policies: Policies) -> dict[str, str]:
+    """The answers to conditions without the tasks that they name: a single action has no such tasks with it."""
+    found = {name: getattr(policies, name) for name in policies.__struct_fields__}
+    return {name: answer(one).value for name, one in found.items() if isinstance(one, Contingency)}
 
 
 def _task(task: Task) -> dict[str, Any]:

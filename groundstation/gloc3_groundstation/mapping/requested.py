@@ -101,7 +101,7 @@ def _requested(
     if mission is None or (mission.frame != GEO and frame_name not in ("", mission.frame)):
         return None
     found = Requested(name=mission.name, is_geo=mission.frame == GEO, fence=mission.fence)
-    if structure_findings(reading):
+    if structure_findings(reading.tasks):
         return found
     figures = estimate(mission, PartialOrder.of(mission), home_ned_m, Budget(home_ned_m=home_ned_m), None)
     actions = mission.actions()

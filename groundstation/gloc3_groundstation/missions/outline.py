@@ -9,7 +9,7 @@ from gloc3.ci import MissionSummary
 from gloc3.mission.checker import Report
 from gloc3.mission.estimate import Estimate
 from gloc3.mission.model import Action, Mission, Task, digest_of
-from gloc3.mission.show import summary, terms
+from gloc3.mission.show import answers, summary, terms
 from gloc3.platform import Capability
 
 COMMANDS: Final = "command-"
@@ -80,18 +80,12 @@ def outline_of(report: Report, capabilities: Mapping[str, Capability]) -> Outlin
     if mission is None or not mission.tasks:
         return None
     figures = report.estimate
-    policies = mission.policies
     return Outline(
         title=mission.name,
         stages=tuple(_stage(task, mission, figures, capabilities) for task in mission.tasks.values()),
         digest=digest_of(mission.text),
         platforms=mission.platforms,
-        terms=(
-            f"on failure {policies.on_failure}",
-            f"link loss {policies.on_link_loss}",
-            f"low battery {policies.on_low_battery}",
-            f"pose lost {policies.on_pose_lost}",
-        ),
+        terms=tuple(answers(mission.policies)),
         duration_s=figures.duration_s if figures is not None else None,
     )
 

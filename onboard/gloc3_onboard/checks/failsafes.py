@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Final
 
+from gloc3.mission.model import answer
 from gloc3.mission.policy import SEVERITY, Policy, resolved
 from gloc3.preflight import Check, Group, Verdict
 from gloc3.readiness import AutopilotSetup
@@ -107,7 +108,7 @@ def _pose_lost(readings: Readings, setup: AutopilotSetup, failsafe: Failsafe) ->
         advice = f"without a pilot at the sticks set {failsafe.parameter} to 1 (land)"
         return Check(GROUP, name, Verdict.WARNING, f"{action}{source}", advice)
     if mission is not None and action in list(Policy):
-        wanted = resolved(Policy(mission.policies.on_pose_lost), mission.policies.on_failure)
+        wanted = resolved(answer(mission.policies.on_pose_lost), mission.policies.on_failure)
         if SEVERITY[Policy(action)] > SEVERITY[wanted]:
             finding = f"{action}{source}; the mission says on_pose_lost: {wanted}"
             advice = f"the autopilot may overrule the mission: say on_pose_lost: {action}"

@@ -195,7 +195,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away{why})")
         else:
             state = ActionState.DONE if leader.is_there(order.acceptance_m) else ActionState.RUNNING
-            self.advance(now_s, progress, state, achieved=int(progress * count + 1e-6))
+            self.advance(now_s, progress, state, achieved=int(progress * count + 1e-6), is_blocked=self._is_in_the_way)
         return Setpoint(
             action_id=action_id,
             position_ned_m=target.position_ned_m,

@@ -58,7 +58,7 @@ def read_errors(text: str) -> list[str]:
         reading = inspect_mission(text, "m", Surroundings())
     except InputError as error:
         return [str(finding) for finding in error.findings]
-    found = [*reading.findings, *structure_findings(reading)]
+    found = [*reading.findings, *structure_findings(reading.tasks)]
     return [finding.message for finding in found if not finding.is_warning]
 
 

@@ -53,6 +53,8 @@ class RequestedPath:
         order: dict[str, Any] = request.arguments.get("arguments", {})
         if request.function != "action.start" or "waypoints_ned_m" not in order:
             return
+        for flight in self.flights:  # motion has one owner: whatever was under way is not any more
+            flight.end_s = envelope.t_s if flight.end_s is None else flight.end_s
         points = [(float(n), float(e), float(d)) for n, e, d in order["waypoints_ned_m"]]
         self.flights.append(
             RequestedFlight(

@@ -59,6 +59,7 @@ def station(
     start: Annotated[bool, FLAG] = False,
     exit_when_done: Annotated[bool, FLAG] = False,
     override: str = "",
+    at_contact: Annotated[bool, FLAG] = False,
     wait: float = 60.0,
     station_id: int | None = None,
     signing_key: Path | None = None,
@@ -87,6 +88,8 @@ def station(
         exit_when_done: Close the terminal when the mission has ended.
         override: With --headless: why the mission shall start although pre-flight checks are red; it is logged onboard
             with your name.
+        at_contact: With --headless: bring the mission over at the next contact with --platform, however long that takes,
+            and start nothing. In the terminal the key u queues it while nothing is heard of the vehicle.
         wait: With --headless: give up when the platform is not heard within so many seconds; it may take as long again to
             be ready.
         station_id: The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
@@ -119,6 +122,8 @@ def station(
         raise Refused("--override goes with --headless and a --mission; in the terminal it is the key o of the checks")
     if (start or exit_when_done) and mission is None:
         raise Refused("--start and --exit-when-done need a --mission")
+    if at_contact and not (headless and mission is not None and platform is not None):
+        raise Refused("--at-contact goes with --headless, a --mission and a --platform")
     if not 0.0 < wait < float("inf"):
         raise Refused("--wait must be above 0 seconds")
     if station_id is not None and not 200 <= station_id <= 255:
@@ -178,7 +183,9 @@ def station(
         modems=modems,
     )
     if headless:
-        return asyncio.run(session.narrate(wait, data=_print_json if json else None, override=override))
+        return asyncio.run(
+            session.narrate(wait, data=_print_json if json else None, override=override, is_at_contact=at_contact)
+        )
     page = WebOptions(host=web_host, port=web_port) if web else None
     show = session.show(is_starting=start, is_closing=exit_when_done, keep=file.write, web=page, opens=opens)
     return asyncio.run(show)

@@ -11,6 +11,7 @@ from gloc3.mission.states import ENDED, ActionState, allowed
 from gloc3_groundstation import alerts, flights
 from gloc3_groundstation.alerts import Alerts
 from gloc3_groundstation.component_desk import ComponentDesk
+from gloc3_groundstation.contact_queue import ContactQueue
 from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.fleet_desk import FleetDesk, LinkKeeper
 from gloc3_groundstation.flights import End, Follower
@@ -47,6 +48,7 @@ class Desk:
         events: EventsDesk | None = None,
         services: ServicesDesk | None = None,
         links: LinkKeeper | None = None,
+        queue: ContactQueue | None = None,
         author: str = "",
     ) -> None:
         """A desk.
@@ -57,6 +59,7 @@ class Desk:
             events: keeps the station's events; None for one that forgets them with the process.
             services: what is done with the vehicles' autopilots; None for a station without links.
             links: holds the station's links; None where there are none.
+            queue: keeps missions for the next contact; None for one that forgets them with the process.
             author: the operator's name, for what is logged with it.
         """
         self.station: Final = station
@@ -66,6 +69,8 @@ class Desk:
         self.components: Final = ComponentDesk(self)
         self.services: Final = services or ServicesDesk(station)
         self.preflight: Final = PreflightDesk(station)
+        self.queue: Final = queue or ContactQueue(station)
+        """Missions that wait for the next contact."""
         self._author = author
         self._streamed: dict[str, tuple[int, str]] = {}
         self._held_s: dict[str, float] = {}
@@ -98,6 +103,8 @@ class Desk:
         is_under_way = state in (ActionState.RUNNING, ActionState.PAUSED)
         if self.plan is not None and not is_under_way:
             found |= {Move.STREAM, Move.START}
+        if self.plan is not None and self._is_silent(platform.name):  # it waits for contact
+            found.add(Move.STREAM)
         if state in list(ActionState):
             found |= {Move(verb.value) for verb in allowed(ActionState(state)) if verb.value in list(Move)}
         return frozenset(found)
@@ -131,12 +138,20 @@ class Desk:
         if plan is None:
             return False
         for one in self._crew(name):
+            if self._is_silent(one):
+                self.queue.add(one, plan)
+                continue
             if not await self._do(one, "stream", flights.stream(self.station, one, plan)):
                 return False
             platform = self.station.fleet.get(one)
             if platform is not None:
                 self._streamed[one] = platform.boot, plan.text
         return True
+
+    def _is_silent(self, name: str) -> bool:
+        """Whether nothing is heard of a platform that has been heard."""
+        platform = self.station.fleet.get(name)
+        return platform is not None and platform.is_quiet_link(self.station.now_s())
 
     def _crew(self, name: str) -> tuple[str, ...]:
         """The platforms that the mission at hand is for: those that it names, or the one that the operator looks at."""
@@ -150,6 +165,12 @@ class Desk:
             override: why it shall start although checks are red; empty to have it refused then.
         """
         crew = self._crew(name)
+        for one in filter(self._is_silent, crew):
+            text = (
+                "start: nothing is heard of it, and a start is never kept for later; u queues the mission for contact"
+            )
+            self.station.note(one, Severity.ERROR, text)
+            return {}
         if self.plan is not None and any(self._needs_streaming(one) for one in crew):
             if not await self.stream(name):
                 return {}

@@ -66,7 +66,7 @@ async def await_platform(station: Station, name: str | None) -> str:
         ]
         return bool(found)
 
-    await _until(station, is_heard)
+    await until(station, is_heard)
     return found[0]
 
 
@@ -83,7 +83,7 @@ async def await_ready(station: Station, platform: str, within_s: float = READY_W
         station.note(platform, Severity.INFO, f"waiting for {', '.join(lacks)}")
     try:
         async with asyncio.timeout(within_s):
-            await _until(station, is_ready)
+            await until(station, is_ready)
     except TimeoutError:
         return lacks
     return []
@@ -100,7 +100,7 @@ async def take_control(station: Station, platform: str) -> None:
     reply = await station.client.take_control(platform)
     try:
         async with asyncio.timeout(GRANTED_WITHIN_S):
-            await _until(station, lambda: _holder(station, platform) == station.id)
+            await until(station, lambda: _holder(station, platform) == station.id)
     except TimeoutError:
         holder = _holder(station, platform)
         whose = f"station {holder} keeps it" if holder else reply.reason or "the platform says nothing more"
@@ -206,7 +206,7 @@ async def follow(station: Station, platform: str, follower: Follower) -> End:
             ends.append(end)
         return bool(ends)
 
-    await _until(station, has_ended)
+    await until(station, has_ended)
     return ends[0]
 
 
@@ -220,7 +220,13 @@ async def follow_all(station: Station, followers: "Mapping[str, Follower]") -> E
     return ends[0]
 
 
-async def _until(station: Station, is_so: Callable[[], bool]) -> None:
+async def passed(station: Station, seconds: float) -> None:
+    """Waits so long on the station's clock."""
+    until_s = station.now_s() + seconds
+    await until(station, lambda: station.now_s() >= until_s)
+
+
+async def until(station: Station, is_so: Callable[[], bool]) -> None:
     """Waits until something is so, looking again at each change of the fleet, and now and then."""
     changed = asyncio.Event()
     unlisten = station.listen(lambda *_: changed.set())

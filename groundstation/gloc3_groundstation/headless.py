@@ -1,7 +1,8 @@
 """The station without a screen: streams a mission, starts it, narrates on stderr; stdout is data."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Final
 
 from gloc3.errors import Gloc3Error
@@ -78,9 +79,15 @@ class Headless:
 
     async def watch(self) -> None:
         """Narrates until it is cancelled."""
+        async with self.narrating():
+            await self._loop.create_future()
+
+    @asynccontextmanager
+    async def narrating(self) -> AsyncIterator[None]:
+        """Narrates meanwhile."""
         self._begin()
         try:
-            await self._loop.create_future()
+            yield
         finally:
             self.close()
 

@@ -17,6 +17,7 @@ from gloc3.exchange.base import Exchange
 from gloc3.link.ftp_client import FtpClient
 from gloc3.link.message import Address
 from gloc3.messages import Envelope
+from gloc3_groundstation import flights
 from gloc3_groundstation.command_client import Unanswered
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines, Wire
@@ -184,7 +185,7 @@ class LogPuller:
         await self._ask(CutLog())
         until_s = self._station.now_s() + SETTLE_S
         while sum(log.is_open for log in await self.list()) > 2 and self._station.now_s() < until_s:
-            await asyncio.sleep(TRY_AGAIN_S / 2.0)
+            await flights.passed(self._station, TRY_AGAIN_S)
 
     async def list(self) -> list[LogOnboard]:
         """The logs onboard, by their names.
@@ -273,9 +274,8 @@ class LogPuller:
         return platform is None or platform.is_quiet_link(self._station.now_s())
 
     async def _heard_again(self) -> None:
-        await asyncio.sleep(TRY_AGAIN_S)
-        while self._has_been_silent():
-            await asyncio.sleep(TRY_AGAIN_S / 2.0)
+        await flights.passed(self._station, TRY_AGAIN_S)
+        await flights.until(self._station, lambda: not self._has_been_silent())
 
     @staticmethod
     async def _is_here(path: Path, wanted: str) -> bool:

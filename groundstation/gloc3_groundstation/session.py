@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from gloc3.clock import Clock
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
 from gloc3.narrate import narrate
@@ -21,6 +21,8 @@ from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
 from gloc3_groundstation.acoustic_way import Modem, open_modem
 from gloc3_groundstation.configuration import Configuration, unsaved_folder
+from gloc3_groundstation.contact_queue import FILE as QUEUE_FILE
+from gloc3_groundstation.contact_queue import ContactQueue
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
 from gloc3_groundstation.feed_file import FILE, FeedFile
@@ -89,14 +91,23 @@ class Session:
         self._record = record
         self._events: EventsDesk | None = None
         self._services: ServicesDesk | None = None
+        self._queue: ContactQueue | None = None
 
-    async def narrate(self, wait_s: float, data: Callable[[Line], None] | None = None, override: str = "") -> int:
+    async def narrate(
+        self,
+        wait_s: float,
+        data: Callable[[Line], None] | None = None,
+        override: str = "",
+        *,
+        is_at_contact: bool = False,
+    ) -> int:
         """Flies the mission at hand, or watches; narrates on stderr.
 
         Args:
             wait_s: how long the platform may take to be heard.
             data: takes the same as data.
             override: why it shall start although checks are red; empty to have it refused then.
+            is_at_contact: brings the mission over at the next contact, however long that takes, and starts nothing.
 
         Returns:
             The exit code.
@@ -113,7 +124,11 @@ class Session:
                 run.say(f"warning: {self._problem}")
             run.say(f"listening on {self._links.describe()}")
             work = asyncio.ensure_future(
-                run.watch() if self._plan is None else self._fly(run, self._plan, wait_s, override)
+                run.watch()
+                if self._plan is None
+                else self._leave(run, self._plan, station)
+                if is_at_contact
+                else self._fly(run, self._plan, wait_s, override)
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -151,6 +166,8 @@ class Session:
         from gloc3_groundstation.tui.app import StationApp
 
         async with self._station() as station:
+            file = None if self._record is None else self._record / f"{station.id}-{QUEUE_FILE}"
+            self._queue = ContactQueue(station, file)
             app = StationApp(
                 Desk(
                     station,
@@ -158,6 +175,7 @@ class Session:
                     events=self._events,
                     services=self._services,
                     links=self._links,
+                    queue=self._queue,
                     author=operator(),
                 ),
                 self._configuration,
@@ -190,6 +208,15 @@ class Session:
                 narrate(wording.farewell(station.fleet))
                 return app.return_code or int(is_closing)
             return 0 if end.is_done else 1
+
+    async def _leave(self, run: Headless, plan: Plan, station: Station) -> int:
+        """Queues a mission, and waits until it is there or refused."""
+        name = self._platform or next(iter(plan.platforms), "")
+        if not name or len(plan.platforms) > 1:
+            raise Refused("--at-contact needs --platform, and a mission for one")
+        self._queue = ContactQueue(station)
+        async with run.narrating():
+            return 1 if await self._queue.ended(self._queue.add(name, plan)) else 0
 
     @staticmethod
     async def _fly(run: Headless, plan: Plan, wait_s: float, override: str) -> int:
@@ -242,6 +269,8 @@ class Session:
             if view is not None:
                 view.close()
             vehicles.close()
+            if self._queue is not None:
+                self._queue.close()
             for modem in modems:
                 await modem.close()
             await self._services.close()

@@ -14,6 +14,7 @@ from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.missions.verbs import legal_verbs
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.graph_panel import GraphPanel
+from gloc3_groundstation.tui.lines import Span, Tone
 from gloc3_groundstation.tui.mission_files import MissionFiles
 from gloc3_groundstation.tui.mission_text import MissionText
 from gloc3_groundstation.tui.panel import Panel
@@ -60,6 +61,7 @@ class MissionScreen(StationScreen):
         Binding("o", "open", "Open", tooltip="a mission file, a plan, waypoints or an example"),
         Binding("e", "text", "Edit", tooltip="the text of the mission at hand, and what is wrong in it"),
         Binding("u", "app.move('stream')", "Upload", tooltip="streams the mission at hand"),
+        Binding("x", "withdraw", "Withdraw", show=False, tooltip="takes back what waits for contact"),
         Binding("d", "single", "Do", tooltip="a single action, beside the mission"),
         Binding("m", "other", "Other", tooltip="the mission on the vehicle, or the one at hand"),
         Binding("w", "save_as", "Write as", tooltip="saves under another name, or exports (.plan, .waypoints)"),
@@ -99,6 +101,9 @@ class MissionScreen(StationScreen):
             line = position_line(draft, view.platform, self.size.width, is_loaded=is_loaded, is_at_hand=is_at_hand)
         else:
             line = text_line(draft)
+        waiting = self.desk.queue.of(name) if name is not None else []
+        if waiting:
+            line = (*line, Span(f"  {waiting[-1].plan.title!r} waits for contact, x withdraws it", Tone.WARN))
         self.panel("position").show([line])
         if self._is_text and draft is not None:
             text = self.query_one(MissionText)
@@ -140,6 +145,11 @@ class MissionScreen(StationScreen):
             case "other":
                 return self._has_other() or None
         return True
+
+    def action_withdraw(self) -> None:
+        """Takes the last mission back that waits for contact."""
+        if self.view is not None and self.view.platform is not None:
+            self.desk.queue.withdraw(self.view.platform.name)
 
     def keys(self) -> list[Key]:
         """The keys; in the text the emergency key is the one that works while typing."""

@@ -42,8 +42,8 @@ class Far:
         self._text = self._holder = ""
         self._loop, topics = asyncio.get_running_loop(), TopicTable.installed()
         self.exchange = LocalExchange(topics)
-        self._publisher = Publisher(self.exchange, "auv", "command_server", 1)
-        self.exchange.subscribe("auv/ci/request", self._take)
+        self._publisher = Publisher(self.exchange, "petrel", "command_server", 1)
+        self.exchange.subscribe("petrel/ci/request", self._take)
         self.station = Station(self.exchange, self._loop, "255", 1)
         self._tell()
 
@@ -56,7 +56,7 @@ class Far:
         self._timer = self._loop.call_later(0.5, self._tell)
 
     def _say(self, topic: str, message: Any) -> None:
-        self._publisher.publish(f"auv/ci/{topic}", message, self._loop.time())
+        self._publisher.publish(f"petrel/ci/{topic}", message, self._loop.time())
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
         request = envelope.payload
@@ -115,11 +115,11 @@ def played(steps: Callable[[Far], Awaitable[None]]) -> Far:
 def test_what_waits_is_sent_once_and_in_its_order_and_what_is_refused_is_told() -> None:
     async def steps(far: Far) -> None:
         queue = ContactQueue(far.station)
-        one, two, three = (queue.add("auv", plan(name)) for name in ("one", "two", "three"))
+        one, two, three = (queue.add("petrel", plan(name)) for name in ("one", "two", "three"))
         far.refused = "two"
         await asyncio.sleep(30.0)
         assert not far.requests[-1:] or far.loads == []
-        assert [queued.plan.name for queued in queue.of("auv")] == ["one", "two", "three"]
+        assert [queued.plan.name for queued in queue.of("petrel")] == ["one", "two", "three"]
         far.is_here = True
         assert [await queue.ended(queued) for queued in (one, three)] == ["", ""]
         assert "abort it first" in await queue.ended(two)
@@ -135,14 +135,14 @@ def test_what_waits_is_sent_once_and_in_its_order_and_what_is_refused_is_told() 
 def test_what_is_withdrawn_is_not_sent_and_the_rest_outlives_the_station(tmp_path: Path) -> None:
     async def steps(far: Far) -> None:
         queue = ContactQueue(far.station, tmp_path / "queue.json")
-        queue.add("auv", plan("one"))
-        queue.add("auv", plan("two"))
-        assert queue.withdraw("auv")
+        queue.add("petrel", plan("one"))
+        queue.add("petrel", plan("two"))
+        assert queue.withdraw("petrel")
         queue.close()
         queue = ContactQueue(far.station, tmp_path / "queue.json")
         far.is_here = True
         await asyncio.sleep(10.0)
-        assert queue.of("auv") == []
+        assert queue.of("petrel") == []
         queue.close()
 
     assert played(steps).loads == ["one"]
@@ -152,9 +152,9 @@ def test_an_upload_whose_answer_is_lost_is_not_sent_twice() -> None:
     async def steps(far: Far) -> None:
         queue = ContactQueue(far.station)
         far.is_deaf_after_load = far.is_here = True
-        queued = queue.add("auv", plan("one"))
+        queued = queue.add("petrel", plan("one"))
         await asyncio.sleep(120.0)
-        assert queue.of("auv"), "it is not known whether it has arrived"
+        assert queue.of("petrel"), "it is not known whether it has arrived"
         far.is_here = True
         assert await queue.ended(queued) == ""
         queue.close()
@@ -167,10 +167,10 @@ def test_an_upload_whose_answer_is_lost_is_not_sent_twice() -> None:
 def test_a_start_never_waits_for_contact() -> None:
     async def steps(far: Far) -> None:
         desk = Desk(far.station, plan("one"))
-        assert await desk.start("auv") == {}
-        await desk.stream("auv")
-        assert [queued.plan.name for queued in desk.queue.of("auv")] == ["one"]
-        reply = await far.station.client.ask("auv", Steer(verb=Verb.ABORT))
+        assert await desk.start("petrel") == {}
+        await desk.stream("petrel")
+        assert [queued.plan.name for queued in desk.queue.of("petrel")] == ["one"]
+        reply = await far.station.client.ask("petrel", Steer(verb=Verb.ABORT))
         assert reply.outcome is Outcome.UNKNOWN
         far.is_here = True
         await asyncio.sleep(10.0)

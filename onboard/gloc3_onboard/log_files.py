@@ -1,6 +1,8 @@
 """The files of a folder of logs: which is the next, and which are the oldest."""
 
 import re
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -10,12 +12,23 @@ from gloc3.platform import Platform
 
 LOG: Final = "log"
 MOST_LOGS: Final = 1_000_000
+ANY_LOG: Final = re.compile(rf"({LOG}(?:-[a-z].*?)?)(?:-(\d{{1,6}}))?\.(?:mcap|tlog)")
+"""Of any process: its stem, and the number."""
 
 
 def log_stem(platform: Platform, place: Place) -> str:
     """What the logs of a process are called: `log`, or `log-HOST[-PROCESS]` where the platform has several processes."""
     parts = () if is_in_one_process(platform) else place
     return "-".join((LOG, *filter(None, parts)))
+
+
+@dataclass
+class _Log:
+    """The files of one number."""
+
+    paths: list[Path] = field(default_factory=list)
+    size: int = 0
+    written_s: float = 0.0
 
 
 class LogFiles:
@@ -50,19 +63,29 @@ class LogFiles:
         return self._folder / (f"{self._stem}.mcap" if number == 1 else f"{self._stem}-{number}.mcap")
 
     def prune(self, most_bytes: int) -> list[Path]:
-        """Deletes the oldest logs until the rest is no larger than that; never the last one. Tells which.
+        """Deletes the oldest logs of the folder, of whichever process, until the rest is no larger than that.
+
+        The last one of each process is never deleted. Tells which were.
 
         Raises:
             OSError: one cannot be deleted.
         """
-        sized = [(paths, sum(path.stat().st_size for path in paths)) for paths in self.numbered().values()]
-        total = sum(size for _, size in sized)
+        logs: dict[str, dict[int, _Log]] = {}
+        for path in sorted(self._folder.iterdir()):
+            if match := ANY_LOG.fullmatch(path.name):
+                with suppress(FileNotFoundError):  # another process has just deleted it
+                    found, log = path.stat(), logs.setdefault(match[1], {}).setdefault(int(match[2] or 1), _Log())
+                    log.paths.append(path)
+                    log.size += found.st_size
+                    log.written_s = max(log.written_s, found.st_mtime)
+        total = sum(log.size for of_one in logs.values() for log in of_one.values())
+        past = [(number, log) for of_one in logs.values() for number, log in of_one.items() if number < max(of_one)]
         removed: list[Path] = []
-        for paths, size in sized[:-1]:
+        for _, log in sorted(past, key=lambda each: (each[1].written_s, each[0])):
             if total <= most_bytes:
                 break
-            for path in paths:
-                path.unlink()
-            removed += paths
-            total -= size
+            for path in log.paths:
+                path.unlink(missing_ok=True)
+            removed += log.paths
+            total -= log.size
         return removed

@@ -19,6 +19,8 @@ from gloc3_onboard.log_files import LogFiles
 from gloc3_onboard.traffic import Traffic
 
 LOOK_EVERY_S: Final = 1.0
+PRUNE_EVERY: Final = 10
+"""Looks: other processes' logs grow, too."""
 MEGABYTE: Final = 1_000_000
 CONTINUES: Final = "continues"
 """Metadata of a log: the name of the file before it, of the same run."""
@@ -77,6 +79,7 @@ class RunLog:
         self._before = self.path
         self._recorder, self._traffic = self._begin(self.path, "")
         self._prune()
+        self._looks = 0
         self._timer = loop.call_later(LOOK_EVERY_S, self._look)
 
     @property
@@ -143,6 +146,9 @@ class RunLog:
             size = max(path.stat().st_size for path in paths)
         except OSError:  # somebody has deleted it: what is still written goes nowhere
             size = int(limit) + 1
+        self._looks += 1
+        if self._looks % PRUNE_EVERY == 0:
+            self._prune()
         if limit and size > limit and not self.problem and (self._closing is None or self._closing.done()):
             self._go_on()
 

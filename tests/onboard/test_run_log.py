@@ -1,6 +1,7 @@
 """The log of a run over several files: nothing is lost between them, and the oldest go when there is no room."""
 
 import asyncio
+import os
 from pathlib import Path
 
 import pytest
@@ -66,7 +67,7 @@ async def test_logs_beyond_the_total_are_deleted_from_the_oldest_on_but_nothing_
     files = touched(
         tmp_path, "log.mcap", "log.tlog", "log-2.mcap", "log-3.mcap", "log-10.mcap", "log-front-2.mcap", "log-4.txt"
     )
-    assert [path.name for path in files.prune(2500)] == ["log.mcap", "log.tlog", "log-2.mcap"]
+    assert [path.name for path in files.prune(3500)] == ["log.mcap", "log.tlog", "log-2.mcap"]
     assert files.next().name == "log-11.mcap", "a number is not used again"
     assert files.prune(0) == [tmp_path / "log-3.mcap"], "the last one is being written"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log-10.mcap", "log-4.txt", "log-front-2.mcap"]
@@ -76,3 +77,22 @@ def test_a_stem_of_its_own_has_its_own_numbers(tmp_path: Path) -> None:
     touched(tmp_path, "log-7.mcap", "log-front.mcap")
     assert LogFiles(tmp_path, "log-front").next().name == "log-front-2.mcap"
     assert LogFiles(tmp_path, "log-rear").next().name == "log-rear.mcap"
+
+
+def test_the_oldest_logs_of_all_processes_go_but_never_the_last_of_one(tmp_path: Path) -> None:
+    names = (
+        "log-rear.mcap",
+        "log-front.mcap",
+        "log-rear-2.mcap",
+        "log-front-2.mcap",
+        "log-front-2.tlog",
+        "log-front-3.mcap",
+    )
+    touched(tmp_path, *names)
+    (tmp_path / "map.yaml").write_bytes(b"." * 9000)
+    for second, name in enumerate(names):
+        os.utime(tmp_path / name, (second, second))
+    assert [path.name for path in LogFiles(tmp_path, "log-rear").prune(4500)] == ["log-rear.mcap", "log-front.mcap"]
+    removed = LogFiles(tmp_path, "log-front").prune(0)
+    assert [path.name for path in removed] == ["log-front-2.mcap", "log-front-2.tlog"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log-front-3.mcap", "log-rear-2.mcap", "map.yaml"]

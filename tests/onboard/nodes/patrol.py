@@ -80,8 +80,7 @@ async def main(link: str, folder: Path) -> None:
     """One life of it."""
     async with station(link, SYSTEM) as operator:
         name = await flights.await_platform(operator, None)
-        await until(lambda: operator.fleet.get(name).control is not None, 60.0, "it tells who has control")  # type: ignore[union-attr]
-        await asyncio.sleep(1.0)
+        await until(lambda: operator.fleet.get(name).mission is not None, 60.0, "it tells of its mission")  # type: ignore[union-attr]
         if mission_state(operator, name) in ("", "waiting"):
             await begin(operator, name, (folder / "mission.yaml").read_text())
         commanding: set[asyncio.Task[Command]] = set()

@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from hashlib import blake2s
 from pathlib import Path
+from threading import Event
 from typing import Any, Final
 
 import msgspec
@@ -35,10 +36,14 @@ QUEUES: Final = (
 QUEUED_BATCHES: Final = 16
 """So many packets of at most 64 kB wait for a link, of each priority; Zenoh takes no more."""
 UNIX: Final = "unixsock-stream"
+QUIC: Final = "quic/"
+IN_USE: Final = "Address already in use"
+RELEASED_S, TRY_S = 3.0, 0.05
+"""A session that is closed lets go of its QUIC port only when it has said good-bye: some tenths of a second."""
 
 
 class Node(msgspec.Struct, frozen=True, kw_only=True):
-    """A process on the network. Endpoints are Zenoh's: `tcp/HOST:PORT`, `tls/HOST:PORT`, `unixsock-stream/PATH`."""
+    """A process on the network. Endpoints are Zenoh's: `tcp/HOST:PORT`, `tls/…`, `quic/…`, `unixsock-stream/PATH`."""
 
     name: str
     """Unique among those that connect to the same node."""
@@ -100,11 +105,16 @@ def new_session(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.Ses
         scheme, _, path = endpoint.partition("/")
         if scheme == UNIX:
             Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    try:
-        return zenoh.open(configuration(node, extra))
-    except zenoh.ZError as error:
-        places = ", ".join((*node.listen, *node.connect)) or "no endpoint"
-        raise Gloc3Error(f"the network cannot be opened at {places}: {plain(error)}") from error
+    pause, tries_left = Event(), round(RELEASED_S / TRY_S) if any(QUIC in endpoint for endpoint in node.listen) else 0
+    while True:
+        try:
+            return zenoh.open(configuration(node, extra))
+        except zenoh.ZError as error:
+            if not tries_left or IN_USE not in str(error):
+                places = ", ".join((*node.listen, *node.connect)) or "no endpoint"
+                raise Gloc3Error(f"the network cannot be opened at {places}: {plain(error)}") from error
+        tries_left -= 1
+        pause.wait(TRY_S)
 
 
 def plain(error: zenoh.ZError) -> str:

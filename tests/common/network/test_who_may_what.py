@@ -15,9 +15,10 @@ from tests.common.network.yard import MEMBERS, NOW, Yard
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
+from gloc3.exchange.zenoh_session import QUIC
 from gloc3.messages import Envelope
 from gloc3.network.access import Role
-from gloc3.network.file import QUIC, Membership
+from gloc3.network.file import Membership
 from gloc3.network.register import revoke
 from gloc3.topics import TopicTable
 from gloc3.vehicle import Image
@@ -179,7 +180,7 @@ def tls_of(membership: Membership, trusting: Membership) -> Mapping[str, Any]:
 async def test_a_revoked_certificate_counts_no_more_and_a_renewed_one_takes_the_place_of_the_old(
     tmp_path: Path,
 ) -> None:
-    yard = Yard(tmp_path / "yard")
+    yard = Yard(tmp_path / "yard", over=QUIC)  # whose port is free only a moment after its end
     bob = yard.membership("bob")
     yard.add("carol", Role.OPERATOR)
     with yard.open("pelican.main") as main, yard.open("alice") as alice, yard.open("carol") as carol:

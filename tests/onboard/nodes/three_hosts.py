@@ -24,10 +24,10 @@ from tests.stalls import Watch
 
 import gloc3_onboard.platforms
 from gloc3.ci import Verb
+from gloc3.exchange.zenoh_session import QUIC
 from gloc3.mission.states import ENDED
 from gloc3.network import register
 from gloc3.network.access import Role
-from gloc3.network.file import QUIC
 from gloc3_groundstation.station import Station
 
 A_DAY: Final = timedelta(days=1)

@@ -7,8 +7,9 @@ vision computer, its odometer there or on the base station.
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager, suppress
 from datetime import UTC, datetime, timedelta
+from math import inf
 from pathlib import Path
 from typing import Final
 
@@ -28,12 +29,14 @@ from gloc3.exchange.zenoh_session import QUIC
 from gloc3.mission.states import ENDED
 from gloc3.network import register
 from gloc3.network.access import Role
+from gloc3_groundstation.command_client import Declined
 from gloc3_groundstation.station import Station
 
 A_DAY: Final = timedelta(days=1)
 PORT, RELAYED, SENSORS, CAMERAS, AUTOPILOT, STATION, RADIOED = 7447, 7448, 5600, 5601, 14540, 14550, 14551
 LEGS: Final = 20
 SETTLES_S: Final = 3.0
+GOES_ON_S: Final = 45.0
 MISSION: Final = """\
 mission: along the wall
 frame: hold
@@ -125,8 +128,6 @@ async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: 
     concerned = tuple(NETS) if fault.host == VEHICLE else (fault.host,) if fault.host in NETS else ()
     lost, here = hosts.lost(fault.host), {host: hosts.here(host) for host in concerned}
     life = hosts.scene.mains[VEHICLE].program
-    states: list[str] = []
-    looking = asyncio.create_task(_look(operator, name, states))
     commands = asyncio.create_task(_commands(operator, name)) if fault.host == RADIO else None
     fault.begin(hosts.scene)
     begun_s = time.monotonic()
@@ -145,18 +146,11 @@ async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: 
             )
         healed_s = time.monotonic() - ended_s
         sent = await commands if commands is not None else []
-        await asyncio.sleep(SETTLES_S)
+        held_at_s = 0.0 if fault.mission == LANDS else await _resumed(operator, name)
         is_lost = hosts.lost(fault.host) > lost
-        held_at_s = time.monotonic() if "paused" in states and fault.mission != LANDS else 0.0
-        if held_at_s:
-            await until(lambda: mission_state(operator, name, "way") == "paused", 10.0, "it is paused")
-            await operator.client.steer(name, Verb.RESUME)
-        if fault.mission != LANDS:
-            await until(lambda: mission_state(operator, name, "way") == "running", 30.0, "the mission goes on")
     except AssertionError as error:
         wrong.append(str(error))
         healed_s, sent, is_lost, held_at_s = -1.0, [], hosts.lost(fault.host) > lost, 0.0
-    looking.cancel()
     return Trial(
         name=fault.name,
         host=fault.host,
@@ -170,11 +164,21 @@ async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: 
     )
 
 
-async def _look(operator: Station, name: str, states: list[str]) -> None:
-    """Notes the states that the mission is in."""
-    while True:
-        states.append(mission_state(operator, name))
+async def _resumed(operator: Station, name: str) -> float:
+    """Says resume where the mission is paused, until it has gone on for a while; when that was said last, or 0."""
+    said_s, until_s = 0.0, time.monotonic() + GOES_ON_S
+    running_s = inf
+    while time.monotonic() < running_s + SETTLES_S:
+        assert time.monotonic() < until_s, "the mission does not go on"
         await asyncio.sleep(0.1)
+        state = mission_state(operator, name, "way")
+        running_s = min(running_s, time.monotonic()) if state == "running" else inf
+        if state == "paused" and time.monotonic() > said_s + SETTLES_S:
+            await asyncio.sleep(SETTLES_S)  # what holds shall stand before
+            said_s = time.monotonic()
+            with suppress(Declined):  # it goes on just now, or the autopilot is not there yet
+                await operator.client.steer(name, Verb.RESUME)
+    return said_s
 
 
 async def _commands(operator: Station, name: str) -> list[Command]:

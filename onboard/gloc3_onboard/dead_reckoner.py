@@ -23,10 +23,10 @@ class Errors(msgspec.Struct, frozen=True, kw_only=True):
     """Growth of the heading's error in one second's root."""
     acceleration_m_s2: float = 0.12
     """How the velocity changes by itself, in one second's root."""
-    adrift_m_s: float = 0.5
-    """Of a velocity that nothing measures: the current, and what the vehicle may do."""
-    forget_s: float = 20.0
-    """So fast the last measured velocity loses its worth."""
+    adrift_m_s: float = 0.3
+    """Of a velocity that nothing measures: the current, and what the vehicle does of what it is asked."""
+    forget_s: float = 5.0
+    """So fast the last measured velocity gives way to the one that is asked for, where nothing measures it."""
 
 
 class DeadReckoner:
@@ -35,7 +35,8 @@ class DeadReckoner:
     State: position (north, east), velocity over ground (north, east), error of the heading with the mounting angle of the
     DVL, and error of the DVL's scale. A measured velocity is `(1 + scale) * turned(error) * true`, so the two errors are
     found while satellites tell the truth, and their part in the position's covariance grows with the distance after that. Where
-    no velocity is measured, the last one is forgotten, and the covariance says so (first-order Gauss-Markov).
+    no velocity is measured, the vehicle is believed to do what it is asked to, and the covariance says how far that may be wrong
+    (a constant error that is learnt of by nobody).
 
     Args:
         errors: what is known before.
@@ -59,8 +60,14 @@ class DeadReckoner:
         self.covariance[:, :2] = 0.0
         self.covariance[_N, _N] = self.covariance[_E, _E] = std_m**2
 
-    def predict(self, dt_s: float, *, is_measured: bool) -> None:
-        """Goes on by a time; `is_measured` says whether velocities are measured meanwhile."""
+    def predict(self, dt_s: float, *, is_measured: bool, asked_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Goes on by a time.
+
+        Args:
+            dt_s: the time.
+            is_measured: whether velocities are measured meanwhile.
+            asked_m_s: the velocity that the vehicle is asked for, north and east; it counts where nothing measures it.
+        """
         errors = self.errors
         step = np.eye(6)
         step[_N, _VN] = step[_E, _VE] = dt_s
@@ -68,9 +75,12 @@ class DeadReckoner:
         if is_measured:
             noise[_VN] = noise[_VE] = errors.acceleration_m_s2**2 * dt_s
         else:
-            keep = exp(-dt_s / errors.forget_s)
-            step[_VN, _VN] = step[_VE, _VE] = keep
-            noise[_VN] = noise[_VE] = errors.adrift_m_s**2 * (1.0 - keep * keep)
+            # The belief follows what is asked; its error, the current above all, stays what it is.
+            change = 1.0 - exp(-dt_s / errors.forget_s)
+            self.x[_VN] += change * (asked_m_s[0] - self.x[_VN])
+            self.x[_VE] += change * (asked_m_s[1] - self.x[_VE])
+            for axis in (_VN, _VE):
+                noise[axis] = change * max(0.0, errors.adrift_m_s**2 - self.covariance[axis, axis])
         noise[_TURN] = errors.heading_walk_rad**2 * dt_s
         self.x = step @ self.x
         self.covariance = step @ self.covariance @ step.T + np.diag(noise)

@@ -87,7 +87,16 @@ def test_without_bottom_lock_it_claims_what_a_current_may_do() -> None:
         filter_.predict(0.1, is_measured=False)
     adrift_m = hypot(0.2 * 60.0, 0.0)
     assert max(filter_.std_m) > adrift_m / 2.0 > 3.0 * locked
-    assert hypot(*filter_.velocity_m_s) < 0.1, "the last velocity is forgotten"
+    assert hypot(*filter_.velocity_m_s) < 0.1, "nothing is asked of it, so it is believed to stand"
+
+
+def test_without_bottom_lock_it_is_believed_to_do_what_it_is_asked_to() -> None:
+    filter_ = DeadReckoner()
+    filter_.begin(0.0, 0.0, 0.5)
+    for _ in range(400):
+        filter_.predict(0.1, is_measured=False, asked_m_s=(0.0, -0.5))
+    assert filter_.velocity_m_s == pytest.approx((0.0, -0.5), abs=0.01)
+    assert filter_.position_m == pytest.approx((0.0, -0.5 * 35.0), abs=0.3), "after a time constant of 5 s"
 
 
 def test_satellites_on_the_way_teach_it_its_heading_error() -> None:

@@ -9,13 +9,19 @@ from gloc3.frames import IDENTITY, GeoPoint, TangentPlane, Vector3, from_yaw, ro
 from gloc3.perception import BottomVelocity, SatelliteFix
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import AutopilotPose, Pose
+from gloc3.vehicle import AutopilotPose, Pose, Setpoint
 from gloc3_onboard.dead_reckoner import DeadReckoner, Errors
 
 _FIRST_FIXES: Final = 5
 """Fixes that are averaged before it begins."""
 _FIX_GAP_S: Final = 1.0
 """Errors of fixes are alike for long: no more than one in this time is taken in."""
+_ASKED_S: Final = 1.0
+"""A setpoint that is older asks for nothing."""
+_TO_PLACE: Final = 0.4
+"""Speed at which a vehicle goes to a place that it is asked to, per metre…"""
+_TO_PLACE_MAX_M_S: Final = 0.3
+"""…and at most."""
 _STUCK: Final = 10
 """So many fixes in a row that do not fit mean that the reckoning is wrong, not the satellites."""
 
@@ -40,7 +46,7 @@ class DeadReckoningSettings(Settings, frozen=True):
     """Standard deviation of heading and mounting angle together, before satellites have told more."""
     scale_std: Annotated[float, Bounds(0.0001, 0.1)] = 0.003
     """Standard deviation of the DVL's scale."""
-    adrift_std_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.5
+    adrift_std_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.3
     """Standard deviation of the velocity where nothing measures it."""
 
 
@@ -57,6 +63,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
     autopilot_pose = Input(AutopilotPose)
     dvl = Input(BottomVelocity)
     satellites = Input(SatelliteFix)
+    setpoint = Input(Setpoint)
     pose = Output(Pose, frame="ned")
 
     def __init__(self) -> None:
@@ -90,6 +97,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._misfits = 0
         self._dvl_reason = ""
         self._attitude = IDENTITY
+        self._asked: Setpoint | None = None
 
     def initialize(self, settings: DeadReckoningSettings) -> None:
         """Adopts the settings."""
@@ -103,6 +111,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Takes in what is new in the order of time; one pose for each of the autopilot's."""
         results: list[Result] = []
+        asked = inbox.latest(self.setpoint)
+        self._asked = asked.payload if asked is not None and now_s - asked.t_s < _ASKED_S else None
         poses = [(envelope.t_s, 2, envelope.payload) for envelope in inbox.new(self.autopilot_pose)]
         bottoms = [(envelope.t_s, 0, envelope.payload) for envelope in inbox.new(self.dvl)]
         fixes = [(envelope.t_s, 1, envelope.payload) for envelope in inbox.new(self.satellites)]
@@ -125,13 +135,27 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         if dt_s <= 0.0:
             return
         is_measured = self._lock_s is not None and t_s - self._lock_s < self._settings.unlocked_s
-        self._filter.predict(min(dt_s, 5.0), is_measured=is_measured)
+        self._filter.predict(min(dt_s, 5.0), is_measured=is_measured, asked_m_s=self._asked_m_s())
         self.travelled_m += hypot(*self._filter.velocity_m_s) * dt_s
         self._now_s = t_s
 
+    def _asked_m_s(self) -> tuple[float, float]:
+        """The velocity that the vehicle is asked for: what is fed forward, and what leads to the place asked for."""
+        asked = self._asked
+        if asked is None:
+            return (0.0, 0.0)
+        vn, ve, _ = asked.velocity_ned_m_s or (0.0, 0.0, 0.0)
+        if asked.position_ned_m is None:
+            return vn, ve
+        north, east = self._filter.position_m
+        off_n, off_e = _TO_PLACE * (asked.position_ned_m[0] - north), _TO_PLACE * (asked.position_ned_m[1] - east)
+        size = hypot(off_n, off_e)
+        share = _TO_PLACE_MAX_M_S / size if size > _TO_PLACE_MAX_M_S else 1.0
+        return vn + share * off_n, ve + share * off_e
+
     def _measure(self, bottom: BottomVelocity, t_s: float) -> None:
         if not bottom.is_valid:
-            self._dvl_reason = bottom.reason
+            self._dvl_reason = self._dvl_reason or bottom.reason
             return
         self._advance(t_s)
         yaw = yaw_of(self._attitude)

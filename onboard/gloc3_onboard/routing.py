@@ -78,13 +78,14 @@ class RoutedLink:
         self._endpoint = endpoint
         self._parser = Parser(is_datagram=endpoint.is_datagram)
         if isinstance(endpoint, UdpEndpoint) and not self._is_paced:
-            self.routed.post = endpoint.post
-            self._router.changes += 1
+            self.routed.post, self.routed.outgoing = endpoint.post, endpoint.outgoing
+            self._router.change()
         if endpoint.is_datagram and self._signed_only is None and self._withheld is None:
             self._lanes = Lanes(self._router, self.routed)
             if isinstance(endpoint, UdpEndpoint):
                 is_plain = self._listener is None and self._keep is _keep_nothing
-                endpoint.go_direct(lambda: Lanes(self._router, self.routed), None if is_plain else self._tell)
+                told = None if is_plain else self._tell
+                endpoint.go_direct(lambda: Lanes(self._router, self.routed), told, self._router.change)
             self._settle()
 
     def close(self) -> None:
@@ -95,7 +96,8 @@ class RoutedLink:
                 timer.cancel()
         self._last = self.condition()
         self._endpoint = self.routed.post = self._lanes = None
-        self._router.changes += 1
+        self.routed.outgoing = lambda: None
+        self._router.change()
 
     def receive(self, data: bytes) -> None:
         """Takes in what the endpoint has heard: what may be passed on goes first, all else can wait."""

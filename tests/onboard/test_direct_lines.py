@@ -11,6 +11,7 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.link import udp
 from gloc3.link.codec import Encoder, Frame, Parser, message
+from gloc3.link.compiling import Compiling, can_compile, kept_at, load, prepare
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.link.lanes import Lanes
 from gloc3.link.message import Address
@@ -95,8 +96,16 @@ async def until(is_so: Callable[[], bool]) -> None:
             await asyncio.sleep(0.005)
 
 
-@pytest.fixture
-async def stack() -> AsyncIterator[Stack]:
+@pytest.fixture(params=["interpreted", "compiled"])
+async def stack(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Stack]:
+    """As it is without numba, and as it is once the loop of its lines is compiled."""
+    monkeypatch.setattr(udp, "COMPILING", here := Compiling())
+    monkeypatch.setattr(here, "begin", lambda _failed: None)
+    if request.param == "compiled":
+        if not can_compile():
+            pytest.skip("numba is not installed, or this is not Linux")
+        prepare(kept_at())
+        here.loop = load(kept_at())
     stack = Stack()
     await stack.open()
     yield stack
@@ -193,6 +202,7 @@ async def test_a_line_that_leads_no_more_is_given_up_and_nothing_is_lost(
     assert len(stack.station.hear(1)) == 1, "there is a line again"
 
 
+@pytest.mark.parametrize("stack", ["interpreted"], indirect=True)
 async def test_what_goes_wrong_on_a_line_is_told_and_the_loop_takes_over(
     stack: Stack, monkeypatch: pytest.MonkeyPatch
 ) -> None:

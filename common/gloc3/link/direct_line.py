@@ -19,6 +19,7 @@ from contextlib import suppress
 from typing import Any, Final, Protocol, TypeAlias
 
 from gloc3.guard import guard
+from gloc3.link.fast_line import FastLine, Loop
 
 LARGEST_DATAGRAM_BYTES: Final = 65_535
 MOST_STRAYS: Final = 256
@@ -41,6 +42,12 @@ class Passer(Protocol):
 
     def settle(self, now_s: float) -> None:
         """Now and then, and at the end: counts what it has passed on."""
+
+    def hasten(self, fast: FastLine) -> None:
+        """A compiled loop receives from now on, and passes on what it may by itself."""
+
+    def end(self) -> None:
+        """Has the compiled loop pass on nothing any more; when this returns, it does not."""
 
 
 class DirectLine:
@@ -70,11 +77,12 @@ class DirectLine:
         """Sends to the peer, from any thread."""
         self.source: Final[str] = opened.getsockname()[0]
         """Our address, from which the peer is reached."""
-        self.bytes_passed = 0
+        self._bytes_passed = 0
         """Counted by the thread alone."""
+        self._fast: FastLine | None = None
         self._loop, self._hear, self._passed = loop, hear, passed
-        self._left = self._done = 0
-        """Datagrams that the thread has left to the loop, and that the loop has dealt with."""
+        self._order: Final = memoryview(bytearray(16)).cast("q")
+        """How many datagrams the thread has left to the loop, and how many of them the loop has dealt with."""
         self._waiting: deque[tuple[bytes, bool]] = deque()
         """What the loop is to be told, and whether that was passed on."""
         self._is_told = self._is_closed = False
@@ -85,13 +93,35 @@ class DirectLine:
         """Whether somebody listens."""
         return self._thread.is_alive()
 
+    @property
+    def bytes_passed(self) -> int:
+        """What it has passed on by itself."""
+        return self._bytes_passed + (0 if self._fast is None else self._fast.bytes_passed)
+
+    @property
+    def is_fast(self) -> bool:
+        """Whether a compiled loop receives."""
+        return self._fast is not None
+
     def begin(self) -> None:
         """Listens from now on."""
         self._thread.start()
 
+    def hasten(self, compiled: Loop, seed: int) -> None:
+        """Has a compiled loop receive, from the next datagram but one on.
+
+        Args:
+            compiled: the loop.
+            seed: 64 random bits.
+        """
+        fast = FastLine(compiled, self.opened.fileno(), self._order, is_wanted=self._passed is not None, seed=seed)
+        self.passer.hasten(fast)
+        self._fast = fast
+
     def close(self) -> None:
         """Ends the thread, and deals with what it has left."""
         self._is_closed = True
+        self.passer.end()
         with suppress(OSError):
             self.opened.shutdown(socket.SHUT_RD)
         if self._thread.is_alive():
@@ -108,34 +138,36 @@ class DirectLine:
                 self._loop.call_soon_threadsafe(self._loop.call_exception_handler, context)
 
     def _listen(self) -> None:
-        buffer = bytearray(LARGEST_DATAGRAM_BYTES)  # asked for as `bytes` it would be had from the system each time
-        came, receive, pass_on, waiting, is_wanted = (
-            memoryview(buffer),
-            self.opened.recv_into,
-            self.passer.pass_on,
-            self._waiting,
-            self._passed is not None,
-        )
+        room = bytearray(LARGEST_DATAGRAM_BYTES)  # asked for as `bytes` it would be had from the system each time
+        came, order, pass_on, waiting = memoryview(room), self._order, self.passer.pass_on, self._waiting
+        is_wanted = self._passed is not None
         while True:
-            try:
-                data = bytes(came[: receive(buffer)])
-            except OSError:  # nobody listens there (any more), as sending says too; the next one may be heard again
-                data = b""
-            if not data:
+            size = self._receive(room)
+            if not size:
                 if self._is_closed:  # and all that had come is read
                     return
                 continue
-            is_passed = self._left == self._done and pass_on(data)
-            if is_passed:
-                self.bytes_passed += len(data)
-                if not is_wanted:
-                    continue
-            else:
-                self._left += 1
+            data, is_passed = bytes(came[: abs(size)]), size < 0
+            if not is_passed and order[0] == order[1] and pass_on(data):
+                is_passed = True
+                self._bytes_passed += size
+            if not is_passed:
+                order[0] += 1
+            elif not is_wanted:
+                continue
             waiting.append((data, is_passed))
             if not self._is_told:
                 self._is_told = True
                 self._loop.call_soon_threadsafe(self._tell)
+
+    def _receive(self, room: bytearray) -> int:
+        """The size of the next datagram; negative if a compiled loop has passed it on; 0 for none."""
+        if self._fast is not None:
+            return self._fast.serve(room)
+        try:
+            return self.opened.recv_into(room)
+        except OSError:  # nobody listens there (any more), as sending says too; the next one may be heard again
+            return 0
 
     def _tell(self) -> None:
         """Deals with what waits."""
@@ -146,7 +178,7 @@ class DirectLine:
             if not is_passed:
                 self._hear(data, self.peer)
                 self.passer.learn(data, self._loop.time())
-                self._done += 1
+                self._order[1] += 1
             elif self._passed is not None:
                 self._passed(data)
 

@@ -15,6 +15,7 @@ from typing import Final
 from fastcrc.crc16 import mcrf4xx as checksum
 
 from gloc3.link.codec import Parser
+from gloc3.link.fast_line import FastLine
 from gloc3.link.gaps import MOST_GAP
 from gloc3.link.message import Shape
 from gloc3.link.parser import MAGIC_2, Frame
@@ -32,13 +33,21 @@ _START: Final = 10
 class _Lane:
     """Where frames of one kind go."""
 
-    __slots__ = ("bytes", "crc_extra", "frames", "like", "lost", "of", "posts", "sender", "settled", "ways")
+    __slots__ = (
+        *("bytes", "compiled", "crc_extra", "frames", "is_fast"),
+        *("key", "like", "lost", "of", "posts", "sender", "settled", "ways"),
+    )
 
     def __init__(self, like: Frame, shape: Shape) -> None:
         self.like: Final = like
+        self.key: Final = like.raw[_WHO_AND_WHAT]
         self.crc_extra: Final = shape.crc_extra
         self.frames = self.bytes = self.lost = 0
         """Passed on, and missed by their numbers."""
+        self.compiled = (0, 0, 0)
+        """The same of the compiled loop, as far as it has been asked."""
+        self.is_fast = False
+        """Whether the compiled loop knows of it."""
         self.settled = (0, 0, 0)
         """What of these three has been counted."""
         self.sender: Sender
@@ -51,6 +60,7 @@ class _Lane:
         """Looks up where it leads; False where each such frame must be looked at."""
         found = router.lane(link, self.like, now_s)
         if found is not None:
+            self.is_fast = self.is_fast and self.of == router.changes and self.ways == found[2]
             self.sender, self.posts, self.ways = found
             self.of = router.changes
         return found is not None
@@ -70,6 +80,17 @@ class Lanes:
         self._ended: list[_Lane] = []
         """Lanes that are no more, of which the last frames are not yet counted."""
         self._parser = Parser(is_datagram=True)
+        self._fast: FastLine | None = None
+
+    def hasten(self, fast: FastLine) -> None:
+        """Has a compiled loop, which receives what comes, pass on what it may before `pass_on` is asked."""
+        self._fast = fast
+        self._router.passed_on.add(fast, self._link)
+
+    def end(self) -> None:
+        """The compiled loop, if there is one, has passed on its last datagram, or will have when this returns."""
+        if self._fast is not None:
+            self._router.passed_on.remove(self._fast)
 
     def pass_on(self, data: bytes) -> bool:
         """Passes a datagram on whose lanes are known; False for anything else, of which nothing has gone on then."""
@@ -125,13 +146,14 @@ class Lanes:
         for frame in self._parser.receive(data):
             if frame.flags or frame.raw[0] != MAGIC_2 or frame.shape is None:
                 continue
-            key, lane = frame.raw[_WHO_AND_WHAT], _Lane(frame, frame.shape)
+            lane = _Lane(frame, frame.shape)
             if lane.find(self._router, self._link, now_s):
-                self._end(key)
+                self._end(lane.key)
                 if len(self._lanes) >= MOST_LANES:
                     for other in tuple(self._lanes):
                         self._end(other)
-                self._lanes[key] = lane
+                self._lanes[lane.key] = lane
+                self._hasten(lane, now_s)
 
     def settle(self, now_s: float) -> None:
         """Counts what was passed on, remembers when its senders were heard, and looks up anew ways that are not sure any more."""
@@ -143,11 +165,35 @@ class Lanes:
             self._settle(lane, now_s)
         for key, lane in tuple(self._lanes.items()):
             is_heard = now_s - lane.sender.heard_s < MOVED_AFTER_S
-            if not (is_heard and lane.find(self._router, self._link, now_s)):
+            if is_heard and lane.find(self._router, self._link, now_s):
+                self._hasten(lane, now_s)
+            else:
                 self._end(key)
+        if self._fast is not None:
+            self._fast.settle()
+
+    def _hasten(self, lane: _Lane, now_s: float) -> None:
+        """Has the compiled loop take frames of a kind, if it may."""
+        if self._fast is None or lane.is_fast:
+            return
+        key = lane.like.system << 8 | lane.like.component
+        ways = self._router.outgoing(self._link, key, lane.ways, now_s)
+        if ways is not None and self._fast.put(lane.key, lane.crc_extra[0], lane.sender.last, ways):
+            self._router.passed_on.begin(key, self._fast)
+            lane.is_fast = True
+        else:
+            self._take(lane, self._fast.end(lane.key))
+
+    @staticmethod
+    def _take(lane: _Lane, passed: tuple[int, int, int]) -> None:
+        frames, size, lost = lane.compiled
+        lane.compiled = (frames + passed[0], size + passed[1], lost + passed[2])
 
     def _settle(self, lane: _Lane, now_s: float) -> None:
-        passed = (lane.frames, lane.bytes, lane.lost)
+        if self._fast is not None and self._lanes.get(lane.key) is lane:
+            self._take(lane, self._fast.take(lane.key))
+        more = lane.compiled
+        passed = (lane.frames + more[0], lane.bytes + more[1], lane.lost + more[2])
         frames, size, lost = (now - before for now, before in zip(passed, lane.settled, strict=True))
         lane.settled = passed
         if frames:
@@ -158,14 +204,16 @@ class Lanes:
         """Takes a lane away; a thread may still be on it, so it is settled once more."""
         lane = self._lanes.pop(key, None)
         if lane is not None:
+            if self._fast is not None:
+                self._take(lane, self._fast.end(key))
             self._ended.append(lane)
 
 
 def _count(lane: _Lane, raw: bytes) -> None:
     """Remembers a frame that was passed on."""
-    sequence, sender = raw[4], lane.sender
-    if (gap := sequence - sender.sequence - 1 & 0xFF) and gap < MOST_GAP:
+    sequence, last = raw[4], lane.sender.last
+    if (gap := sequence - last[0] - 1 & 0xFF) and gap < MOST_GAP:
         lane.lost += gap
-    sender.sequence = sequence
+    last[0] = sequence
     lane.bytes += len(raw)
     lane.frames += 1

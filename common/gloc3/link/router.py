@@ -13,9 +13,11 @@ from typing import Final, TypeAlias
 
 import msgspec
 
+from gloc3.link.fast_line import Outgoing
 from gloc3.link.gaps import MOST_GAP
 from gloc3.link.message import Address
 from gloc3.link.parser import Frame
+from gloc3.link.passed_on import PassedOn
 from gloc3.link.tlog import SETUP_SIGNING
 
 MOST_ADDRESSES: Final = 256
@@ -30,6 +32,8 @@ MOST_RECENT: Final = 20_000
 """So many frames are remembered at most, twice; in a flood for less time than that."""
 LOOK_AGAIN_S: Final = 1.0
 """So long at most the ways of a sender are taken for right before they are looked up anew."""
+_TURNS: Final = 2
+"""After so many times that old frames were forgotten nothing is remembered of what came before."""
 _SYSTEM_TIME: Final = 2
 _BOOT_MS_AT: Final = slice(8, 12)
 _RESTART_MS: Final = 1000
@@ -57,7 +61,8 @@ class Sender(msgspec.Struct, gc=False):
     """What is known of one address on one link."""
 
     heard_s: float
-    sequence: int
+    last: bytearray
+    """The number of its last frame, in one byte that a compiled line reaches."""
     boot_ms: int = 0
     ways: tuple[RouterLink, ...] = ()
     """Where what it says to all goes, as long as nothing has changed."""
@@ -74,13 +79,15 @@ class RouterLink:
         send: takes frames that are to leave, those together that have come together.
     """
 
-    __slots__ = ("_send", "counts", "name", "post", "senders")
+    __slots__ = ("_send", "counts", "name", "outgoing", "post", "senders")
 
     def __init__(self, name: str, send: Callable[[Sequence[Frame]], None]) -> None:
         self.name = name
         self._send = send
         self.post: Callable[[bytes], None] | None = None
         """Sends frames as they are, from any thread, where nothing has to wait; None where something may."""
+        self.outgoing: Callable[[], Sequence[Outgoing] | None] = lambda: None
+        """Where what `post` sends goes; None where only it can tell."""
         self.counts = LinkCounts()
         self.senders: dict[int, Sender] = {}
         """By `system << 8 | component`."""
@@ -123,12 +130,20 @@ class Router:
         """When frames were forgotten last."""
         self.changes = 0
         """Counts what makes ways that are known no longer right."""
+        self.passed_on: Final = PassedOn()
+        self._restart_turn = -_TURNS
+        """When somebody was forgotten who may have been heard by several links just before."""
+
+    def change(self) -> None:
+        """Ways that are known are no longer right: when this returns, nothing leaves by them any more."""
+        self.changes += 1
+        self.passed_on.revoke()
 
     def attach(self, name: str, send: Callable[[Sequence[Frame]], None]) -> RouterLink:
         """Adds a link."""
         link = RouterLink(name, send)
         self.links.append(link)
-        self.changes += 1
+        self.change()
         return link
 
     def route(self, source: RouterLink, frames: Sequence[Frame], now_s: float) -> None:
@@ -150,9 +165,30 @@ class Router:
         sender, shape = source.senders.get(key), frame.shape
         if sender is None or shape is None or shape.target_system_at >= 0 or frame.message_id == _SYSTEM_TIME:
             return None
+        if self.passed_on.elsewhere(key, source):
+            return None
         ways = self._ways_to_all(source, sender, key, now_s)
         posts = tuple(link.post for link in ways if link.post is not None)
         return (sender, posts, ways) if len(posts) == len(ways) else None
+
+    def outgoing(self, source: RouterLink, key: int, ways: Links, now_s: float) -> list[Outgoing] | None:
+        """Where what somebody says leaves by some links, if a compiled line may send it there; otherwise None.
+
+        It may not while the same sender is heard by another link, or has been until just now.
+        """
+        if self.passed_on.turn_number < self._restart_turn + _TURNS:
+            return None
+        for link in self.links:
+            sender = None if link is source else link.senders.get(key)
+            if sender is not None and now_s - sender.heard_s < MOVED_AFTER_S + LOOK_AGAIN_S:
+                return None
+        found: list[Outgoing] = []
+        for link in ways:
+            some = link.outgoing()
+            if some is None:
+                return None
+            found += some
+        return found
 
     @staticmethod
     def passed(
@@ -170,6 +206,7 @@ class Router:
         """Forgets frames that came too long ago to come back."""
         if now_s - self.now_s > REPEAT_S or len(self.recent) > MOST_RECENT:
             self.before, self.recent, self.now_s = self.recent, {}, now_s
+            self.passed_on.turn()
 
     def _ways(self, source: RouterLink, frame: Frame, now_s: float) -> Sequence[RouterLink]:
         """Where a frame is to go; keeps what it tells of its sender."""
@@ -177,16 +214,19 @@ class Router:
         counts.frames_in += 1
         counts.bytes_in += len(raw)
         key = frame.system << 8 | frame.component
-        if key == self._own or self._has_returned(source, raw, now_s):
+        if key == self._own or self._has_returned(source, key, raw, now_s):
             counts.returned += 1
             return ()
-        sender = source.senders.get(key)
+        sender, changes = source.senders.get(key), self.changes
         if frame.message_id == SETUP_SIGNING or (
             sender is None and (sender := self._meet(source, key, frame, now_s)) is None
         ):
             counts.refused += 1
             return ()
         self._remember(source, sender, key, frame, now_s)
+        if self.changes != changes and self.passed_on.has(raw, key, source):
+            counts.returned += 1  # a compiled line had it in hand until the change
+            return ()
         shape = frame.shape
         if shape is not None and shape.target_system_at >= 0 and (system := frame.target_system):
             return self._ways_to(source, key, system, frame.target_component, now_s)
@@ -209,9 +249,11 @@ class Router:
             source.counts.unroutable += 1
         return ways
 
-    def _has_returned(self, source: RouterLink, raw: bytes, now_s: float) -> bool:
+    def _has_returned(self, source: RouterLink, key: int, raw: bytes, now_s: float) -> bool:
         """Whether the very same frame has just come by another link."""
         self.turn(now_s)
+        if self.passed_on.has(raw, key, source):
+            return True
         recent = self.recent  # a line's thread may be here too: what is in one of the two is never overlooked
         first = self.before.get(raw) or recent.setdefault(raw, source)
         return first is not source
@@ -220,21 +262,21 @@ class Router:
         """Takes in a sender that is new on this link; None if there is no room for one more."""
         if not _make_room(source, now_s):
             return None
-        self.changes += 1
+        self.change()
         for link in self.links:
             if link is not source and key in link.senders and not _hears(link, key, now_s):
                 del link.senders[key]
-        sender = source.senders[key] = Sender(now_s, frame.sequence - 1 & 0xFF)
+        sender = source.senders[key] = Sender(now_s, bytearray([frame.sequence - 1 & 0xFF]))
         return sender
 
     def _remember(self, source: RouterLink, sender: Sender, key: int, frame: Frame, now_s: float) -> None:
         """Keeps what a frame tells of its sender."""
-        gap = frame.sequence - sender.sequence - 1 & 0xFF
+        gap = frame.sequence - sender.last[0] - 1 & 0xFF
         if gap < MOST_GAP:
             source.counts.lost += gap
         if now_s - sender.heard_s >= MOVED_AFTER_S:
-            self.changes += 1
-        sender.heard_s, sender.sequence = now_s, frame.sequence
+            self.change()
+        sender.heard_s, sender.last[0] = now_s, frame.sequence
         if frame.message_id == _SYSTEM_TIME:
             boot_ms = int.from_bytes(frame.payload[_BOOT_MS_AT], "little")
             if boot_ms + _RESTART_MS < sender.boot_ms:
@@ -244,7 +286,8 @@ class Router:
             sender.boot_ms = boot_ms
 
     def _forget(self, system: int) -> None:
-        self.changes += 1
+        self._restart_turn = self.passed_on.turn_number
+        self.change()
         for link in self.links:
             for key in [key for key in link.senders if key >> 8 == system]:
                 del link.senders[key]

@@ -7,9 +7,11 @@ import errno
 import socket
 from collections.abc import Callable
 from contextlib import suppress
+from random import SystemRandom
 from typing import Final
 
 from gloc3.errors import Refused
+from gloc3.link.compiling import COMPILING
 from gloc3.link.direct_line import (
     AT_ONCE,
     LARGEST_DATAGRAM_BYTES,
@@ -19,6 +21,7 @@ from gloc3.link.direct_line import (
     connect,
     source_towards,
 )
+from gloc3.link.fast_line import Outgoing
 from gloc3.link.peer_routes import Routes
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 22
@@ -34,6 +37,7 @@ LOOK_AGAIN_S: Final = 1.0
 """So often at most the silent ones are looked for."""
 PEER_EXPIRES_S: Final = 30.0
 """Who has said nothing for so long is not sent to any more, and makes room for another."""
+_RANDOM: Final = SystemRandom()
 
 
 class UdpEndpoint:
@@ -53,6 +57,7 @@ class UdpEndpoint:
         self._lines: dict[SocketAddress, DirectLine] = {}
         self._make_passer: Callable[[], Passer] | None = None
         self._passed: Callable[[bytes], None] | None = None
+        self._changed: Callable[[], None] = lambda: None
 
     @property
     def bytes_received(self) -> int:
@@ -64,22 +69,33 @@ class UdpEndpoint:
         """The port that the socket has."""
         return None if self._socket is None else int(self._socket.getsockname()[1])
 
-    def go_direct(self, make_passer: Callable[[], Passer], passed: Callable[[bytes], None] | None) -> None:
+    def go_direct(
+        self,
+        make_passer: Callable[[], Passer],
+        passed: Callable[[bytes], None] | None,
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
         """Wants a direct line to each peer, as long as they are few.
 
         Args:
             make_passer: makes what passes on a line's datagrams by itself.
             passed: told of each datagram that was passed on so; None where nobody wants to know.
+            changed: told before a way out is closed, and when there is another.
         """
-        self._make_passer, self._passed = make_passer, passed
+        self._make_passer, self._passed, self._changed = make_passer, passed, changed
 
     def post(self, data: bytes) -> None:
         """Sends as `send` does, from any thread."""
         raise NotImplementedError
 
+    def outgoing(self) -> list[Outgoing] | None:
+        """The lines by which `post` sends what is for all; None while some of it goes otherwise."""
+        raise NotImplementedError
+
     def tend(self) -> None:
         """To be called now and then where lines are wanted: settles what they pass on, and gives up those that lead no more."""
         for line in tuple(self._lines.values()):
+            self._hasten(line)
             line.passer.settle(self._loop.time())
             if not line.is_alive or source_towards(line.peer, line.opened.family) != line.source:
                 self._end_line(line.peer)
@@ -125,7 +141,9 @@ class UdpEndpoint:
         opened, strays = found
         enlarge(opened, RECEIVE_BUFFER_BYTES)
         line = DirectLine(peer, opened, self._loop, self._make_passer(), self._hear, self._passed)
+        self._hasten(line)
         self._lines[peer] = line
+        self._changed()
         self._read()  # what came before
         for data, sender in strays:
             self._hear(data, sender)
@@ -134,8 +152,30 @@ class UdpEndpoint:
     def _end_line(self, peer: SocketAddress) -> None:
         line = self._lines.pop(peer, None)
         if line is not None:
+            self._changed()
             line.close()
             self._heard_bytes += line.bytes_passed
+
+    def _hasten(self, line: DirectLine) -> None:
+        """Has a compiled loop receive on a line, once there is one; it is wanted as soon as a line passes something on."""
+        if line.is_fast:
+            return
+        if COMPILING.loop is not None:
+            line.hasten(COMPILING.loop, _RANDOM.getrandbits(64))
+        elif line.bytes_passed:
+            COMPILING.begin(self._not_compiled)
+
+    def _not_compiled(self, error: BaseException) -> None:
+        """Tells, from another thread, that lines stay as they are."""
+        context = {"message": "direct lines are not compiled", "exception": error}
+        with suppress(RuntimeError):  # the loop is closed: nobody is there to be told
+            self._loop.call_soon_threadsafe(self._loop.call_exception_handler, context)
+
+    def _sent(self, size: int, dropped: int, problem: str) -> None:
+        """Counts what compiled lines have sent here."""
+        self.bytes_sent += size
+        self.dropped += dropped
+        self.problem = problem or self.problem
 
     def _post_to(self, data: bytes, peer: SocketAddress) -> None:
         """Sends to one peer, from any thread; of what is counted at the same moment by two of them one may be missed."""
@@ -211,6 +251,12 @@ class UdpServerEndpoint(UdpEndpoint):
         for peer in peers if len(peers) <= 1 else self._routes.ways(peers, data):
             self._post_to(data, peer)
 
+    def outgoing(self) -> list[Outgoing] | None:
+        """The lines of all peers, if each has one."""
+        lines = [self._lines.get(peer) for peer in self._heard_s]
+        found = [Outgoing(line.opened.fileno(), self._sent) for line in lines if line is not None]
+        return found if len(found) == len(lines) else None
+
     def tend(self) -> None:
         """Forgets silent peers as well, and opens lines to those that have none."""
         super().tend()
@@ -224,6 +270,8 @@ class UdpServerEndpoint(UdpEndpoint):
             if line.bytes_passed != self._passed_bytes.get(peer, 0):
                 self._heard_s[peer], self._passed_bytes[peer] = now_s, line.bytes_passed
         silent = [peer for peer, heard_s in self._heard_s.items() if heard_s < now_s - PEER_EXPIRES_S]
+        if silent:
+            self._changed()
         for peer in silent:
             self._end_line(peer)
             self._passed_bytes.pop(peer, None)
@@ -250,6 +298,7 @@ class UdpServerEndpoint(UdpEndpoint):
                 return False
         self._heard_s[sender] = self._loop.time()
         self._routes.learn(sender, data)
+        self._changed()
         return True
 
 
@@ -288,10 +337,19 @@ class UdpClientEndpoint(UdpEndpoint):
         """Whether it is open; whether somebody is there, UDP does not say."""
         return self._socket is not None
 
-    def go_direct(self, make_passer: Callable[[], Passer], passed: Callable[[bytes], None] | None) -> None:
+    def go_direct(
+        self,
+        make_passer: Callable[[], Passer],
+        passed: Callable[[bytes], None] | None,
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
         """Has its line at once: it knows its peer."""
-        super().go_direct(make_passer, passed)
+        super().go_direct(make_passer, passed, changed)
         self._open_line(self._address)
+
+    def outgoing(self) -> list[Outgoing] | None:
+        """Its line."""
+        return None if self._line is None else [Outgoing(self._line.opened.fileno(), self._sent)]
 
     def tend(self) -> None:
         """Opens the line again as well, where it was given up."""

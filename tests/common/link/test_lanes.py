@@ -1,13 +1,20 @@
 """Lanes: what takes the short way through the router goes, and is counted, as what takes the long one."""
 
-from collections.abc import Sequence
-from functools import partial
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from enum import StrEnum
+from functools import cache, partial
 from random import Random
 
 import msgspec
 import pytest
 
 from gloc3.link.codec import Encoder, Frame, Parser, message
+from gloc3.link.compiling import can_compile, kept_at, load, prepare
+from gloc3.link.fast_line import FastLine, Loop, Outgoing
 from gloc3.link.lanes import Lanes
 from gloc3.link.message import Address
 from gloc3.link.router import LOOK_AGAIN_S, MOVED_AFTER_S, Router, RouterLink
@@ -19,24 +26,41 @@ def _put(out: list[bytes], frames: Sequence[Frame]) -> None:
     out.extend(frame.raw for frame in frames)
 
 
-class Net:
-    """Three links, with lanes or without."""
+class Way(StrEnum):
+    """How frames go through the router."""
 
-    def __init__(self, *, has_lanes: bool) -> None:
+    LONG = "by the router alone"
+    LANES = "by lanes"
+    COMPILED = "by lanes in a compiled loop, with sockets at both ends"
+
+
+class Net:
+    """Three links."""
+
+    def __init__(self, way: Way) -> None:
         self.router = Router(Address(1, 191))
         self.out: dict[str, list[bytes]] = {name: [] for name in NAMES}
         self.links: dict[str, RouterLink] = {}
-        self.short = 0
+        self.short = self.sent = 0
+        self.lanes: dict[str, Lanes] = {}
+        self.lines: dict[str, Line] = {}
         for name in NAMES:
             out = self.out[name]
             link = self.links[name] = self.router.attach(name, partial(_put, out))
             link.post = out.append
-        self.lanes = {name: Lanes(self.router, link) for name, link in self.links.items()} if has_lanes else {}
+            if way is not Way.LONG:
+                self.lanes[name] = Lanes(self.router, link)
+            if way is Way.COMPILED:
+                line = self.lines[name] = Line()
+                self.lanes[name].hasten(line.fast)
+                link.outgoing = partial(self._outgoing, line)
 
     def hear(self, name: str, raw: bytes, now_s: float) -> None:
         lanes = self.lanes.get(name)
+        if self.lines and self._passes(self.lines[name], raw):
+            return
         if lanes is not None and lanes.pass_on(raw):
-            self.short += 1
+            self.short += not self.lines
             return
         frames = Parser(is_datagram=True).receive(raw)
         self.router.route(self.links[name], frames, now_s)
@@ -48,14 +72,79 @@ class Net:
         for lanes in self.lanes.values():
             lanes.settle(now_s)
 
+    def close(self) -> None:
+        for lanes in self.lanes.values():
+            lanes.end()
+        for line in self.lines.values():
+            for each in line.sockets:
+                each.close()
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_short_way_leads_where_the_long_one_does(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def _passes(self, line: Line, raw: bytes) -> bool:
+        line.far_in.send(raw)
+        size = line.fast.serve(line.room)
+        assert abs(size) == len(raw)
+        assert line.room[: abs(size)] == raw
+        for name, other in self.lines.items():
+            with suppress(BlockingIOError):
+                while True:
+                    self.out[name].append(other.far_out.recv(65_535, socket.MSG_DONTWAIT))
+        self.short += size < 0
+        return size < 0
+
+    def _outgoing(self, line: Line) -> list[Outgoing]:
+        return [Outgoing(line.out.fileno(), self._sent)]
+
+    def _sent(self, size: int, dropped: int, problem: str) -> None:
+        assert (dropped, problem) == (0, "")
+        self.sent += size
+
+
+class Line:
+    """What a compiled loop receives from and sends to, and the far ends."""
+
+    def __init__(self) -> None:
+        pair = partial(socket.socketpair, socket.AF_UNIX, socket.SOCK_DGRAM)
+        (self.far_in, own), (self.out, self.far_out) = pair(), pair()
+        self.sockets = (self.far_in, own, self.out, self.far_out)
+        self.room = bytearray(65_535)
+        order = memoryview(bytearray(16)).cast("q")
+        self.fast = FastLine(loop(), own.fileno(), order, is_wanted=True, seed=7, flags=socket.MSG_DONTWAIT)
+
+
+@cache
+def loop() -> Loop:
+    """What is compiled, as the process has it."""
+    if not can_compile():
+        pytest.skip("numba is not installed, or this is not Linux")
+    prepare(kept_at())
+    return load(kept_at())
+
+
+@pytest.fixture
+def nets() -> Iterator[Callable[[Way], Net]]:
+    made: list[Net] = []
+
+    def make(way: Way) -> Net:
+        made.append(Net(way))
+        return made[-1]
+
+    yield make
+    for net in made:
+        net.close()
+
+
+SHORT = (Way.LANES, Way.COMPILED)
+
+
+@pytest.mark.parametrize(("way", "seed"), [(Way.LANES, 0), (Way.LANES, 1), (Way.COMPILED, 1), (Way.COMPILED, 2)])
+def test_the_short_way_leads_where_the_long_one_does(
+    seed: int, way: Way, nets: Callable[[Way], Net], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(
         "gloc3.link.router.LOOK_AGAIN_S", 0.0
     )  # otherwise either may be late by so much, and not by the same
     chance, now_s = Random(seed), 0.0
-    short, long = Net(has_lanes=True), Net(has_lanes=False)
+    short, long = nets(way), nets(Way.LONG)
     who = {"vehicle": [Encoder(1, 1), Encoder(1, 100)], "radio": [Encoder(255, 190)], "wifi": [Encoder(254, 190)]}
     said: list[tuple[str, bytes]] = []
     for step in range(3000):
@@ -92,8 +181,9 @@ def test_the_short_way_leads_where_the_long_one_does(seed: int, monkeypatch: pyt
     assert short.short > 150
 
 
-def test_a_lane_ends_when_a_route_changes_and_after_a_while() -> None:
-    net, vehicle = Net(has_lanes=True), Encoder(1, 1)
+@pytest.mark.parametrize("way", SHORT)
+def test_a_lane_ends_when_a_route_changes_and_after_a_while(way: Way, nets: Callable[[Way], Net]) -> None:
+    net, vehicle = nets(way), Encoder(1, 1)
     net.hear("radio", Encoder(255, 190).encode(message("HEARTBEAT")), 0.0)
     for number in range(3):
         net.hear("vehicle", vehicle.encode(message("ATTITUDE", roll=number)), 0.0)

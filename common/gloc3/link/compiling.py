@@ -50,27 +50,39 @@ def kept_at() -> Path:
         digest.update((here / name).read_bytes())
     for name in _COMPILERS:
         digest.update(version(name).encode())
-    caches = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(caches).expanduser() / "gloc3" / f"line-{digest.hexdigest()[:16]}"
+    caches = os.environ.get("CACHE_DIRECTORY")  # a service's
+    folder = Path(caches or os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    return (folder if caches else folder / "gloc3") / f"line-{digest.hexdigest()[:16]}"
 
 
 def prepare(folder: Path) -> None:
-    """Has it compiled into a folder, by a process of its own, if that is not done yet.
+    """Has it compiled into a folder, by a process of its own, if nobody has done that yet.
 
     Raises:
         Refused: the folder cannot be written, or the compiler failed.
     """
-    if any(folder.rglob("*.nbc")):
+    import fcntl  # Linux's, as all of this
+
+    whole = folder / "whole"
+    if whole.exists():
         return
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        command = [sys.executable, "-m", "gloc3.link.compiling", str(folder)]
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+        with (folder / "lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # another process may be about it
+            if not whole.exists():
+                _compile(folder)
+                whole.touch()
     except OSError as error:
-        raise Refused(f"the loop of direct lines cannot be compiled: {error}") from error
+        raise Refused(f"{folder}: {error.strerror}") from error
+
+
+def _compile(folder: Path) -> None:
+    command = [sys.executable, "-m", __name__, str(folder)]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     if done.returncode:
         last = done.stderr.strip().rpartition("\n")[2]
-        raise Refused(f"the loop of direct lines cannot be compiled: {last or done.returncode}")
+        raise Refused(f"the compiler ended with {done.returncode}: {last}")
 
 
 class Compiling:

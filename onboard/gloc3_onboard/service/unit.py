@@ -118,6 +118,8 @@ class Unit(msgspec.Struct, frozen=True, kw_only=True):
                     "StateDirectoryMode=0750",
                     f"LogsDirectory=gloc3/{self.name}",
                     "LogsDirectoryMode=0750",
+                    f"CacheDirectory=gloc3/{self.name}",
+                    "CacheDirectoryMode=0700",
                     f"WorkingDirectory={self.state}",
                     "",
                     "# A component that eats the memory is ended alone, where it has a process of its own.",

@@ -462,6 +462,12 @@ class MissionSummary(Message, frozen=True):
     """With a silence: when contact is due, on the platform's clock."""
     repetitions: dict[str, tuple[int, int]] = {}
     """The tasks that are done several times and have begun: for which time, and how often at most."""
+    took_s: float = -1.0
+    """Once it has ended: how long it ran, pauses left out; -1 before, and where it is not known."""
+    took_m: float = -1.0
+    """Once it has ended: the way that the vehicle made."""
+    took_battery: float = -1.0
+    """Once it has ended: the share of the battery that it took."""
 
 
 class ControlState(Message, frozen=True):

@@ -48,6 +48,17 @@ def times(mission: MissionSummary, task: str) -> str:
     return f"{count}/{most}" if count else ""
 
 
+def taken(mission: MissionSummary, about_s: float | None, about_m: float | None, share: float | None) -> str:
+    """What a mission that has ended took, beside what was estimated: `took 66 s (about 58), 61 m (about 56)`."""
+    parts = [f"{mission.took_s:.0f} s" + (f" (about {about_s:.0f})" if about_s else "")]
+    if mission.took_m >= 0.0:
+        parts.append(f"{mission.took_m:.0f} m" + (f" (about {about_m:.0f})" if about_m else ""))
+    if mission.took_battery >= 0.0:
+        said = f" (about {100.0 * share:.0f})" if share else ""
+        parts.append(f"{100.0 * mission.took_battery:.0f} % of the battery{said}")
+    return "took " + ", ".join(parts)
+
+
 def running(mission: MissionSummary) -> str:
     """What goes on: `sweep.wall 42 %, sweep.photos`; paused actions are named so."""
     parts = []

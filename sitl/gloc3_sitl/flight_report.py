@@ -39,6 +39,10 @@ class FlightReport(msgspec.Struct, kw_only=True):
     """The smallest mean speed of a leg, as a share of the speed asked for."""
     images: int = 0
     battery_remaining: float | None = None
+    energy_wh: float | None = None
+    """Taken from the battery in the mission; None where the platform's file states no battery."""
+    estimate: dict[str, float] = {}
+    """What the check before the flight said: `mission_time_s`, `distance_m`, and `energy_wh` where there is a power model."""
     events: list[str] = []
     wall: dict[str, float] = {}
     """What the flight cost: seconds of wall time."""
@@ -82,6 +86,16 @@ def _way_m(samples: Sequence[Sample]) -> float:
     return sum(math.dist(a.position_ned_m, b.position_ned_m) for a, b in itertools.pairwise(samples))
 
 
+def _compared(report: FlightReport) -> list[str]:
+    """Each estimated figure, and what became of it."""
+    found: list[str] = []
+    for name, unit in (("mission_time_s", "s"), ("distance_m", "m"), ("energy_wh", "Wh")):
+        said, was = report.estimate.get(name), getattr(report, name)
+        if said and was is not None:
+            found.append(f"{said:.{1 if unit == 'Wh' else 0}f} {unit} ({100.0 * (was - said) / said:+.0f} %)")
+    return found
+
+
 def as_json(report: FlightReport) -> bytes:
     """The report as indented JSON."""
     return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
@@ -98,6 +112,8 @@ def as_lines(report: FlightReport) -> list[str]:
         )
     if report.slowest_leg_share is not None:
         lines.append(f"  speed    slowest leg at {100.0 * report.slowest_leg_share:.0f} % of what was asked")
+    if report.estimate:
+        lines.append("  estimate " + ", ".join(_compared(report)))
     if report.images:
         lines.append(f"  images   {report.images}")
     if "total_s" in report.wall:

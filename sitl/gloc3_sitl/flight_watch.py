@@ -23,6 +23,7 @@ class FlightWatch:
         autopilot: str,
         seed: int = 0,
         narrate: Narrate | None = None,
+        battery_wh: float = 0.0,
     ) -> None:
         self.report = FlightReport(
             mission=mission, mission_state="waiting", platform=name, autopilot=autopilot, seed=seed
@@ -31,6 +32,9 @@ class FlightWatch:
         self._narrate = narrate
         self._airborne_s: float | None = None
         self._started_s: float | None = None
+        self._battery_wh = battery_wh
+        self._full: float | None = None
+        """The share of the battery at the start of the mission."""
         subscribe = exchange.subscribe
         subscribe(f"{name}/ci/event", self._event)
         subscribe(f"{name}/ci/mission", self._mission)
@@ -69,6 +73,11 @@ class FlightWatch:
             self.land(envelope.t_s)
         if state.battery_remaining >= 0.0:
             self.report.battery_remaining = round(state.battery_remaining, 3)
+            if self._full is None and self._started_s is not None:
+                self._full = state.battery_remaining
+            if self._full is not None and self._battery_wh:
+                used_wh = (self._full - state.battery_remaining) * self._battery_wh
+                self.report.energy_wh = round(used_wh, 2)
 
     def _image(self, envelope: Envelope[ImageRecorded]) -> None:
         self.report.images += 1

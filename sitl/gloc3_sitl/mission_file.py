@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 from gloc3.document import load_bytes, parse
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.estimate import Estimate
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.mission.model import GEO, Mission
@@ -27,6 +28,7 @@ class MissionFile(NamedTuple):
     mission: Mission
     duration_s: float
     """As the checker estimates it."""
+    estimate: Estimate | None
     warnings: list[Finding]
 
 
@@ -77,4 +79,4 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFi
         path = folder / "mission-converted.yaml"
         path.write_text(text, encoding="utf-8")
     duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S
-    return MissionFile(str(path), mission, duration_s, [*left_out, *report.findings])
+    return MissionFile(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings])

@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Sequence
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -24,6 +25,7 @@ from gloc3.mission.formats import (
     write_plan,
     write_wpl,
 )
+from gloc3.mission.picture import picture
 from gloc3.mission.reader import Surroundings, load_mission
 from gloc3.mission.show import drawing, mermaid
 from gloc3.platform import Platform, load_platform
@@ -43,6 +45,9 @@ app = App(
     help_format="markdown",
     version_flags=[],
 )
+
+for _point in sorted(entry_points(group="gloc3.mission_commands"), key=lambda point: point.name):
+    app.command(_point.load(), name=_point.name)
 
 OK: Final = 0
 FAILED: Final = 1
@@ -94,6 +99,7 @@ def show(
     *,
     platform: OnPlatform = None,
     mermaid_output: Annotated[bool, Parameter(name="--mermaid")] = False,
+    svg: Path | None = None,
 ) -> int:
     """Draw the partial order of a mission, with estimated times.
 
@@ -101,6 +107,7 @@ def show(
         mission: What to draw.
         platform: What it is to fly on, for better estimates.
         mermaid_output: Draw a Mermaid flowchart instead.
+        svg: Draw its way in plan view and its order over time into this file instead.
     """
     try:
         path, on = find_mission(mission), _platform(platform)
@@ -111,6 +118,8 @@ def show(
         found = report.flyable()
     except InputError as error:
         return _fail(error)
+    if svg is not None:
+        return _write(svg, picture(report))
     _print(mermaid(found) if mermaid_output else drawing(report, Circumstances(platform=on).capabilities(), on), end="")
     return OK
 

@@ -47,6 +47,8 @@ class Estimate:
     length_m: float
     end_ned_m: Vector3
     """Where the vehicle is at the end."""
+    battery_share: float = 0.0
+    """Of the full battery; 0 without a power model."""
     return_wh: float
     """Energy to return home and land from the place where that takes most."""
 
@@ -75,12 +77,14 @@ def estimate(
     found = planner.found
     _end_companions(mission, found)
     _add_devices(mission, found)
+    energy_wh = planner.hover_wh + sum(part.energy_wh for part in found.values())
     return Estimate(
         actions=found,
         duration_s=max((part.end_s for part in found.values()), default=0.0),
-        energy_wh=planner.hover_wh + sum(part.energy_wh for part in found.values()),
+        energy_wh=energy_wh,
         length_m=sum(part.length_m for part in found.values()),
         end_ned_m=planner.here,
+        battery_share=energy_wh / power.battery_wh if power is not None else 0.0,
         return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in planner.places),
     )
 

@@ -58,6 +58,8 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     terms: tuple[str, ...] = ()
     """Its policies."""
     duration_s: float | None = None
+    length_m: float | None = None
+    battery_share: float | None = None
     is_ordered: bool = True
     """False where only the names are known: the platform has told its states, and nobody its order yet."""
 
@@ -87,6 +89,8 @@ def outline_of(report: Report, capabilities: Mapping[str, Capability]) -> Outlin
         platforms=mission.platforms,
         terms=tuple(answers(mission.policies)),
         duration_s=figures.duration_s if figures is not None else None,
+        length_m=figures.length_m if figures is not None else None,
+        battery_share=(figures.battery_share or None) if figures is not None else None,
     )
 
 

@@ -71,6 +71,7 @@ from gloc3_onboard.command_server.requests import RequestHandler
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.standstill import Standstill
 from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, motion_limits, vehicle_summary
+from gloc3_onboard.command_server.tally import Tally
 
 COME_UP_S = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
@@ -167,6 +168,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._contacts = Contacts(self._site.reports)
         self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._contacts, self._say)
         self._executor: MissionExecutor | None = None
+        self._tally = Tally()
         self._granted = Grant(action_id="", component="")
         self._waiting: dict[str, tuple[str, Verb]] = {}
         self._events: list[CiEvent] = []
@@ -371,9 +373,18 @@ class CommandServer(CommandInterface[ServerSettings]):
             silent_s = self._authority.silent_s(now_s)
             executor.link(silent_s, now_s)
             executor.sensed(facts.readings(now_s) | {"link_silent_s": silent_s}, now_s)
+        self._count_up(executor, now_s)
         for verdict in self._verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
         self._verdicts.clear()
+
+    def _count_up(self, executor: MissionExecutor, now_s: float) -> None:
+        """What the mission takes, for the comparison with its estimate."""
+        facts = self._facts
+        if self._tally.program is not executor.mission:
+            self._tally = Tally(executor.mission)
+        at = facts.pose.position_ned_m if facts.pose is not None and facts.is_pose_fresh(now_s) else None
+        self._tally.look(at, facts.autopilot.battery_remaining if facts.autopilot is not None else -1.0, now_s)
 
     def _replied(self, reply: CommandReply | FunctionReply, now_s: float) -> list[Result]:
         waiting = self._waiting.pop(reply.request_id, None)
@@ -477,7 +488,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         if not contacts.has_news and not contacts.is_due(now_s, is_silent=is_silent):
             return []
         vehicle = vehicle_summary(self._site.platform, self._facts, now_s)
-        mission = mission_summary(self._executor)
+        mission = mission_summary(self._executor, self._tally)
         if is_silent:
             self._events.append(contacts.status(vehicle, mission, now_s))
         health = self._supervision.health() if self._supervision is not None else Health.IDLE
@@ -492,7 +503,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._site.keep_holder(self.holder)
         self.policy = self._executor.policy if self._executor is not None else ""
         is_kept = self._executor is None and self._snapshot is not None and bool(self._snapshot.programs)
-        mission = mission_summary(self._executor)
+        mission = mission_summary(self._executor, self._tally)
         results += [] if is_kept else self._news(mission, is_slow)  # who is told of none would give it up for lost
         results += self._news(self._authority.state(), is_slow)
         results += self._news(self._book.table(), False)

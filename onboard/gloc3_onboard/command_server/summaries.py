@@ -13,6 +13,7 @@ from gloc3.platform import Platform
 from gloc3.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, VehicleClass
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.motion import local_frame
+from gloc3_onboard.command_server.tally import Tally
 
 NOT_FLYING: Final = (VehicleClass.ROVER, VehicleClass.BOAT, VehicleClass.SUB)
 REASONS_MAX: Final = 6
@@ -21,7 +22,7 @@ REASON_MAX: Final = 120
 """Characters of a reason that are told."""
 
 
-def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
+def mission_summary(executor: MissionExecutor | None, tally: Tally) -> MissionSummary:
     """The loaded mission and how far it is."""
     if executor is None:
         return MissionSummary(name="", digest="", state="")
@@ -51,6 +52,9 @@ def mission_summary(executor: MissionExecutor | None) -> MissionSummary:
         progress=progress,
         policy=executor.policy,
         reasons=reasons,
+        took_s=tally.took_s,
+        took_m=tally.took_m,
+        took_battery=tally.took_battery,
         repetitions={
             task.target: (task.repetition, task.repeat.times)
             for task in program.tasks.values()

@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.cli import app
 from gloc3.mission.examples import example_missions
+from gloc3.mission.reader import load_mission
 from gloc3.mission.show import WIDTH, drawing, mermaid
 from gloc3.platform import Platform
 
@@ -151,3 +153,18 @@ def test_conversions_go_by_suffix(tmp_path: Path, platform_file: Path, capsys: p
     assert run("convert", source, tmp_path / "copy.yaml") == 0
     assert run("convert", "hop", tmp_path / "hop.plan") == 1
     assert "frame hold has no place on Earth in a plan" in capsys.readouterr().err
+
+
+def test_a_picture_shows_the_way_the_fence_and_every_action_with_its_time(pelican: Platform, tmp_path: Path) -> None:
+    file = tmp_path / "m.svg"
+    assert app(["show", "patrol", "--svg", str(file)], exit_on_error=False, result_action="return_value") == 0
+    root = ET.fromstring(file.read_text(encoding="utf-8"))
+    mission = load_mission("patrol")
+    texts = {text[0].tail if len(text) else text.text for text in root.iter("{http://www.w3.org/2000/svg}text")}
+    assert {name.partition(".")[2] for name in mission.actions()} | set(mission.tasks) <= texts
+    ways = list(root.iter("{http://www.w3.org/2000/svg}polyline"))
+    assert len(ways) == sum(action.order.moves for action in mission.actions().values())
+
+
+def test_a_mission_is_simulated_by_the_command_that_the_simulation_brings() -> None:
+    assert "simulate" in list(app)

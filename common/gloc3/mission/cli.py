@@ -32,7 +32,7 @@ from gloc3.platform import Platform, load_platform
 
 app = App(
     name="gloc3 mission",
-    help="""Check, show and convert mission files.
+    help="""Check, show, simulate and convert mission files.
 
     For example:
 

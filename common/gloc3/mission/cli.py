@@ -185,7 +185,8 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
     Args:
         source: What to convert.
         target: Where to write it.
-        platform: Whose speed limit a converted plan keeps to.
+        platform: Whose speed limit a converted plan keeps to; and whose frames have a place on Earth, so that a mission in
+            one of them can become a plan, which the autopilot flies by itself.
     """
     known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
     if target.suffix not in known:
@@ -207,7 +208,8 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
 
 def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
     if source.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
-        return exported(load_mission(str(source), Surroundings.of(platform)), suffix, str(source))
+        frames = platform.local_frames() if platform is not None else None
+        return exported(load_mission(str(source), Surroundings.of(platform)), suffix, str(source), frames)
     plan = load_plan(source)
     if suffix in MISSION_SUFFIXES:
         limit_m_s = platform.limits.speed_m_s if platform is not None else None

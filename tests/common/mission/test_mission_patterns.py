@@ -200,3 +200,30 @@ tasks:
     back, _ = to_mission(read_plan(plan.encode(), "p"), "p", "p")
     assert not warnings
     assert len(read_mission(back, "b").tasks["fly"].actions["way"].order.waypoints_ned_m) == 5  # type: ignore[attr-defined]
+
+
+def test_a_mission_in_a_local_frame_becomes_a_plan_where_the_frame_s_place_on_earth_is_known(pelican: Platform) -> None:
+    text = """\
+mission: hold
+frame: hold
+geofence: {polygon_m: [[-5, -5], [30, -5], [30, 15], [-5, 15]]}
+tasks:
+  fly:
+    actions:
+      up:    {take_off: {height_m: 3}}
+      lines: {survey: {area_m: [[2, 2], [20, 2], [20, 10], [2, 10]], spacing_m: 4, height_m: 3}, after: [up]}
+      look:  {go_to: {position_m: [5, 5, 4], heading: {look_at: [0, 0, 1]}}, after: [lines]}
+      down:  {land: {at_m: [1, 1]}, after: [look]}
+"""
+    _, mission = on(pelican, text)
+    frames = pelican.local_frames()
+    plan, _ = exported(mission, ".plan", "m", frames)
+    back, _ = to_mission(read_plan(plan.encode(), "p"), "p", "p")
+    origin = frames["hold"].origin
+    again = read_mission(back, "b", Surroundings(origin=origin, home_altitude_m=origin.altitude_m))
+    flown = [one for action in mission.actions().values() for one in getattr(action.order, "waypoints_ned_m", ())]
+    read = [one for action in again.actions().values() for one in getattr(action.order, "waypoints_ned_m", ())]
+    assert len(flown) == len(read) == 7
+    assert max(dist(a, b) for a, b in zip(flown, read, strict=True)) < 0.02
+    assert again.fence is not None
+    assert again.fence.clearance_m((0.0, 0.0, -1.0)) == pytest.approx(5.0, abs=0.02)

@@ -1,13 +1,16 @@
 """Missions of other programs: `.plan` of QGroundControl and `QGC WPL 110`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 from gloc3.document import load_bytes
 from gloc3.errors import Finding, InputError
+from gloc3.frames import LocalFrame
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats.from_mission import from_mission
 from gloc3.mission.formats.items import Plan
+from gloc3.mission.formats.on_earth import on_earth
 from gloc3.mission.formats.plan import read_plan
 from gloc3.mission.formats.plan_source import MAX_BYTES
 from gloc3.mission.formats.plan_writer import write_plan
@@ -84,13 +87,16 @@ def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, 
     return str(path), text, warnings
 
 
-def exported(mission: Mission, suffix: str, file: str) -> tuple[str, list[Finding]]:
+def exported(
+    mission: Mission, suffix: str, file: str, frames: Mapping[str, LocalFrame] | None = None
+) -> tuple[str, list[Finding]]:
     """A mission as a file of another kind.
 
     Args:
         mission: what was read.
         suffix: of the file that is made.
         file: what the findings call the mission.
+        frames: local frames whose place on Earth is known; a mission in another cannot become a plan.
 
     Returns:
         The text, and warnings about what the other kind of file cannot carry.
@@ -104,6 +110,8 @@ def exported(mission: Mission, suffix: str, file: str) -> tuple[str, list[Findin
     if suffix not in known:
         hint = f"known: {', '.join(known)}"
         raise InputError([Finding(file=file, message=f"unknown kind of file {suffix!r}", hint=hint)])
+    if frames is not None and mission.frame in frames:
+        mission = on_earth(mission, frames[mission.frame])
     plan, warnings = from_mission(mission, file)
     if suffix in PLAN_SUFFIXES:
         return write_plan(plan), warnings

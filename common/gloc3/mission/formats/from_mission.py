@@ -6,6 +6,7 @@ from gloc3.errors import Finding, InputError
 from gloc3.frames import GeoPoint
 from gloc3.mission.arguments import (
     Arguments,
+    DriveOff,
     FollowWaypoints,
     GoTo,
     Heading,
@@ -59,7 +60,9 @@ class _Converter:
         mission = self._mission
         if mission.frame != GEO:
             self._refuse(
-                "", f"frame {mission.frame} has no place on Earth in a plan", "only frame geo can be converted"
+                "",
+                f"frame {mission.frame} has no place on Earth in a plan",
+                "name the platform that declares it, or write the mission in frame geo",
             )
             raise InputError(self._findings)
         actions = mission.actions()
@@ -72,6 +75,9 @@ class _Converter:
             if actions[target].options.when is not None:
                 self._refuse(target, f"{target} has a guard, which a plan cannot say", "leave out when")
             self._action(target, actions[target].filled)
+        if mission.contingencies:
+            hint = "the autopilot does what its own failsafes are set to"
+            self._note("", "the contingencies have no place in a plan", hint, is_warning=True)
         fence = self._fence()
         if any(not finding.is_warning for finding in self._findings):
             raise InputError(sorted(self._findings))
@@ -99,6 +105,8 @@ class _Converter:
                 self._items.append(
                     MavItem(command=22, frame=3, params=_NO_PARAMS, x=None, y=None, z=arguments.height_m)
                 )
+            case DriveOff():
+                pass  # an autopilot that is told to fly a plan sets off by itself
             case Pattern():
                 self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
             case FollowWaypoints(waypoints=waypoints) if waypoints is not None:

@@ -202,6 +202,7 @@ class Board:
             programs=[program.keep(now_s) for program in self.programs.values()],
             policy=self.manoeuvre.policy if self.manoeuvre is not None else None,
             cause=self.manoeuvre.cause if self.manoeuvre is not None else "",
+            land_at_s=self.manoeuvre.land_at_s if self.manoeuvre is not None else None,
             has_pilot=self.has_pilot,
             silence=self.silence,
             contingency=self.manoeuvre.contingency if self.manoeuvre is not None else None,

@@ -388,8 +388,8 @@ class MissionExecutor:
             self.settle(now_s)
 
     def _note_progress(self, run: ActionRun, status: ActionStatus) -> None:
+        progress, achieved = self._kept_progress.setdefault(run.target, (run.progress, 0))
         run.progress = status.progress
-        progress, achieved = self._kept_progress.get(run.target, (0.0, 0))
         if abs(status.progress - progress) >= PROGRESS_STEP or status.achieved != achieved:
             self._kept_progress[run.target] = (status.progress, status.achieved)
             self.board.is_changed = True

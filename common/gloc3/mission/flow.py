@@ -180,6 +180,7 @@ def _end_companion(board: Board, run: ActionRun, now_s: float) -> bool:
 def _start(board: Board, run: ActionRun, now_s: float) -> bool:
     """Starts an action that may start now; whether anything has changed."""
     siblings = run.task.actions
+    since_s, run.unavailable_since_s = run.unavailable_since_s, None
     if run.state is not ActionState.WAITING or not all(siblings[name].has_ended for name in run.options.after):
         return False
     if board.has_pilot or (run.is_motion and not _may_move(board, run)):
@@ -192,15 +193,14 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
         run.reason = f"waits for {holder.label}"
         return False
     if run.action.capability in board.missing:
-        since_s = run.unavailable_since_s = run.unavailable_since_s if run.unavailable_since_s is not None else now_s
-        run.reason = f"waits for {', '.join(board.missing[run.action.capability])}"
+        since_s = now_s if since_s is None else since_s
+        missing = run.reason = f"waits for {', '.join(board.missing[run.action.capability])}"
         if now_s < since_s + PATIENCE_S:
+            run.unavailable_since_s = since_s
             return False
-        missing, run.unavailable_since_s = run.reason, None
         board.move(run, Trigger.START, now_s)
         fail_action(board, run, f"{run.action.capability} is not available: it {missing}", now_s)
         return True
-    run.unavailable_since_s = None
     board.move(run, Trigger.START, now_s)
     _assign(board, run, now_s)
     return True

@@ -60,6 +60,23 @@ def apply(
         board.manoeuvre.again_s = now_s
 
 
+def take_up(board: Board, policy: Policy, cause: str, land_at_s: float | None, now_s: float) -> None:
+    """Carries on with what was being carried out before a restart; a hold lasts no longer for it.
+
+    Args:
+        board: the executor's state.
+        policy: what was being done.
+        cause: why.
+        land_at_s: of a hold, when it was to end in a landing, by a clock that may have begun anew since; None where an
+            operator ordered it.
+        now_s: the time.
+    """
+    apply(board, policy, cause, now_s)
+    if policy is Policy.HOLD and board.manoeuvre is not None:
+        limit_s = now_s + board.policies.hold_s
+        board.manoeuvre.land_at_s = None if land_at_s is None else min(land_at_s, limit_s)
+
+
 def _is_stopped_by_hold(program: Program) -> bool:
     """Whether a single command moves the vehicle, or has failed."""
     return any(

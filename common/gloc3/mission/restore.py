@@ -67,7 +67,8 @@ def restore(
     elif board.manoeuvre is not None and board.manoeuvre.program is not None:
         _take_up(executor, board.manoeuvre.program, now_s)
     elif snapshot.policy is not None and is_airborne:
-        manoeuvres.apply(board, snapshot.policy, f"{snapshot.cause}, {_RESTART}", now_s)
+        cause = snapshot.cause.removesuffix(f", {_RESTART}")
+        manoeuvres.take_up(board, snapshot.policy, f"{cause}, {_RESTART}", snapshot.land_at_s, now_s)
     elif mission is not None and mission.is_open:
         _go_on(executor, mission, is_airborne, now_s)
     elif mission is None and is_airborne and any(kept.own.state is ActionState.RUNNING for kept in snapshot.programs):

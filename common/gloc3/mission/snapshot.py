@@ -59,6 +59,9 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The policy that is being carried out."""
     cause: str = ""
     """Why."""
+    land_at_s: float | None = None
+    """With `hold`: when it ends in a landing, by the clock of the process that kept it; None where an operator orders
+    it, who decides."""
     has_pilot: bool = False
     """A pilot has control, and no operator has said resume since."""
     silence: PlannedSilence | None = None

@@ -6,6 +6,7 @@ from gloc3.errors import Refused
 from gloc3.mission.board import Condition
 from gloc3.mission.requests import Grant
 from gloc3.mission.states import ActionState
+from gloc3.mission.writer import single_action
 from gloc3.platform import Platform
 
 from .executor_rig import MISSION, Rig, flying
@@ -170,3 +171,49 @@ def test_a_restart_during_take_off_or_landing_knows_how_it_ended(pelican: Platfo
     last = again.restart(is_airborne=False)
     assert last.state("recover.down") == "done"
     assert last.state() == "done"
+
+
+def test_a_hold_lasts_no_longer_because_the_process_came_back_and_its_cause_is_told_as_before(
+    pelican: Platform,
+) -> None:
+    rig = flying(pelican)
+    rig.arise(Condition.LINK_LOST)
+    for _ in range(3):
+        rig.pass_s(9.0)
+        rig = rig.restart(is_airborne=True)
+    assert rig.executor.policy == "hold"
+    assert rig.log[-1] == "policy hold: link lost, restart"
+    rig.pass_s(3.5)
+    assert rig.executor.policy == "land"
+
+
+def test_a_hold_that_an_operator_ordered_has_no_end_after_a_restart_either(pelican: Platform) -> None:
+    rig = flying(pelican)
+    rig.executor.emergency("hold", "ann", rig.now_s)
+    rig.settle()
+    rig = rig.restart(is_airborne=True)
+    rig.pass_s(100.0)
+    assert rig.executor.policy == "hold"
+
+
+def test_progress_after_a_restart_is_put_on_disk_as_a_change_from_what_is_there(pelican: Platform) -> None:
+    rig = flying(pelican)
+    rig.report(rig.id_of("sweep.wall"), ActionState.RUNNING, progress=0.5)
+    rig = rig.restart(is_airborne=True)
+    rig.steer("resume")
+    rig.report(rig.id_of("sweep.wall"), ActionState.RUNNING, progress=0.04)
+    assert rig.kept is not None
+    assert rig.kept.programs[0].items["sweep.wall"].progress == 0.04
+
+
+def test_what_waits_for_its_capability_wakes_nobody_while_a_single_command_has_its_resource(pelican: Platform) -> None:
+    rig = flying(pelican)
+    rig.done("sweep.wall")
+    rig.executor.available({"land": ("autopilot",)}, rig.now_s)
+    rig.done("recover.home")
+    stay = single_action("stay", "hold", {"duration_s": 60}, None, "hold")
+    rig.executor.command(rig.read(stay), rig.now_s)
+    rig.settle()
+    rig.pass_s(10.0)
+    assert rig.state("recover.down") == "waiting"
+    assert "stay" in rig.running()[0]

@@ -1,0 +1,84 @@
+"""Executors with one thing broken each, to see whether the observer finds it."""
+
+import inspect
+import textwrap
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from gloc3.mission import failures, flow, manoeuvres, restore, space_check
+from gloc3.mission.assignments import Assignments
+from gloc3.mission.board import Board
+from gloc3.mission.executor import MissionExecutor
+
+
+class Mutant(NamedTuple):
+    """A change of one line."""
+
+    name: str
+    function: Callable[..., Any]
+    old: str
+    new: str
+    seed: int = 0
+    """From which on missions are drawn until one shows it; there it does not take long."""
+
+
+MUTANTS = (
+    Mutant(
+        "an action does not wait for its siblings",
+        flow._start,
+        "not all(siblings[name].has_ended for name in run.options.after)",
+        "False",
+    ),
+    Mutant(
+        "a task does not wait for others",
+        flow._go_on,
+        "all(program.tasks[name].has_ended for name in task.options.after)",
+        "True",
+    ),
+    Mutant("claims are not looked at", Assignments.holder, "if name in self.claims", "if False", seed=255),
+    Mutant("deadlines of actions are forgotten", flow._watch, "if now_s >= run.due_s():", "if False:", seed=30),
+    Mutant("deadlines of tasks are forgotten", flow._watch, "if now_s >= task.due_s():", "if False:", seed=755),
+    Mutant("moves are not put on disk", Board.move, "self.is_changed = True", "pass"),
+    Mutant("a restart forgets the states", restore._bring_back, "item.restore(kept.items[item.target], now_s)", "pass"),
+    Mutant("a restart begins to count anew", restore.restore, "count = snapshot.count", "count = 0"),
+    Mutant(
+        "a pause does not reach the component", Board.halt, "self.assignments.pause(assignment, now_s)", "pass", seed=15
+    ),
+    Mutant("what is ended goes on at its component", Board.release, "self.assignments.drop", "(lambda *_, **__: None)"),
+    Mutant("attempts never end", failures.fail_action, "if run.has_attempts_left:", "if True:"),
+    Mutant("failures have no consequence", failures._manoeuvre, "manoeuvres.apply(", "(lambda *_: None)("),
+    Mutant("a milder policy wins", manoeuvres.apply, "SEVERITY[current.policy] >= SEVERITY[policy]", "False", seed=40),
+    Mutant(
+        "a pilot is not noticed",
+        MissionExecutor.pilot,
+        "board.has_pilot, board.is_changed = True, True",
+        "pass",
+        seed=10,
+    ),
+    Mutant("the owner of motion is not told", Assignments.take, "if grant != self._granted:", "if False:"),
+    Mutant("progress is not put on disk", MissionExecutor._note_progress, "self.board.is_changed = True", "pass"),
+    Mutant(
+        "the fence is not looked at",
+        space_check._fence,
+        "clearance_m = fence",
+        "return\n    clearance_m = fence",
+        seed=70,
+    ),
+)
+
+
+@contextmanager
+def broken(mutant: Mutant) -> Iterator[None]:
+    """While it lasts, everybody who calls the function gets the broken one."""
+    function: Any = mutant.function
+    source = textwrap.dedent(inspect.getsource(function))
+    assert source.count(mutant.old) == 1, f"{mutant.old!r} is not what the function says any more"
+    made: dict[str, Any] = {}
+    exec(source.replace(mutant.old, mutant.new), function.__globals__, made)
+    whole = function.__code__
+    function.__code__ = made[function.__name__].__code__
+    try:
+        yield
+    finally:
+        function.__code__ = whole

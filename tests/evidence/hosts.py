@@ -16,7 +16,7 @@ from tests.onboard.nodes.three_hosts_told import Report, Trial
 
 CALM_S = 15.0
 BOUND_S = 0.01
-USED = 0.95
+USED = 0.9
 HEALED_S = 4.0
 """An end that was cut off is forgotten after 2 s, the other tries again at least every second, and a handshake has its
 time: so long where no process begins anew; else as long more as it took at the start of the flight."""

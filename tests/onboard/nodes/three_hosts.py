@@ -7,7 +7,7 @@ vision computer, its odometer there or on the base station.
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import ExitStack, asynccontextmanager, suppress
+from contextlib import ExitStack, asynccontextmanager
 from datetime import UTC, datetime, timedelta
 from math import inf
 from pathlib import Path
@@ -54,6 +54,14 @@ tasks:
       way: {follow_waypoints: {waypoints_m: [WAY], speed_m_s: 0.3}}
   recover: {after: [way], actions: {down: {land: {}}}}
 """
+HOSTS: Final = f"hosts: {{{VEHICLE}: {{}}, {VISION}: {{on_loss: ignore}}, {BASE}: {{on_loss: hold}}}}\n"
+DEVICES: Final = {
+    VEHICLE: (
+        "imu=autopilot://",
+        *(f"{name}=tcp://127.0.0.1:{SENSORS}" for name in ("ground_camera", "tracker_camera", "laser")),
+    ),
+    VISION: (f"stereo_camera=tcp://{NETS[VISION]}.1:{CAMERAS}",),
+}
 SPREAD: Final = {"front_cameras": VISION, "features": VISION}
 """Rows that are not on the vehicle, beside the odometer."""
 
@@ -65,8 +73,14 @@ def platform(odometer: str) -> str:
         text = text.replace(f"{{name: {name},", f"{{name: {name}, host: {host},")
     text = text.replace("[camera/ground, camera/front_left, camera/front_right]", "[camera/ground]")
     text = text.replace("[ground, front_left, front_right]", "[ground]")
-    hosts = f"hosts: {{{VEHICLE}: {{}}, {VISION}: {{on_loss: ignore}}, {BASE}: {{on_loss: hold}}}}\n"
-    return text.replace("components:\n", f"{hosts}components:\n", 1)
+    return text.replace("components:\n", f"{HOSTS}components:\n", 1)
+
+
+def simple() -> str:
+    """The Pelican with satellites and without cameras; on the base station stands a second limiter by."""
+    text = (Path(gloc3_onboard.platforms.__path__[0]) / "pelican_rtk.yaml").read_text()
+    text = text.replace("{name: limiter_standby,", f"{{name: limiter_standby, host: {BASE},")
+    return text.replace("components:\n", f"{HOSTS}components:\n", 1)
 
 
 class ThreeHosts:
@@ -89,13 +103,30 @@ class ThreeHosts:
 
 
 async def fly(
-    folder: Path, odometer: str, faults: tuple[Fault, ...], say: Callable[[str], None], calm_s: float
+    folder: Path,
+    odometer: str | None,
+    faults: tuple[Fault, ...],
+    say: Callable[[str], None],
+    calm_s: float,
+    settle_s: float = SETTLES_S,
 ) -> Report:
-    """Flies with the stereo odometer on a host, and with faults one after the other, after a while without any."""
+    """Flies with the stereo odometer on a host, and with faults one after the other, after a while without any.
+
+    Args:
+        folder: for everything that is written.
+        odometer: its host; None to fly without cameras, by satellites.
+        faults: one that ends with a landing is the last.
+        say: told how far it is.
+        calm_s: how long nothing is wrong at first.
+        settle_s: how long a mission has to go on, or a vehicle to hold, before that is believed.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "p.yaml").write_text(platform(odometer))
+    (folder / "p.yaml").write_text(simple() if odometer is None else platform(odometer))
     stalls = Watch()
-    async with three_hosts(folder) as hosts, station(f"udpin://{GROUND}.2:{STATION}", 255) as operator:
+    async with (
+        three_hosts(folder, has_cameras=odometer is not None) as hosts,
+        station(f"udpin://{GROUND}.2:{STATION}", 255) as operator,
+    ):
         started_s = time.monotonic()
         name = await flights.await_platform(operator, None)
         await until(lambda: all(hosts.here(host) for host in NETS), 90.0, "all hosts are here")
@@ -107,11 +138,11 @@ async def fly(
         await asyncio.sleep(calm_s)
         trials = []
         for fault in faults:
-            trials.append(await _go_through(fault, hosts, operator, name))
+            trials.append(await _go_through(fault, hosts, operator, name, settle_s))
             say(str(trials[-1]))
         end = "landed"
         if not faults or faults[-1].mission != LANDS:
-            await operator.client.steer(name, Verb.SKIP, "way")
+            await _told(operator, name, Verb.SKIP)
             await until(lambda: mission_state(operator, name) in ENDED, 120.0, "the mission ends")
             end = mission_state(operator, name)
         for host in (BASE, VISION, VEHICLE):
@@ -120,10 +151,10 @@ async def fly(
         await asyncio.to_thread(hosts.simulator.end)
         for host, main in hosts.scene.mains.items():
             (folder / f"{host}.txt").write_text("\n".join(main.lines))
-    return measured(folder, odometer, end, calm, start_s, trials, stalls.longest_s)
+    return measured(folder, odometer or "none", end, calm, start_s, trials, stalls.longest_s)
 
 
-async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: str) -> Trial:
+async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: str, settle_s: float) -> Trial:
     """One fault, until everything is as before; the operator says resume where the mission is paused."""
     concerned = tuple(NETS) if fault.host == VEHICLE else (fault.host,) if fault.host in NETS else ()
     lost, here = hosts.lost(fault.host), {host: hosts.here(host) for host in concerned}
@@ -146,7 +177,7 @@ async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: 
             )
         healed_s = time.monotonic() - ended_s
         sent = await commands if commands is not None else []
-        held_at_s = 0.0 if fault.mission == LANDS else await _resumed(operator, name)
+        held_at_s = 0.0 if fault.mission == LANDS else await _resumed(operator, name, settle_s)
         is_lost = hosts.lost(fault.host) > lost
     except AssertionError as error:
         wrong.append(str(error))
@@ -164,21 +195,35 @@ async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: 
     )
 
 
-async def _resumed(operator: Station, name: str) -> float:
+async def _resumed(operator: Station, name: str, settle_s: float) -> float:
     """Says resume where the mission is paused, until it has gone on for a while; when that was said last, or 0."""
     said_s, until_s = 0.0, time.monotonic() + GOES_ON_S
     running_s = inf
-    while time.monotonic() < running_s + SETTLES_S:
+    while time.monotonic() < running_s + settle_s:
         assert time.monotonic() < until_s, "the mission does not go on"
         await asyncio.sleep(0.1)
         state = mission_state(operator, name, "way")
         running_s = min(running_s, time.monotonic()) if state == "running" else inf
-        if state == "paused" and time.monotonic() > said_s + SETTLES_S:
-            await asyncio.sleep(SETTLES_S)  # what holds shall stand before
+        if state == "paused" and time.monotonic() > said_s + settle_s:
+            await asyncio.sleep(settle_s)  # what holds shall stand before
             said_s = time.monotonic()
-            with suppress(Declined):  # it goes on just now, or the autopilot is not there yet
-                await operator.client.steer(name, Verb.RESUME)
+            await _told(operator, name, Verb.RESUME)
     return said_s
+
+
+async def _told(operator: Station, name: str, verb: Verb) -> None:
+    """Has the mission resumed, or its way skipped; asks again where that is refused: the autopilot is not there yet, say."""
+    until_s = time.monotonic() + GOES_ON_S
+    while True:
+        try:
+            await operator.client.steer(name, verb, "way" if verb is Verb.SKIP else "")
+        except Declined:
+            if time.monotonic() > until_s:
+                raise
+            await asyncio.sleep(1.0)
+            if verb is Verb.SKIP or mission_state(operator, name, "way") == "paused":
+                continue
+        return
 
 
 async def _commands(operator: Station, name: str) -> list[Command]:
@@ -191,16 +236,18 @@ async def _commands(operator: Station, name: str) -> list[Command]:
 
 
 @asynccontextmanager
-async def three_hosts(folder: Path) -> AsyncIterator[ThreeHosts]:
+async def three_hosts(folder: Path, *, has_cameras: bool) -> AsyncIterator[ThreeHosts]:
     """The namespaces, the simulated vehicle, the relays, and the three main processes."""
     with ExitStack() as stack:
         stack.enter_context(namespaces())
         _network(folder)
         here = inside(VEHICLE)
         link = f"companion=udpout://127.0.0.1:{AUTOPILOT}"
-        sitl = ("sitl", "--no-gps", "--link", link, "--sensors", str(SENSORS), "--out", "truth")
+        sitl = ["sitl", "--link", link, "--out", "truth"]
+        sitl += ["--no-gps", "--sensors", str(SENSORS)] if has_cameras else []
         simulator = stack.enter_context(program(*sitl, folder=folder, before=here))
-        stack.enter_context(relay(VEHICLE, f"{NETS[VISION]}.1:{CAMERAS}", f"127.0.0.1:{SENSORS}"))
+        if has_cameras:
+            stack.enter_context(relay(VEHICLE, f"{NETS[VISION]}.1:{CAMERAS}", f"127.0.0.1:{SENSORS}"))
         to_vehicle = f"127.0.0.1:{RELAYED}"
         relays = {
             VISION: stack.enter_context(relay(VISION, to_vehicle, f"{NETS[VISION]}.1:{PORT}")),
@@ -213,11 +260,8 @@ async def three_hosts(folder: Path) -> AsyncIterator[ThreeHosts]:
             words += ["--out", "out"]
             if host == VEHICLE:
                 words += ["--autopilot", f"udpin://127.0.0.1:{AUTOPILOT}", "--station", f"udpout://127.0.0.1:{RADIOED}"]
-                for device in ("ground_camera", "tracker_camera", "laser"):
-                    words += ["--device", f"{device}=tcp://127.0.0.1:{SENSORS}"]
-                words += ["--device", "imu=autopilot://"]
-            if host == VISION:
-                words += ["--device", f"stereo_camera=tcp://{NETS[VISION]}.1:{CAMERAS}"]
+            for device in DEVICES.get(host, ()) if has_cameras else ():
+                words += ["--device", device]
             mains[host] = stack.enter_context(managed(words, folder, inside(host)))
         yield ThreeHosts(Scene(mains, relays), simulator)
 

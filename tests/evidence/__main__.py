@@ -37,6 +37,7 @@ from tests.evidence import (
     suites,
     tracker,
     tui,
+    vehicle_accuracy,
     vehicles,
     world,
 )
@@ -78,6 +79,7 @@ BARS: tuple[Bar, ...] = (
     *tracker.BARS,
     *world.BARS,
     *tui.BARS,
+    *vehicle_accuracy.BARS,
     *vehicles.BARS,
 )
 

@@ -1,5 +1,6 @@
 """What the hosts of a platform tell of themselves."""
 
+from enum import StrEnum
 from typing import Final
 
 import msgspec
@@ -54,6 +55,60 @@ class HostStatus(Message, frozen=True):
     """The platform's time when the autopilot began to count its own; None where it is not known here."""
     sensors: list[SensorCondition] = []
     """Of all processes of the host."""
+
+
+class HostState(StrEnum):
+    """How a host stands, as the clock host sees it."""
+
+    EXPECTED = "expected"
+    """The platform's file names it, and it has not been heard yet."""
+    HERE = "here"
+    DIFFERENT = "other version"
+    """It is here, and speaks another protocol."""
+    LOST = "lost"
+
+
+class HostLine(msgspec.Struct, frozen=True, array_like=True):
+    """One host for the stations: at most 14 bytes as msgpack."""
+
+    index: int
+    """In `HostNames`."""
+    state: int
+    """Index of a `HostState`."""
+    processes: int
+    """That are up."""
+    away: int
+    """Processes that should be up, and are not."""
+    restarts: int
+    """Of all its processes, at most 65,535."""
+    load_percent: int
+    """Processes that want to run, for each core; at most 999."""
+    bound_ms: int
+    """How wrong the offset of its clock may be, rounded up; 65,535 where that is not known."""
+
+
+class HostSummary(Message, frozen=True):
+    """Some hosts of a platform, for the stations."""
+
+    lines: list[HostLine]
+
+
+class HostWords(msgspec.Struct, frozen=True, array_like=True):
+    """What seldom changes of a host."""
+
+    name: str
+    version: str = ""
+    """Of its software; empty until it is heard."""
+    clock_offset_s: float = 0.0
+    """The platform's time minus its computer's monotonic clock."""
+    last_words: str = ""
+    """Of the process that ended last, with its name."""
+
+
+class HostNames(Message, frozen=True):
+    """The hosts behind the indices, told on change and again after a while."""
+
+    hosts: list[HostWords]
 
 
 class ClockQuestion(Message, frozen=True):

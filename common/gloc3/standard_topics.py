@@ -19,7 +19,7 @@ from gloc3.ci import (
     VehicleSummary,
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
-from gloc3.host_messages import ClockAnswer, ClockQuestion, HostPresence, HostStatus
+from gloc3.host_messages import ClockAnswer, ClockQuestion, HostNames, HostPresence, HostStatus, HostSummary
 from gloc3.mission.messages import ActionStatus
 from gloc3.perception import (
     BottomVelocity,
@@ -112,6 +112,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),
     "host_presence": TopicRow(HostPresence),
+    "ci/hosts": TopicRow(HostSummary, 0.5, is_logged=False, downlink_every=1),
+    "ci/host_names": TopicRow(HostNames, is_logged=False),
     "hosts/*/clock": TopicRow(ClockQuestion, is_logged=False, service=Service.CONTROL),
     "hosts/*/clock_answer": TopicRow(ClockAnswer, is_logged=False, service=Service.CONTROL),
     # the viewer, towards the stations that look

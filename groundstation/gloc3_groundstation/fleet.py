@@ -19,6 +19,7 @@ from gloc3.ci import (
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.clock import utc_text
+from gloc3.host_messages import HostNames, HostSummary
 from gloc3.messages import Envelope, Severity
 from gloc3.standard_topics import TOPICS
 from gloc3.vehicle import ObstacleScan
@@ -40,6 +41,8 @@ HEARD_TOPICS: Final = (
     CONTACT,
 )
 """What a station listens to, below a platform's name."""
+BESIDE: Final = ("ci/hosts", "ci/host_names")
+"""Of these, what is not of the command interface itself: its source is another."""
 
 FORMER_KEPT: Final = 3
 LATE_MESSAGES: Final = 5
@@ -68,7 +71,9 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
         return fleet
     name, _, topic = envelope.topic.partition("/")
     known, boot = fleet.get(name), envelope.source.boot
-    if not topic.startswith("ci/") and topic != CONTACT:  # of another component, with a boot of its own
+    if topic in BESIDE or (
+        not topic.startswith("ci/") and topic != CONTACT
+    ):  # of another component, with a boot of its own
         return fleet if known is None else with_platform(fleet, reduce(known, envelope.payload, now_s))
     if known is None:
         platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s, began_s=now_s)
@@ -232,6 +237,14 @@ def _contact(platform: PlatformSnapshot, message: ContactSummary, now_s: float) 
     return replace(platform, contact=Timed(message, now_s))
 
 
+def _hosts(platform: PlatformSnapshot, message: HostSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, hosts={**platform.hosts, **{line.index: (line, now_s) for line in message.lines}})
+
+
+def _host_names(platform: PlatformSnapshot, message: HostNames, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return replace(platform, host_names=message)
+
+
 def _heard(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
     return platform
 
@@ -247,6 +260,8 @@ _REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], Platform
     ComponentTable: _table,
     ComponentTrouble: _trouble,
     ContactSummary: _contact,
+    HostSummary: _hosts,
+    HostNames: _host_names,
     CiEvent: _heard,
     CiReply: _heard,
 }

@@ -18,6 +18,7 @@ from gloc3.ci import (
     VehicleSummary,
 )
 from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.host_messages import HostLine, HostNames
 from gloc3.messages import Kind, Message, Severity
 from gloc3.standard_topics import TOPICS
 from gloc3.vehicle import ObstacleScan
@@ -168,6 +169,9 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """None where no link of this station hears its autopilot."""
     problems: tuple[Problem, ...] = ()
     """What its links show to be wrong with it."""
+    host_names: HostNames | None = None
+    hosts: Mapping[int, tuple[HostLine, float]] = {}
+    """Index in the names to the last line and when it came; empty for a platform of one process."""
     former: Mapping[int, int] = {}
     """Boots of former lives, the last one last, to how often each has spoken since: a life that is over does not."""
     doubled_s: float = float("-inf")

@@ -28,7 +28,7 @@ from gloc3.messages import Envelope, Event, Severity
 from gloc3.narrate import Narrator, narrate
 from gloc3.network.file import Membership, read_network
 from gloc3.network.stations import StationBridge
-from gloc3.places import Place, choose_host, clock_host, rows_at
+from gloc3.places import Place, choose_host, clock_host, host_names, rows_at
 from gloc3.platform import Platform, find_platform, load_platform
 from gloc3.readiness import LinkCondition, SensorCondition
 from gloc3.requested_path import RequestedPath
@@ -214,7 +214,7 @@ class OnboardProcess:
             )
         )
         self._clock_server = ClockServer(self.exchange, platform.platform, loop)
-        self._host_watch = HostWatch(context, self._place.host, self.say)
+        self._host_watch = HostWatch(context, self._place.host, host_names(platform), self.say)
         self._onboard: Onboard | None = None
         self._links: dict[str, str] = {}
         """What was told last of each link, by its URL."""

@@ -20,6 +20,8 @@ FROM_ELSEWHERE: Final = {
     "sim/*": "the flight harness",
     "hosts/**": "the main process of each host",
     "host_presence": "the main process of the clock host",
+    "ci/hosts": "the main process of the clock host",
+    "ci/host_names": "the main process of the clock host",
     "imu": "the inertial unit of a platform that moves by its own sensors",
     "laser": "the range scanner of a platform that has one",
     "features/*": "the feature processor of a platform that has a stereo pair",

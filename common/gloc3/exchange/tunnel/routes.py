@@ -42,6 +42,7 @@ RELIABLE: Final[Mapping[str, Route]] = {
     "ci/event": Route(Role.PLATFORM, is_reliable=True),
     "ci/table": Route(Role.PLATFORM, is_reliable=True),
     "ci/trouble": Route(Role.PLATFORM, is_reliable=True),
+    "ci/host_names": Route(Role.PLATFORM, is_reliable=True),
 }
 """The topics that may not lose a message, below the platform's name."""
 

@@ -25,9 +25,12 @@ from gloc3_groundstation.tui.views.components import (
     components_header,
     components_title,
 )
+from gloc3_groundstation.tui.views.hosts import host_lines
 
 AROUND: Final = 8
 """Lines that are left to what stands above and below the components."""
+LEAST: Final = 3
+"""Lines of components that are always shown."""
 
 
 class HealthScreen(StationScreen):
@@ -36,6 +39,9 @@ class HealthScreen(StationScreen):
     HELP = """Every component of the vehicle in view in the order of the data: SS samples, DP processes, CC controls,
     AD drives, CI commands. The chain above them breaks where a required component hands nothing on and no other does
     it in its place: ● working, ◐ quiet, ○ standby or idle, ✕ faulty, · absent.
+
+    A vehicle of several processes or computers has its hosts below the chain: how each stands, its processes, how far its
+    clock is from the vehicle's and how well that is known, and the last words of the process that ended last.
 
     Rate is measured against nominal; load is the share of the period that a cycle takes; late counts the cycles that
     did not end in time. The component under the cursor is told in full below, with its last error.
@@ -51,8 +57,9 @@ class HealthScreen(StationScreen):
     AUTO_FOCUS = "#components"
 
     def body(self) -> ComposeResult:
-        """The chain, the components, and the one under the cursor."""
+        """The chain, the hosts where there are several processes, the components, and the one under the cursor."""
         yield Panel(id="chain", classes="plain", can_focus=False)
+        yield Panel(id="hosts", classes="plain", can_focus=False)
         yield Panel(id="components_header", classes="plain line", can_focus=False)
         yield ListPanel(id="components", classes="plain")
         yield Panel(id="component")
@@ -63,10 +70,15 @@ class HealthScreen(StationScreen):
         platform, desk, name = view.platform, self.desk.components, components.chosen
         wiring = desk.wiring(platform.name) if platform is not None else None
         chain.show(chain_lines(platform, wiring, view.now_s, chain.width))
+        hosts = self.panel("hosts")
+        lines = host_lines(platform, view.now_s, chain.width)
+        hosts.show(lines)
+        hosts.styles.height, hosts.display = len(lines), bool(lines)
+        left = self.query_one("#body").size.height - AROUND - len(lines)
         self.panel("components_header").show([components_header(components.width)])
         rows = component_rows(platform, view.now_s, components.width)
         components.show_rows([Row(line, name) for name, line in rows], components_title(platform, view.now_s))
-        components.styles.height = min(len(rows), self.query_one("#body").size.height - AROUND)
+        components.styles.height = min(len(rows), max(LEAST, left))
         name = components.chosen
         lines = component_lines(platform, name, view.now_s, component.width)
         if platform is not None and name:

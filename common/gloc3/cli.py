@@ -24,7 +24,7 @@ SUMMARIES: Final = {
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",
     "demo": "Fly a mission with three real processes on this machine.",
     "relay": "Pass datagrams on as a bad link would: a radio, an acoustic modem.",
-    "mission": "Check, show, simulate and convert mission files.",
+    "mission": "Make, check, show, simulate and convert mission files; tell what they can ask for.",
     "log": "Inspect, plot, report, recover and replay logs.",
     "odometry": "Run odometers on data sets, and compare trajectories with the truth.",
     "component": "List components and describe them.",

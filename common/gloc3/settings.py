@@ -5,6 +5,7 @@ import inspect
 import math
 import textwrap
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any, TypeVar
 
 import msgspec
@@ -90,6 +91,7 @@ def field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:
     return docs
 
 
+@cache
 def _own_field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:
     docs: dict[str, str] = {}
     try:

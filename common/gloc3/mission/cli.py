@@ -32,12 +32,13 @@ from gloc3.platform import Platform, load_platform
 
 app = App(
     name="gloc3 mission",
-    help="""Check, show, simulate and convert mission files.
+    help="""Make, check, show, simulate and convert mission files; tell what they can ask for.
 
     For example:
 
     - `gloc3 mission check my.yaml --platform pelican_rtk`: all that is wrong with it, with file, line and column
     - `gloc3 mission show inspection`: tasks and actions in their order, with estimated times
+    - `gloc3 mission new survey --platform boat`: a mission to begin with, right as it is
     - `gloc3 mission capabilities go_to --platform pelican`: what an action takes, with units, bounds and an example
     - `gloc3 mission convert field.plan field.yaml`: from QGroundControl's plan; the other way and waypoints, too
 
@@ -154,6 +155,41 @@ def capabilities(
         list_capabilities(found, on)
     else:
         explain(found, on)
+    return OK
+
+
+@app.command
+def new(template: str | None = None, /, *, platform: str = "pelican_rtk", file: Path | None = None) -> int:
+    """Make a mission file to begin with, and beside it the schema by which editors complete and check it.
+
+    Args:
+        template: What it is to be like; all are listed without it.
+        platform: What it is to fly on, a platform file or the name of an installed one.
+        file: Where to write; default: TEMPLATE.yaml here. A file that is there is left alone.
+    """
+    from gloc3.file_schema import as_text
+    from gloc3.mission.mission_schema import mission_schema
+    from gloc3.mission.templates import mission_from, templates
+
+    if template is None:
+        for name, purpose in templates().items():
+            _print(f"{name:<12}{purpose}")
+        _print("\nmake one of them: gloc3 mission new survey --platform NAME")
+        return OK
+    try:
+        on = load_platform(platform)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    path = file or Path(f"{template}.yaml")
+    beside = path.with_name(f"{on.platform}.mission.schema.json")
+    text = mission_from(template, on, beside.name)
+    if path.exists():
+        _complain(f"{path} is there already; --file names another, or move it away")
+        return WRONG_USE
+    if (code := _write(path, text)) != OK or (code := _write(beside, as_text(mission_schema(on)))) != OK:
+        return code
+    _print(f"wrote {path}, and {beside} for editors. Correct its places, and check it:")
+    _print(f"  gloc3 mission check {path} --platform {platform}")
     return OK
 
 

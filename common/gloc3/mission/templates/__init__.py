@@ -1,0 +1,50 @@
+"""Missions to begin with: each is right as it is for the platform that it is made for, and meant to be changed."""
+
+from pathlib import Path
+from typing import Final
+
+from gloc3.errors import Refused, nearest
+from gloc3.platform import Platform
+
+FRAME: Final = "FRAME"
+CAMERA: Final = "CAMERA"
+
+
+def templates() -> dict[str, str]:
+    """What each is for, by name: the comment that it begins with."""
+    found = {}
+    for path in sorted(Path(__file__).parent.glob("*.yaml")):
+        found[path.stem] = path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+    return found
+
+
+def mission_from(template: str, platform: Platform, schema: str) -> str:
+    """A mission file for a platform.
+
+    Args:
+        template: its name.
+        platform: whose frame and camera it has.
+        schema: the schema's file, relative to the mission's, for editors.
+
+    Raises:
+        Refused: there is no such template, or the platform lacks what it needs.
+    """
+    if template not in templates():
+        raise Refused(f"there is no template {template!r} ({nearest(template, list(templates()))})")
+    text = (Path(__file__).parent / f"{template}.yaml").read_text(encoding="utf-8")
+    if not platform.frames:
+        raise Refused(f"{platform.platform} declares no local frame; add one to its file under frames")
+    depth_m = platform.limits.survey_height_m
+    if template == "dive" and (depth_m is None or depth_m >= 0.0):
+        raise Refused(f"{platform.platform} does not dive: its limits.survey_height_m is not below 0")
+    lines = text.replace(FRAME, next(iter(platform.frames))).splitlines()
+    if (camera := _camera(platform)) is None:
+        lines = [line for line in lines if CAMERA not in line]
+    made = "\n".join(lines).replace(CAMERA, camera or "") + "\n"
+    return f"# yaml-language-server: $schema={schema}\n{made}"
+
+
+def _camera(platform: Platform) -> str | None:
+    """The first camera that the platform records with; None where it records none."""
+    rows = (row for row in platform.capabilities.values() if row.arguments == "record_images")
+    return next((camera for row in rows for camera in row.options.get("camera", ())), None)

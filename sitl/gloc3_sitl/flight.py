@@ -120,6 +120,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """Whether it has a station of its own; in a fleet all are the fleet's."""
     station_link: Conditions = STATION_RADIO
     """Both ways between station and platform."""
+    radio_depth_m: float = float("inf")
+    """A vehicle that is deeper below its frame's origin is not reached by the station's radio."""
     modem_period_s: float = 0.0
     """How often a summary goes to the station by an acoustic modem; 0 where there is none."""
     cycle_cost_s: CycleCost | None = None
@@ -238,6 +240,8 @@ class Flight:
         self._publisher = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
         self.frame: TangentPlane | None = None
         """Of the pose, once one has told its origin."""
+        self.is_below = False
+        """Too deep for the radio."""
         self._truth_timer: asyncio.TimerHandle | None = None
         self.exchange.subscribe(f"{self.platform.platform}/pose", self._see_pose)
 
@@ -494,6 +498,7 @@ class Flight:
             truth = self.simulator.truth()
             position = self.frame.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
             self.samples.append(Sample(truth.t_s, position))
+            self._sink(position[2])
             message = SimTruth(
                 position_ned_m=position,
                 velocity_ned_m_s=truth.velocity_ned_m_s,
@@ -502,6 +507,13 @@ class Flight:
             )
             self._publisher.publish(f"{self.name}/sim/truth", message, now_s, "ned")
         self._truth_timer = self.loop.call_later(TRUTH_PERIOD_S, self._tell_truth)
+
+    def _sink(self, depth_m: float) -> None:
+        """Water takes the radio away, and gives it back."""
+        is_below = depth_m > self.plan.radio_depth_m
+        if is_below != self.is_below:
+            self.is_below = is_below
+            self.radio.set_conditions(Conditions(loss=1.0) if is_below else self.plan.station_link)
 
     # --- the operator ---
 

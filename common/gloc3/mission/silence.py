@@ -9,8 +9,8 @@ from gloc3.mission.snapshot import PlannedSilence
 def look(board: Board, silent_s: float, now_s: float) -> None:
     """Judges for how long nothing was heard from the holder of control: as planned, overdue, or a lost link.
 
-    The silence ends when the holder is heard after its task or action has ended, or at its time; who is silent then is
-    overdue until he is heard.
+    The silence lasts until its time, also where the holder is heard meanwhile: he may be heard only for a moment. It ends
+    before when he is heard after the mission has ended. Who is silent at its time is overdue until he is heard.
     """
     after_s = board.policies.link_loss_after_s
     is_silent, planned = silent_s >= after_s, board.silence
@@ -44,9 +44,8 @@ def restored(kept: PlannedSilence | None, now_s: float) -> PlannedSilence | None
 
 
 def _goes_on(board: Board, planned: PlannedSilence) -> bool:
-    """Whether the task or action that stated it has not ended."""
-    items = (item for program in board.programs.values() if program.is_open for item in program.items())
-    return any(item.target == planned.target and not item.has_ended for item in items)
+    """Whether the mission, or the single command, that stated it goes on."""
+    return any(program.is_open and program.find(planned.target) is not None for program in board.programs.values())
 
 
 def _set(board: Board, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:

@@ -44,18 +44,29 @@ def test_without_a_policy_of_its_own_what_is_overdue_is_a_lost_link(pelican: Pla
     assert rig.executor.policy == "land"
 
 
-def test_who_is_heard_in_time_may_be_silent_again_until_the_item_has_ended(pelican: Platform) -> None:
+def test_who_is_heard_in_time_may_be_silent_again_as_long_as_the_mission_goes_on(pelican: Platform) -> None:
     rig = flying(pelican, DIVE)
     silent(rig, 50.0)
     heard(rig)
-    silent(rig, 20.0)
-    assert rig.executor.policy == ""
     rig.done("sweep.wall")
-    silent(rig, 7.0, already_s=20.0)
-    assert rig.executor.policy == "", "it has not been heard since: it is still under way to the place of contact"
     heard(rig)
+    silent(rig, 20.0)
+    assert rig.executor.policy == "", "the stated time has not passed"
+    rig.done("recover.home")
+    rig.done("recover.down")
+    assert rig.executor.board.silence is not None
+    heard(rig)
+    assert rig.executor.board.silence is None, "the mission has ended, and there is contact"
+
+
+def test_contact_at_its_time_ends_the_silence_and_from_then_on_a_lost_link_is_a_fault(pelican: Platform) -> None:
+    rig = flying(pelican, DIVE)
+    silent(rig, 95.0)
+    rig.pass_s(6.0)
+    heard(rig)
+    assert rig.executor.board.silence is None
     silent(rig, 7.0)
-    assert rig.executor.policy == "land", "contact was made: from now on a lost link is a fault"
+    assert rig.executor.policy == "land"
 
 
 def test_who_is_heard_again_is_no_longer_overdue(pelican: Platform) -> None:

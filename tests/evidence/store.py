@@ -1,0 +1,406 @@
+"""The AUV goes out of contact: silent as planned, an event below, up away from the plan, the summary, then its log."""
+
+import asyncio
+import hashlib
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from math import hypot
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+from tests.evidence.page import SCRATCH, Bar, Figure, Progress
+from tests.sitl.relay import Relay
+
+from gloc3.acoustic.frames import MOST_BYTES
+from gloc3.clock import VirtualLoop
+from gloc3.errors import Gloc3Error
+from gloc3.link.memory import Conditions
+from gloc3.link.message import Address
+from gloc3.messages import Envelope
+from gloc3.mission.model import digest_of
+from gloc3_groundstation import wording
+from gloc3_groundstation.contact_queue import ContactQueue
+from gloc3_groundstation.log_pull import LogPuller, Pulled, ftp_carrier
+from gloc3_groundstation.plans import Plan
+from gloc3_sitl.faults import schedule_faults
+from gloc3_sitl.flight import STATION_RADIO, Flight, FlightPlan
+
+MISSION: Final = Path(__file__).with_name("store.yaml")
+SURFACE_M: Final = 0.6
+"""Deeper than that the radio's antenna is under water."""
+CURRENT_M_S: Final = 0.15
+END_M: Final = (40.0, 0.0)
+"""Where the plan ends."""
+FAULTS: Final = ("device:dvl=lost@500..900", "crash:height@600")
+DROPS: Final = 5
+DROP_S: Final = 12.0
+ONE_MORE: Final = (
+    "mission: one more\nframe: bay\non_failure: land\ntasks: {down: {actions: {dive: {dive: {depth_m: 2}}}}}\n"
+)
+
+
+class Dive(msgspec.Struct, kw_only=True):
+    """What became of the dive in virtual time."""
+
+    silent_s: float
+    policies: list[str]
+    """Those that were carried out onboard meanwhile."""
+    words: str
+    """How the station showed the silence in its middle."""
+    summaries: int
+    largest_bytes: int
+    sound_bit_s: float
+    events: int
+    """That happened out of contact."""
+    is_once_in_order: bool
+    trouble: str
+    """The worst event below, as the station was told it first."""
+    off_m: float
+    """From the place where the plan ends to where the vehicle came up."""
+    summary_s: float
+    events_s: float
+    size: int
+    drops: int
+    is_equal: bool
+    is_deleted: bool
+    pull_s: float
+    queued: str
+    """What became of the mission that waited for contact."""
+
+
+def virtual(folder: Path) -> Dive:
+    """The dive, in virtual time."""
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(_dive(folder))
+
+
+async def _dive(folder: Path) -> Dive:
+    plan = FlightPlan(
+        mission=str(MISSION),
+        platform="auv",
+        seed=1,
+        current_m_s=CURRENT_M_S,
+        out=folder / "auv",
+        radio_depth_m=SURFACE_M,
+        modem_period_s=60.0,
+    )
+    async with Flight(plan) as flight:
+        station, loop, told, policies = flight.station, flight.loop, list[tuple[float, Any]](), set[str]()
+        flight.exchange.subscribe("auv/ci/event", lambda one: told.append((loop.time(), one.payload)))
+
+        def note(envelope: Envelope[Any]) -> None:
+            policies.add(envelope.payload.policy)
+
+        flight.exchange.subscribe("auv/ci/mission", note)
+        sound = list[int]()
+        hear = flight.modem.a.on_data
+        assert hear is not None
+
+        def listen(data: bytes) -> None:
+            sound.append(len(data))
+            hear(data)
+
+        flight.modem.a.on_data = listen
+        schedule_faults(flight, FAULTS)
+        follower = await flight.upload_and_start()
+        await _until(lambda: flight.is_below, 120.0)
+        below_s = loop.time()
+        queue = ContactQueue(station)
+        await asyncio.sleep(300.0)
+        waiting = queue.add("auv", Plan(name="more.yaml", title="one more", text=ONE_MORE))
+        await asyncio.sleep(200.0)
+        words = wording.silence(station.fleet.platforms["auv"], loop.time())
+        await _until(lambda: not flight.is_below, 1500.0)
+        contact_s, shown_before = loop.time(), station.fleet.event_count
+        await _until(lambda: _summary(station, shown_before) is not None, 10.0)
+        summary_s = loop.time() - contact_s
+        heard = _between(told, below_s, contact_s)
+        await _until(lambda: _has_all(station, shown_before, heard), 30.0)
+        events_s = loop.time() - contact_s
+        shown = [event.text.rpartition(" (")[0] for event in station.fleet.events_after(shown_before) if event.source]
+        texts = [event.text for event in heard]
+        await flight.await_end(follower, 300.0)
+        north, east, _ = flight.samples[-1].position_ned_m
+        queued = await asyncio.wait_for(queue.ended(waiting), 120.0)
+        mission = station.fleet.platforms["auv"].mission
+        is_there = mission is not None and mission.value.digest == digest_of(ONE_MORE)
+        queue.close()
+        pulled, pull_s = await _pull(flight, folder)
+        summary = _summary(station, shown_before) or ""
+    return Dive(
+        silent_s=contact_s - below_s,
+        policies=sorted(policies - {""}),
+        words=words,
+        summaries=len(sound),
+        largest_bytes=max(sound, default=0),
+        sound_bit_s=8.0 * sum(sound) / (contact_s - below_s),
+        events=len(texts),
+        is_once_in_order=[text for text in shown if text in texts][: len(texts)] == texts,
+        trouble=summary.rpartition("worst: ")[2],
+        off_m=hypot(north - END_M[0], east - END_M[1]),
+        summary_s=summary_s,
+        events_s=events_s,
+        size=pulled.size,
+        drops=pulled.drops,
+        is_equal=hashlib.sha256(pulled.path.read_bytes()).hexdigest() == pulled.sha256,
+        is_deleted=not (folder / "auv" / "log.mcap").exists(),
+        pull_s=pull_s,
+        queued=queued or ("loaded at contact" if is_there else "not there"),
+    )
+
+
+def _between(told: list[tuple[float, Any]], begin_s: float, end_s: float) -> list[Any]:
+    """The events of a time, without its first second, in which something may still be under way."""
+    return [event for t_s, event in told if begin_s + 1.0 < t_s < end_s]
+
+
+def _summary(station: Any, since: int) -> str | None:
+    texts = [event.text for event in station.fleet.events_after(since)]
+    return next((text for text in texts if text.startswith("contact after")), None)
+
+
+def _has_all(station: Any, since: int, events: list[Any]) -> bool:
+    shown = [event.text for event in station.fleet.events_after(since)]
+    return all(any(text.startswith(event.text) for text in shown) for event in events)
+
+
+async def _pull(flight: Flight, folder: Path) -> tuple[Pulled, float]:
+    """Fetches the dive's log over a radio that drops five times on the way."""
+    here, loop = folder / "here", flight.loop
+    here.mkdir(parents=True, exist_ok=True)
+    breaks = [(number + 1) / (DROPS + 1) for number in range(DROPS)]
+
+    def came(_name: str, at: int, size: int) -> None:
+        if breaks and at >= breaks[0] * size:
+            breaks.pop(0)
+            flight.radio.set_conditions(Conditions(loss=1.0))
+            loop.call_later(DROP_S, flight.radio.set_conditions, STATION_RADIO)
+
+    async with ftp_carrier(flight.ground, Address(1, 191)) as carrier:
+        puller = LogPuller(flight.station, "auv", carrier, came)
+        await puller.cut()
+        log = next(one for one in await puller.list() if one.name == "log.mcap")
+        begin_s = loop.time()
+        pulled = await puller.pull(log, here)
+    return pulled, loop.time() - begin_s
+
+
+async def _until(condition: Any, within_s: float) -> None:
+    async with asyncio.timeout(within_s):
+        while not condition():
+            await asyncio.sleep(0.05)
+
+
+# --- real processes ---
+
+REAL_MISSION: Final = """\
+mission: two minutes out of contact
+frame: bay
+geofence: {polygon_m: [[-60, -60], [90, -60], [90, 60], [-60, 60]], ceiling_m: 3}
+on_failure: land
+on_link_loss: land
+link_loss_after_s: 10
+on_low_battery: land
+on_pose_lost: continue
+tasks:
+  down:
+    silence: {expected_s: 170}
+    actions:
+      dive: {dive: {depth_m: 2}}
+  survey:
+    after: [down]
+    actions:
+      line: {follow_waypoints: {waypoints_m: [[50, 0, -4], [50, 10, -4], [20, 10, -4]], speed_m_s: 0.9}}
+  up:
+    after: [survey]
+    actions:
+      surface: {land: {}}
+"""
+SILENT_S: Final = 120.0
+
+
+class Real(msgspec.Struct, kw_only=True):
+    """What became of the dive of real processes."""
+
+    silent_s: float
+    is_planned: bool
+    """The station said so."""
+    summary_s: float
+    result: str
+    size: int
+    drops: int
+    is_equal: bool
+    is_deleted: bool
+
+
+def real(folder: Path) -> Real:
+    """Simulator, onboard process, station and `gloc3 log pull` as processes, on UDP through a relay that is cut."""
+    folder.mkdir(parents=True, exist_ok=True)
+    gloc3 = str(Path(sys.executable).with_name("gloc3"))
+    mission = folder / "dive.yaml"
+    mission.write_text(REAL_MISSION)
+    relay = Relay(19550, loss=0.0, delay_s=0.02, seed=1)
+    relay.start()
+    processes: list[subprocess.Popen[str]] = []
+    lines: list[tuple[float, dict[str, Any]]] = []
+
+    def begin(*arguments: str, stdout: Any = subprocess.DEVNULL) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [gloc3, *arguments], cwd=folder, stdout=stdout, stderr=(folder / f"{arguments[0]}.txt").open("w"), text=True
+        )
+        processes.append(process)
+        return process
+
+    try:
+        begin("sitl", "--vehicle", "auv", "--link", "udpout://127.0.0.1:19540")
+        station_url = f"udpout://127.0.0.1:{relay.port}"
+        begin(
+            *("onboard", "auv", "--autopilot", "udpin://127.0.0.1:19540", "--station", station_url),
+            *("--device", "dvl=none://", "--device", "ground_camera=none://", "--out", "auv"),
+        )
+        station = begin(
+            *("station", "--headless", "--json", "--no-record", "--link", "udpin://127.0.0.1:19550"),
+            *("--mission", str(mission), "--platform", "auv"),
+            stdout=subprocess.PIPE,
+        )
+        assert station.stdout is not None
+        stdout = station.stdout
+
+        def read() -> None:
+            lines.extend((time.monotonic(), json.loads(line)) for line in stdout)
+
+        reading = threading.Thread(target=read)
+        reading.start()
+
+        def wait(text: str, within_s: float, since: int = 0) -> float:
+            end_s = time.monotonic() + within_s
+            while time.monotonic() < end_s:
+                for at_s, line in lines[since:]:
+                    if text in line["text"]:
+                        return at_s
+                time.sleep(0.02)
+            raise Gloc3Error(f"{text!r} was not told within {within_s:g} s: {[line['text'] for _, line in lines[-5:]]}")
+
+        wait("task survey: running", 180.0)
+        relay.is_cut, cut_s = True, time.monotonic()
+        while time.monotonic() < cut_s + SILENT_S:
+            time.sleep(0.1)
+        is_planned = any("silent as planned (down)" in line["text"] for _, line in lines)
+        since = len(lines)
+        relay.is_cut, back_s = False, time.monotonic()
+        summary_s = wait("contact after", 20.0, since) - back_s
+        station.wait(300.0)
+        reading.join()
+        result = next((line["text"] for _, line in lines if line["kind"] == "result"), "none")
+        name = next((folder / "auv").glob("log.mcap")).name
+        pulling = subprocess.Popen(
+            [gloc3, "log", "pull", "udpin://127.0.0.1:19550", name, "--platform", "auv", "--out", "here"],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=(folder / "pull.txt").open("w"),
+            text=True,
+        )
+        processes.append(pulling)
+        size = (folder / "auv" / name).stat().st_size
+        drops = 0
+        while pulling.poll() is None:
+            part = max((path.stat().st_size for path in (folder / "here/auv").glob("*.part")), default=0)
+            if drops < DROPS and part > size * (drops + 1) / (DROPS + 2):
+                drops += 1
+                relay.is_cut = True
+                time.sleep(DROP_S)
+                relay.is_cut = False
+                time.sleep(1.0)
+            time.sleep(0.02)
+        told = (folder / "pull.txt").read_text()
+        here = folder / "here/auv" / name
+    finally:
+        for process in reversed(processes):
+            process.send_signal(signal.SIGTERM)
+        for process in processes:
+            process.wait(20.0)
+        relay.stop()
+    return Real(
+        silent_s=back_s - cut_s,
+        is_planned=is_planned,
+        summary_s=summary_s,
+        result=result,
+        size=here.stat().st_size if here.exists() else 0,
+        drops=drops,
+        is_equal="digest equal" in told and here.exists(),
+        is_deleted=not (folder / "auv" / name).exists(),
+    )
+
+
+def run(progress: Progress) -> list[Figure]:
+    """Both dives."""
+    folder = SCRATCH / "store"
+    progress.say("virtual time: 20 minutes of silence")
+    dive = msgspec.convert(progress.part("virtual", lambda: virtual(_fresh(folder / "virtual"))), Dive)
+    progress.say("real processes: 2 minutes of silence")
+    found = msgspec.convert(progress.part("real", lambda: real(_fresh(folder / "real"))), Real)
+    return [
+        Figure("virtual: out of contact", f"{dive.silent_s:.0f} s", "≥ 1,200 s", dive.silent_s >= 1200.0),
+        Figure("policies carried out meanwhile", ", ".join(dive.policies) or "none", "none", not dive.policies),
+        Figure("the station in the middle of it", dive.words, "as planned", dive.words.startswith("silent as planned")),
+        Figure("summaries by sound", f"{dive.summaries}, {dive.sound_bit_s:.1f} bit/s"),
+        Figure("largest", f"{dive.largest_bytes} bytes", "≤ 32", 0 < dive.largest_bytes <= MOST_BYTES),
+        Figure("worst event below", dive.trouble, "told", bool(dive.trouble)),
+        Figure("came up off the plan's end", f"{dive.off_m:.1f} m", "away", dive.off_m > 2.0),
+        Figure("summary after contact", f"{dive.summary_s:.2f} s", "≤ 2 s", dive.summary_s <= 2.0),
+        Figure(
+            "events below, each shown once and in order",
+            f"{dive.events} within {dive.events_s:.1f} s",
+            "all",
+            dive.is_once_in_order and dive.events > 0,
+        ),
+        Figure("mission queued below", dive.queued, "loaded", dive.queued == "loaded at contact"),
+        Figure(
+            "log",
+            f"{dive.size / 1e6:.1f} MB in {dive.pull_s:.0f} s, the radio dropped {dive.drops} times",
+            "5",
+            dive.drops == DROPS,
+        ),
+        Figure("its digest", "equal" if dive.is_equal else "differs", "equal", dive.is_equal),
+        Figure("onboard", "deleted" if dive.is_deleted else "kept", "deleted", dive.is_deleted),
+        Figure("real processes: out of contact", f"{found.silent_s:.0f} s", "≥ 120 s", found.silent_s >= SILENT_S),
+        Figure(
+            "the station meanwhile",
+            "silent as planned" if found.is_planned else "alarmed",
+            "as planned",
+            found.is_planned,
+        ),
+        Figure("summary after contact", f"{found.summary_s:.2f} s", "≤ 2 s", found.summary_s <= 2.0),
+        Figure("the mission", found.result, "done", "done" in found.result),
+        Figure("log", f"{found.size / 1e6:.1f} MB, the link was cut {found.drops} times", "5", found.drops == DROPS),
+        Figure("its digest", "equal" if found.is_equal else "differs", "equal", found.is_equal),
+        Figure("onboard", "deleted" if found.is_deleted else "kept", "deleted", found.is_deleted),
+    ]
+
+
+def _fresh(folder: Path) -> Path:
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder
+
+
+BARS: Final = (
+    Bar(
+        name="store-and-forward",
+        title="Out of contact: twenty minutes below, and what is told at the surface",
+        claim="The AUV gets its mission at the surface, dives, and is out of contact for 20 minutes in virtual time (2 minutes "
+        "as real processes, whose link is cut): that is silence as planned, no fault. Below its Doppler log is lost for 400 s and "
+        "a component fails; with a current of 0.15 m/s it comes up away from the plan. A summary of at most 32 bytes comes by "
+        "sound once a minute. At contact the summary comes first, then all events once and in order; a mission that was queued "
+        "meanwhile is loaded; and the log is fetched over a link that drops five times for 12 s, compared by its digest, and "
+        "deleted onboard.",
+        run=run,
+        seeds="1",
+    ),
+)

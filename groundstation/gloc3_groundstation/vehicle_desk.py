@@ -8,18 +8,23 @@ from typing import Final
 from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.link.calibration import CalibrationKind, CalibrationState, Phase, Side, SideState
+from gloc3.link.message import Address
 from gloc3.link.plan import PlanType
 from gloc3.messages import Severity
+from gloc3_groundstation.log_pull import FtpCarrier, LogPuller
 from gloc3_groundstation.parameter_desk import ParameterDesk
 from gloc3_groundstation.plan_desk import PlanDesk
 from gloc3_groundstation.service_jobs import Job, Jobs, Outcome, Service, Work, attempt
 from gloc3_groundstation.services.facts import Firmware, VehicleFacts
 from gloc3_groundstation.services.files import Folder
 from gloc3_groundstation.services.logs import LogLine
-from gloc3_groundstation.services.progress import OnProgress
+from gloc3_groundstation.services.progress import OnProgress, Progress
 from gloc3_groundstation.services.rates import RateTable
 from gloc3_groundstation.services.vehicle import VehicleServices
 from gloc3_groundstation.station import Station
+
+COMPANION: Final = 191
+"""The onboard computer among the components of its vehicle."""
 
 __all__ = [
     "CalibrationKind",
@@ -108,6 +113,29 @@ class VehicleDesk:
             return f"log {line.entry.number} is in {await self._services.logs.download(line, self.folder, tell)}"
 
         self.begin(Service.LOGS, f"downloading log {line.entry.number}", work)
+
+    def pull_logs(self) -> None:
+        """Fetches the finished logs of the onboard computer, see `log_pull`; what has come of one is kept when it is cancelled."""
+
+        async def work(tell: OnProgress) -> str:
+            services, folder = self._services, self.folder / self.name
+
+            def came(name: str, here: int, size: int) -> None:
+                fraction = here / size if size else 1.0
+                tell(Progress(what=f"fetching {name}", fraction=fraction, detail=f"{size / 1e6:.1f} MB"))
+
+            carrier = FtpCarrier(services.machines, services.ftp, Address(services.target.system, COMPANION))
+            puller = LogPuller(self._station, self.name, carrier, came)
+            folder.mkdir(parents=True, exist_ok=True)
+            await puller.cut()
+            pulled = [
+                await puller.pull(log, folder)
+                for log in await puller.list()
+                if not log.is_open and log.name.endswith(".mcap")
+            ]
+            return f"{counted(len(pulled), 'log')} of the onboard computer are in {folder}, digests equal"
+
+        self.begin(Service.LOGS, "fetching the onboard computer's logs", work, is_change=True)
 
     def erase_logs(self) -> None:
         """Has the vehicle erase all its logs."""

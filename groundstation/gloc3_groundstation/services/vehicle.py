@@ -34,22 +34,23 @@ class VehicleServices:
         logs, mission = LogClient(own), MissionClient(own)
         self._facts = FactsService(own, target, commands)
         meter = RateMeter()
-        self._machines = Machines(
+        self.machines: Final = Machines(
             wire,
             target.system,
             [commands, parameters, files, logs, mission, self._facts],
             heard=meter.take,
         )
-        self._ftp = files
+        self.ftp: Final = files
+        """Files of whoever is on the vehicle."""
         self._mavsdk = MavsdkBehindLink(wire, target)
         self.target: Final = target
-        self.files: Final = FileService(self._machines, files, target)
+        self.files: Final = FileService(self.machines, files, target)
         """The autopilot's files."""
-        self.parameters: Final = ParameterService(self._machines, parameters, self._facts, self.files)
-        self.plans: Final = PlanService(self._machines, self._mavsdk, mission, self._facts)
-        self.logs: Final = LogService(self._machines, logs, target, self._facts)
-        self.calibration: Final = CalibrationService(wire, self._machines, self._facts)
-        self.rates: Final = RateService(self._machines, commands, meter, target)
+        self.parameters: Final = ParameterService(self.machines, parameters, self._facts, self.files)
+        self.plans: Final = PlanService(self.machines, self._mavsdk, mission, self._facts)
+        self.logs: Final = LogService(self.machines, logs, target, self._facts)
+        self.calibration: Final = CalibrationService(wire, self.machines, self._facts)
+        self.rates: Final = RateService(self.machines, commands, meter, target)
 
     async def __aenter__(self) -> Self:
         return self
@@ -66,12 +67,12 @@ class VehicleServices:
 
     async def learn(self) -> VehicleFacts:
         """What the vehicle says of itself, asked for if need be; what it does not tell stays unknown."""
-        return await self._facts.learn(self._machines)
+        return await self._facts.learn(self.machines)
 
     async def close(self) -> None:
         """Ends what is under way, which is refused, and MAVSDK's process."""
         self.calibration.close()
-        self._machines.close()
+        self.machines.close()
         await self._mavsdk.close()
 
 

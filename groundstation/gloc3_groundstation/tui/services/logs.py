@@ -19,6 +19,9 @@ class LogsPane(ServicePane):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "List", tooltip="asks the vehicle which logs it has"),
         Binding("d", "download", "Download", tooltip="the log under the cursor; enter does the same"),
+        Binding(
+            "o", "pull", "Onboard", tooltip="fetches the onboard computer's logs, which it deletes when they are here"
+        ),
         Binding("delete", "erase", "Erase all", tooltip="has the vehicle erase all its logs; asks first"),
     ]
 
@@ -45,6 +48,15 @@ class LogsPane(ServicePane):
     def action_download(self) -> None:
         """Downloads the one under the cursor."""
         self.choose(self.list.chosen)
+
+    def action_pull(self) -> None:
+        """Fetches the onboard computer's logs, after a question: they are deleted there."""
+        if self.vehicle is not None:
+            name = self.vehicle.name
+            question = (
+                f"Fetch all logs of the onboard computer of {name}?\nEach is deleted there when its digest is equal."
+            )
+            self.confirm(question, "fetch them", self.vehicle.pull_logs)
 
     def action_erase(self) -> None:
         """Erases all, after a question."""

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from gloc3.errors import Gloc3Error, InputError
 from gloc3.messages import Severity
 from gloc3.mission.model import digest_of
+from gloc3.mission.states import ActionState
 from gloc3_groundstation import flights
 from gloc3_groundstation.command_client import Declined, Unanswered
 from gloc3_groundstation.plans import Plan
@@ -112,6 +113,10 @@ class ContactQueue:
         await flights.passed(self._station, SETTLE_S)
         while (waiting := self.of(name)) and not self._is_silent(name):
             queued = waiting[0]
+            if self._is_under_way(name):
+                self._note(name, Severity.INFO, f"{queued.plan.title!r} waits for the end of the mission under way")
+                await flights.until(self._station, lambda: self._is_silent(name) or not self._is_under_way(name))
+                continue
             try:
                 await self._bring(queued)
             except Unanswered as error:  # the contact is lost: it goes on at the next
@@ -140,6 +145,12 @@ class ContactQueue:
             self._note(queued.platform, Severity.INFO, f"{queued.plan.title!r} is there already")
             return
         await flights.stream(self._station, queued.platform, queued.plan)
+
+    def _is_under_way(self, name: str) -> bool:
+        """Whether a platform is at a mission, in whose place no other can be loaded."""
+        platform = self._station.fleet.get(name)
+        mission = platform.mission.value if platform is not None and platform.mission is not None else None
+        return mission is not None and mission.state in (ActionState.RUNNING, ActionState.PAUSED)
 
     def _is_silent(self, name: str) -> bool:
         platform = self._station.fleet.get(name)

@@ -34,15 +34,20 @@ from gloc3_sitl.flight import STATION_RADIO, Flight, FlightPlan
 MISSION: Final = Path(__file__).with_name("store.yaml")
 SURFACE_M: Final = 0.6
 """Deeper than that the radio's antenna is under water."""
-CURRENT_M_S: Final = 0.15
+CURRENT_M_S: Final = 0.1
 END_M: Final = (40.0, 0.0)
 """Where the plan ends."""
 FAULTS: Final = ("device:dvl=lost@500..900", "crash:height@600")
 DROPS: Final = 5
 DROP_S: Final = 12.0
-ONE_MORE: Final = (
-    "mission: one more\nframe: bay\non_failure: land\ntasks: {down: {actions: {dive: {dive: {depth_m: 2}}}}}\n"
-)
+ONE_MORE: Final = """\
+mission: one more
+frame: bay
+on_failure: land
+tasks:
+  down: {actions: {dive: {dive: {depth_m: 2}}}}
+  up: {after: [down], actions: {surface: {land: {}}}}
+"""
 
 
 class Dive(msgspec.Struct, kw_only=True):
@@ -85,6 +90,7 @@ async def _dive(folder: Path) -> Dive:
         mission=str(MISSION),
         platform="auv",
         seed=1,
+        world="bay",
         current_m_s=CURRENT_M_S,
         out=folder / "auv",
         radio_depth_m=SURFACE_M,
@@ -216,7 +222,7 @@ tasks:
   survey:
     after: [down]
     actions:
-      line: {follow_waypoints: {waypoints_m: [[50, 0, -4], [50, 10, -4], [20, 10, -4]], speed_m_s: 0.9}}
+      drift: {wait: {duration_s: 100}}
   up:
     after: [survey]
     actions:
@@ -258,7 +264,7 @@ def real(folder: Path) -> Real:
         return process
 
     try:
-        begin("sitl", "--vehicle", "auv", "--link", "udpout://127.0.0.1:19540")
+        begin("sitl", "--vehicle", "auv", "--world", "bay", "--current", "0.1", "--link", "udpout://127.0.0.1:19540")
         station_url = f"udpout://127.0.0.1:{relay.port}"
         begin(
             *("onboard", "auv", "--autopilot", "udpin://127.0.0.1:19540", "--station", station_url),
@@ -396,7 +402,7 @@ BARS: Final = (
         title="Out of contact: twenty minutes below, and what is told at the surface",
         claim="The AUV gets its mission at the surface, dives, and is out of contact for 20 minutes in virtual time (2 minutes "
         "as real processes, whose link is cut): that is silence as planned, no fault. Below its Doppler log is lost for 400 s and "
-        "a component fails; with a current of 0.15 m/s it comes up away from the plan. A summary of at most 32 bytes comes by "
+        "a component fails; with a current of 0.1 m/s it comes up away from the plan. A summary of at most 32 bytes comes by "
         "sound once a minute. At contact the summary comes first, then all events once and in order; a mission that was queued "
         "meanwhile is loaded; and the log is fetched over a link that drops five times for 12 s, compared by its digest, and "
         "deleted onboard.",

@@ -3,6 +3,7 @@
 import asyncio
 
 import msgspec
+import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
@@ -46,6 +47,40 @@ def test_a_vehicle_whose_file_says_so_lands_before_the_service_ends(flight: Card
     assert onboard is not None
     flight.run(onboard.stop())
     assert all(state is None for state in (onboard.state(name) for name in onboard.hosts))
+
+
+UNDER_WAY = {
+    "boat": """\
+mission: out
+frame: site
+on_failure: land
+tasks:
+  away: {actions: {off: {drive_off: {}}}}
+  out: {after: [away], actions: {line: {go_to: {position_m: [60, 0, 0], speed_m_s: 1.5}}}}
+""",
+    "auv": """\
+mission: out
+frame: bay
+on_failure: land
+on_pose_lost: land
+tasks:
+  away: {actions: {off: {dive: {depth_m: 2}}}}
+  out: {after: [away], actions: {line: {go_to: {position_m: [30, 0, -2], speed_m_s: 0.5}}}}
+""",
+}
+
+
+@pytest.mark.parametrize("style", ["ardupilot"], indirect=True)
+@pytest.mark.parametrize("vehicle", UNDER_WAY)
+def test_a_boat_stops_and_a_submarine_surfaces_before_the_service_ends(flight: Card, vehicle: str) -> None:
+    flight.begin(UNDER_WAY[vehicle], platform=vehicle)
+    flight.await_state("out", "running", within_s=120.0)
+    flight.wait(4.0)
+    ending = Ending(flight, "land")
+    flight.run(ending.departure.land(ending.hurried))
+    assert not flight.autopilot.is_armed
+    assert len(ending.said) == 1, ending.said
+    assert flight.position_m[2] > -0.5
 
 
 @ONE_STYLE

@@ -30,7 +30,7 @@ def abilities(platform: Platform) -> Mapping[str, Capability]:
         elif issubclass(kind, Depart) and (way := way_off(platform)) in by_kind:
             found[name] = _as(declared, by_kind[way], name)
     if {"return_home", "land"} <= by_kind.keys():
-        found[ARRIVE] = declared[by_kind["land"]]
+        found[ARRIVE] = _as(declared, by_kind["land"], ARRIVE)
     return found | declared
 
 

@@ -76,7 +76,7 @@ class Contingency(_Part, frozen=True, kw_only=True):
     """What follows it: `resume` has the mission go on where it was paused, or holds where the task has failed."""
 
     def __str__(self) -> str:
-        return f"{self.task}, then {self.then}"
+        return f"{self.task} then {self.then}"
 
 
 def answer(wanted: "str | Contingency") -> Policy:

@@ -14,6 +14,8 @@ from gloc3.units import split_unit
 
 WIDTH: Final = 80
 _BAR: Final = 22
+_LISTS: Final = {"area": "corners", "wall": "ends", "to": "places"}
+"""What the entries of an argument are, where its name does not tell."""
 _LEFT: Final = WIDTH - _BAR - 1
 
 
@@ -164,7 +166,8 @@ def _words(arguments: Arguments) -> Iterator[str]:
     for key, value in sorted(entries, key=lambda entry: not isinstance(entry[1], list | tuple)):
         word, unit = split_unit(key)
         if isinstance(value, list | tuple):
-            yield f"{len(value)} {word}" if value and isinstance(value[0], list | tuple) else word
+            named = _LISTS.get(word, word)
+            yield f"{len(value)} {named}" if value and isinstance(value[0], list | tuple) else named
         elif isinstance(value, dict):
             yield f"{word} {next(iter(value), '')}"
         elif isinstance(value, float | int) and not isinstance(value, bool):
@@ -178,8 +181,14 @@ def _words(arguments: Arguments) -> Iterator[str]:
 def mermaid(mission: Mission) -> str:
     """The partial order as a Mermaid flowchart: tasks as boxes of actions, `until` as dotted arrows."""
     lines = ["flowchart LR"]
-    for task in mission.tasks.values():
-        lines.append(f"    subgraph {_id(task.name)}[{task.name}]")
+    for task in (*mission.tasks.values(), *mission.contingencies.values()):
+        told = "".join(f"<br/>{term}" for term in terms(task.options))
+        told += "<br/>when something befalls it" if task.name in mission.contingencies else ""
+        lines.append(
+            f'    subgraph {_id(task.name)}["{task.name}{told}"]'
+            if told
+            else f"    subgraph {_id(task.name)}[{task.name}]"
+        )
         lines += [
             f'        {_id(task.name, action.name)}["{action.name}<br/>{summary(action)}"]'
             for action in task.actions.values()

@@ -212,5 +212,5 @@ def test_contingencies_are_drawn_and_written_back(pelican: Platform) -> None:
     read = report.flyable()
     assert checked(write_mission(read), pelican).flyable() == read
     shown = drawing(report, Circumstances(platform=pelican).capabilities(), pelican)
-    assert "link loss look_round, then resume" in shown
+    assert "link loss look_round then resume" in shown
     assert "when something befalls it:\n" in shown

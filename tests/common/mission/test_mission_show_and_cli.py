@@ -56,7 +56,7 @@ flowchart LR
     subgraph t_depart[depart]
         t_depart__climb["climb<br/>take_off height 1.5 m"]
     end
-    subgraph t_sweep[sweep]
+    subgraph t_sweep["sweep<br/>deadline 120 s"]
         t_sweep__wall["wall<br/>follow_waypoints 2 waypoints heading look_at"]
         t_sweep__photos["photos<br/>record_images ground every 0.5 m"]
         t_sweep__photos -. until .-> t_sweep__wall

@@ -30,7 +30,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["fly", "no/such.yaml"], "there is no file no/such.yaml"),
     (
         ["fly", "hop", "--platform", "nosuch"],
-        "no such platform (known: boat, copter, hummingbird, pelican, pelican_rtk, rover, submarine)",
+        "no such platform (known: auv, boat, copter, hummingbird, pelican, pelican_rtk, rov, rover, submarine)",
     ),
     (["fly", "hop", "--autopilot", "px5"], "--autopilot must be px4 or ardupilot, not 'px5'"),
     (["fly", "hop", "--seed", "one"], "--seed must be a whole number, not 'one'"),

@@ -2,7 +2,7 @@
 
 An action's arguments are written in the mission's frame (`FollowWaypoints`) and handed to the component in NED
 (`FollowWaypointsOrder`). Where nothing is a position, both are the same structure. Every package, ours too, brings its
-kinds through the entry points `gloc3.capabilities`, which are subclasses of `Arguments`; see docs/capabilities.md.
+kinds through the entry points `gloc3.capabilities`, which are subclasses of `Arguments`; see docs/add-a-capability.md.
 """
 
 from collections.abc import Mapping

@@ -14,6 +14,8 @@ import msgspec
 from gloc3.frames import Vector3
 
 LOOK_AHEAD_M: Final = 2.0
+ROUNDING_M: Final = 0.05
+"""A waypoint is reached so much before it, along the way."""
 PASSED_M: Final = 0.3
 """A waypoint counts as passed within this distance."""
 
@@ -65,6 +67,7 @@ def path_error(samples: Sequence[Sample], polyline: Sequence[Vector3], near_m: f
         near_m: how near a waypoint is passed; what turns wide needs more, and then may be farther ahead.
     """
     ahead_m = max(LOOK_AHEAD_M, 4.0 * near_m)
+    early_m = ROUNDING_M if near_m <= PASSED_M else near_m
     starts = [0.0]
     for a, b in itertools.pairwise(polyline):
         starts.append(starts[-1] + math.dist(a, b))
@@ -79,7 +82,7 @@ def path_error(samples: Sequence[Sample], polyline: Sequence[Vector3], near_m: f
         for index in range(1, len(polyline)):
             if abs(starts[index] - progress_m) <= ahead_m:
                 misses[index] = min(misses[index], math.dist(sample.position_ned_m, polyline[index]))
-            is_reached = progress_m >= starts[index] - 0.05
+            is_reached = progress_m >= starts[index] - early_m
             if passing[index] is None and is_reached:
                 passing[index] = sample.t_s
     legs = [_leg(starts, passing, misses, index) for index in range(1, len(polyline))]

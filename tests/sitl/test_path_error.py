@@ -67,3 +67,20 @@ def test_a_flight_that_cuts_corners_is_red() -> None:
 
 def test_a_slow_leg_shows() -> None:
     assert judge(SQUARE, speed_m_s=0.4).slowest_m_s < 0.45
+
+
+def test_what_turns_wide_passes_a_waypoint_in_a_wider_circle_and_may_end_within_it() -> None:
+    wide: list[Vector3] = [
+        (0.0, 0.0, -2.0),
+        (11.5, 0.0, -2.0),
+        (12.5, 2.0, -2.0),
+        (10.0, 5.0, -2.0),
+        (10.0, 11.5, -2.0),
+        (5.0, 10.0, -2.0),
+        (1.0, 10.0, -2.0),
+    ]
+    assert not judge(wide).is_complete
+    result = path_error(fly(wide), SQUARE, near_m=2.5)
+    assert result.is_complete
+    assert result.slowest_m_s > 0.3
+    assert 0.3 < result.rms_m < 1.5

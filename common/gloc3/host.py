@@ -176,7 +176,13 @@ class ComponentHost:
         if CREATE in words:
             reply(f"{CREATE} comes first")
             return
-        self._carry_out([Command(word) for word in words], request.settings, reply)
+
+        def keep_and_reply(refusal: str) -> None:
+            if not refusal and request.is_kept and request.settings is not None:
+                self.settings = request.settings
+            reply(refusal)
+
+        self._carry_out([Command(word) for word in words], request.settings, keep_and_reply)
 
     def _create_anew(self) -> str:
         """Begins another life of an absent component; returns why not, or an empty text."""

@@ -77,6 +77,8 @@ class CommandRequest(Message, frozen=True):
     then: tuple[str, ...] = ()
     """Commands to carry out right after it, with no cycle in between; there is one reply, at the end or at the first
     that is refused or fails. If the table has no row for one of them, none is carried out."""
+    is_kept: bool = False
+    """Once they are adopted, the settings take the place of the row's, also for later commands without any."""
 
 
 class CommandReply(Message, frozen=True):

@@ -100,7 +100,7 @@ class PlatformReload:
             value = getattr(new, field)
             match field:
                 case "settings":
-                    text = await self._adopt_settings(new, old)
+                    text = await self._adopt_settings(new)
                 case "rate_hz" if new.rate_hz is not None and old.rate_hz is not None:
                     text = await self._ask(new.name, "set_rate", {"rate_hz": new.rate_hz})
                 case "log":
@@ -112,14 +112,15 @@ class PlatformReload:
             said.append(f"{field}: {text or 'adopted'}")
         return said
 
-    async def _adopt_settings(self, new: ComponentRow, old: ComponentRow) -> str:
+    async def _adopt_settings(self, new: ComponentRow) -> str:
         """Has the component initialized with its new settings; an empty text, or why not."""
         state = self._states.get(new.name)
         if state in OPERATING and not self._may_stop():
             return f"it is {state}, and the vehicle is armed or on a mission: reload again on the ground"
-        if (host := self._hosts.get(new.name)) is not None:
-            host.settings = new.settings
         if state in (None, State.IDLE, State.FAULTY):
+            if (host := self._hosts.get(new.name)) is None:
+                return f"it is {state or 'absent'} in another process: {NEXT_START}"
+            host.settings = new.settings
             return ""  # its next `initialize` takes them
         commands: tuple[Command, ...] = (Command.INITIALIZE,)
         if state in OPERATING:
@@ -128,11 +129,8 @@ class PlatformReload:
             commands = (*commands, Command.GOQUIET)
         first, *then = commands
         settings = msgspec.to_builtins(load_settings(new.load_class().settings_type, new.settings, new.name))
-        order = partial(CommandRequest, command=first, then=tuple(then), settings=settings)
-        text = await self._order(f"{self._base}/{new.name}/command", order)
-        if text and host is not None:
-            host.settings = old.settings
-        return text
+        order = partial(CommandRequest, command=first, then=tuple(then), settings=settings, is_kept=True)
+        return await self._order(f"{self._base}/{new.name}/command", order)
 
     async def _ask(self, name: str, function: str, arguments: dict[str, Any]) -> str:
         """Has a component do one of its functions; an empty text, or why not."""

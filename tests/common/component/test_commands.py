@@ -253,6 +253,19 @@ def test_settings_of_a_command_go_before_those_of_the_row_and_do_not_outlive_the
             bench.command("specimen", "stop")
 
 
+def test_settings_that_are_to_be_kept_take_the_place_of_those_of_the_row_unless_they_are_wrong() -> None:
+    with Bench() as bench:
+        bench.host(row(begin="standby", settings={"offset": 1.0}), lambda: Specimen(Diary()))
+        for given, outcome in ((7.0, True), ("many", False)):
+            ask(bench, "initialize", request_id=str(given), settings={"offset": given}, is_kept=True)
+            bench.run(0.05)
+            assert replies(bench)[str(given)].is_accepted is outcome
+            bench.command("specimen", "initialize", None, "start")
+            bench.run(0.05)
+            assert bench.last("result").value == pytest.approx(bench.loop.time() - 0.05 + 7.0)
+            bench.command("specimen", "stop")
+
+
 def test_the_settings_that_are_in_force_are_in_the_log_as_an_event() -> None:
     with Bench() as bench:
         bench.host(row(begin="standby", settings={"offset": 1.5}), lambda: Specimen(Diary()))

@@ -166,7 +166,12 @@ def _free_udp_port() -> int:
 KINDS: Final[Mapping[str, Kind]] = {
     "ardupilot": Kind(
         title="ArduPilot",
-        programs={"pelican": ("arducopter",), "rover": ("ardurover",), "boat": ("ardurover",)},
+        programs={
+            "pelican": ("arducopter",),
+            "rover": ("ardurover",),
+            "boat": ("ardurover",),
+            "rov": ("ardusub",),
+        },
         port=JSON_PORT,
         rate_hz=ardupilot.RATE_HZ,
         links=("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540"),

@@ -70,7 +70,7 @@ from gloc3_sitl.sim_devices import NoCamera
 from gloc3_sitl.sim_imu import SimImu
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import LinkKind, Simulator
-from gloc3_sitl.vehicles.table import style_of, vehicle_of_type
+from gloc3_sitl.vehicles.table import style_of, vehicle_named, vehicle_of_type
 from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
@@ -292,7 +292,7 @@ class Flight:
             return World.load("hold")
         from gloc3_sitl.earth import home_of
 
-        return World.load("open", home=home_of(self.mission))
+        return World.load(vehicle_named(self.vehicle).world, home=home_of(self.mission))
 
     def _simulator(self, world: World) -> Simulator | FirmwareInStep:
         plan, is_without_gps = self.plan, is_without_satellites(self.platform)

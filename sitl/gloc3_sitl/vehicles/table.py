@@ -59,6 +59,8 @@ class VehicleRow:
     """How the autopilot steers it."""
     styles: Mapping[str, Style]
     """Autopilots that can steer it, by name; the first is the usual one."""
+    world: str = "open"
+    """The world of missions on Earth that name none: one that may lie anywhere."""
     sensors: MakeSensors = _none
     """Sensors beside those that every vehicle has, or in place of one of the same name."""
 
@@ -123,6 +125,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=AUV,
         vehicle_class=_submarine(AUV),
         styles={"ardupilot": ARDUSUB},
+        world="bay",
         sensors=_diving_sensors,
     ),
     "rov": VehicleRow(
@@ -131,6 +134,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=ROV,
         vehicle_class=_submarine(ROV),
         styles={"ardupilot": ARDUSUB},
+        world="bay",
         sensors=_diving_sensors,
     ),
     "rover": VehicleRow(

@@ -1,6 +1,6 @@
 """Where a vehicle is by its velocity over the floor and its heading, from the last satellite fix on."""
 
-from math import cos, exp, sin, sqrt
+from math import cos, exp, pi, sin, sqrt
 from typing import Final
 
 import msgspec
@@ -17,6 +17,8 @@ class Errors(msgspec.Struct, frozen=True, kw_only=True):
 
     heading_rad: float = 0.0175
     """Of heading and mounting angle together, constant for long."""
+    deviation_rad: float = 0.004
+    """Of the part of it that depends on the heading, as a compass's deviation does: turning round leaves nothing of it."""
     scale: float = 0.003
     """Of the DVL's scale: salinity and temperature make most of it."""
     heading_walk_rad: float = 0.0003
@@ -84,6 +86,10 @@ class DeadReckoner:
         noise[_TURN] = errors.heading_walk_rad**2 * dt_s
         self.x = step @ self.x
         self.covariance = step @ self.covariance @ step.T + np.diag(noise)
+
+    def turned(self, angle_rad: float) -> None:
+        """The vehicle has turned by an angle: a part of the heading's error is another one now."""
+        self.covariance[_TURN, _TURN] += 2.0 * self.errors.deviation_rad**2 * min(1.0, abs(angle_rad) / pi)
 
     def take_velocity(self, forward_m_s: float, right_m_s: float, yaw_rad: float, std_m_s: float) -> float:
         """Takes in a velocity in the level plane of the body, by the DVL.

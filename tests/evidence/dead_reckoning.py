@@ -119,7 +119,7 @@ BARS = (
         "dead-reckoning",
         "Dead reckoning under water",
         "AUV and ROV dive lanes on their own reckoning: velocity over the floor (0.1 % of scale, 0.15° of mounting, 6 mm/s of noise), a "
-        "compass of 0.3° and depth, in a current of 0.09 m/s that nobody tells them. What counts is by how much the error of the pose "
+        "heading of 0.15° and depth, in a current of 0.09 m/s that nobody tells them. What counts is by how much the error of the pose "
         "grows between diving and coming up. Without bottom lock the vehicle is believed to do what it is asked to; the error is then the "
         "current's, and the pose says so.",
         run,

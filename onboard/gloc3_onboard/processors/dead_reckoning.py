@@ -5,7 +5,7 @@ from math import hypot, isfinite, radians
 from typing import Annotated, Final
 
 from gloc3.component import DataProcessor
-from gloc3.frames import IDENTITY, GeoPoint, TangentPlane, Vector3, from_yaw, rotate, yaw_of
+from gloc3.frames import IDENTITY, GeoPoint, TangentPlane, Vector3, from_yaw, rotate, wrap_pi, yaw_of
 from gloc3.perception import BottomVelocity, SatelliteFix
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
@@ -203,6 +203,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         numbers = (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd)
         is_finite = all(map(isfinite, numbers))
         if is_finite:
+            self._filter.turned(wrap_pi(yaw_of(given.ned_from_frd) - yaw_of(self._attitude)))
             self._attitude = given.ned_from_frd
         self._adopt_origin(given)
         self._advance(t_s)

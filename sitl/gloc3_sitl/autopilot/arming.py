@@ -43,5 +43,7 @@ def arming_problems(craft: Craft, behaviour: Behaviour, battery_share: float) ->
         yield Check.BATTERY, f"battery low: {100.0 * battery_share:.0f} %"
     if craft.tuning.pilot_required and now_s - craft.pilot.last_seen_s > craft.tuning.pilot_timeout_s:
         yield Check.PILOT, "no transmitter"
+    if craft.is_leaking:
+        yield Check.HEALTH, "leak detected"
     if craft.fault:
         yield Check.HEALTH, craft.fault

@@ -28,6 +28,7 @@ from gloc3_sitl.sensors.readings import (
     BatteryReading,
     FixReading,
     ImuReading,
+    LeakReading,
     MagnetometerReading,
     RangeReading,
     Reading,
@@ -112,6 +113,7 @@ class Autopilot:
             MagnetometerReading: self._take_magnetometer,
             RangeReading: self._take_range,
             BatteryReading: self._take_battery,
+            LeakReading: self._take_leak,
         }
 
     @property
@@ -206,6 +208,9 @@ class Autopilot:
         self.range = reading
         self.craft.range_mount_m = reading.mount_height_m
         self.estimator.take_range(reading.distance_m if reading.is_valid else None, self.craft.now_s)
+
+    def _take_leak(self, reading: LeakReading) -> None:
+        self.craft.is_leaking = reading.is_wet
 
     def _take_other(self, reading: Reading) -> None:
         self.others[type(reading)] = reading

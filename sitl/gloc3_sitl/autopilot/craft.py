@@ -81,6 +81,8 @@ class Craft:
     is_armed: bool = False
     range_mount_m: float = 0.0
     """Height of the range finder over the ground when the vehicle stands, as its readings tell."""
+    is_leaking: bool = False
+    """Whether there is water in the hull."""
     fault: str = ""
     """Something that is broken, in words; arming is refused while it stands."""
     last_setpoint: Setpoint = LANDED

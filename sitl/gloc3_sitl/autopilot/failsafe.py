@@ -256,6 +256,11 @@ WATCHES: Final = (
         condition=_battery(lambda tuning: tuning.battery_emergency, "nearly empty"),
         action=lambda tuning: tuning.battery_emergency_action,
     ),
+    Watch(
+        name="leak",
+        condition=lambda safes: "Leak Detected" if safes.craft.is_leaking else "",
+        action=lambda tuning: tuning.leak_action,
+    ),
     Watch(name="position", condition=_position_lost, action=lambda tuning: tuning.position_lost_action),
     Watch(name="fence", condition=_fence_broken, action=lambda tuning: tuning.fence_action),
 )

@@ -56,6 +56,8 @@ class Fence:
         height = craft.height_over_home_m
         if tuning.fence_height_m > 0.0 and height > tuning.fence_height_m:
             return f"above the fence's height of {tuning.fence_height_m:.0f} m"
+        if tuning.fence_depth_m > 0.0 and height < -tuning.fence_depth_m:
+            return f"below the fence's depth of {tuning.fence_depth_m:.0f} m"
         if craft.home is not None and tuning.fence_radius_m > 0.0:
             home_n, home_e, _ = craft.home.position_ned_m
             if hypot(n - home_n, e - home_e) > tuning.fence_radius_m:

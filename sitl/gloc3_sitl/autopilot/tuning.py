@@ -115,6 +115,8 @@ class Tuning:
     """Farthest from home; 0 is no limit."""
     fence_height_m: float = 0.0
     """Highest over home; 0 is no limit."""
+    fence_depth_m: float = 0.0
+    """Deepest below home; 0 is no limit."""
     fence_has_polygons: bool = True
     """Whether uploaded polygons and circles count."""
     fence_margin_m: float = 0.0

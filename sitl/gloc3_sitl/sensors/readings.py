@@ -112,7 +112,22 @@ class WheelReading(msgspec.Struct, frozen=True, kw_only=True):
     """Way of the rim, left and right; backwards counts down."""
 
 
+class LeakReading(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether there is water in the hull."""
+
+    t_s: float
+    """Time of validity."""
+    is_wet: bool
+
+
 Reading = (
-    ImuReading | BarometerReading | MagnetometerReading | RangeReading | FixReading | BatteryReading | WheelReading
+    ImuReading
+    | BarometerReading
+    | MagnetometerReading
+    | RangeReading
+    | FixReading
+    | BatteryReading
+    | WheelReading
+    | LeakReading
 )
 """Any sensor's reading."""

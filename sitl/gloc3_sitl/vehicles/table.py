@@ -23,6 +23,7 @@ from gloc3_sitl.sensors.altimeter import Altimeter
 from gloc3_sitl.sensors.battery import Pack
 from gloc3_sitl.sensors.compass import Compass
 from gloc3_sitl.sensors.depth import DepthSensor
+from gloc3_sitl.sensors.leak import LeakSensor
 from gloc3_sitl.sensors.sensor import Sensor
 from gloc3_sitl.sensors.surface_fix import SurfaceFix
 from gloc3_sitl.sensors.wheels import WheelEncoders
@@ -107,8 +108,8 @@ def _submarine(model: UnderwaterModel) -> VehicleClass:
 
 
 def _diving_sensors(seed: int, home: GeoPoint) -> Sequence[Sensor[Any]]:
-    """Depth in place of the barometer, an echo sounder in place of the laser, a good compass, fixes at the surface only."""
-    return DepthSensor(seed, home), Altimeter(seed), Compass(seed, home), SurfaceFix(seed, home)
+    """Depth in place of the barometer, an echo sounder in place of the laser, a good compass, fixes at the surface only, leak contacts."""
+    return DepthSensor(seed, home), Altimeter(seed), Compass(seed, home), SurfaceFix(seed, home), LeakSensor(seed)
 
 
 VEHICLES: Final[Mapping[str, VehicleRow]] = {

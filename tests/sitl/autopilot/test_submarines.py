@@ -151,6 +151,29 @@ def test_a_velocity_that_is_not_renewed_ends_in_a_hold() -> None:
     assert hypot(*dive.simulator.truth().velocity_ned_m_s) < 0.05
 
 
+def test_a_leak_brings_it_up_and_keeps_it_from_arming_again() -> None:
+    dive = Dive("rov")
+    dive.arm()
+    dive.go_to((0.0, 0.0, 3.0), 20.0)
+    dive.simulator.sensors.fail("leak", "biased")
+    dive.run(12.0)
+    assert dive.autopilot.commander.mode.custom_mode == SURFACE
+    assert dive.simulator.truth().position_ned_m[2] < 0.5
+    assert "Failsafe: Leak Detected" in [text for _, _, text in dive.simulator.texts]
+    dive.autopilot.commander.disarm(Author.COMMAND)
+    assert "leak detected" in dive.autopilot.commander.problems()
+
+
+def test_the_fence_has_a_depth() -> None:
+    dive = Dive("rov")
+    dive.autopilot.parameters.set("FENCE_ENABLE", 1)
+    dive.autopilot.parameters.set("FENCE_ALT_MIN", -3.0)
+    dive.arm()
+    dive.go_to((0.0, 0.0, 6.0), 20.0)
+    assert "Failsafe: below the fence's depth of 3 m" in [text for _, _, text in dive.simulator.texts]
+    assert dive.simulator.truth().position_ned_m[2] < 4.0
+
+
 def test_other_autopilots_do_not_steer_submarines() -> None:
     with pytest.raises(Misuse, match="it is steered by ardupilot"):
         Simulator(World.load("bay"), vehicle="auv", style="px4")

@@ -1,7 +1,7 @@
 """ArduSub's parameters that matter here, with the names, types and units of Sub 4.7.
 
 Defaults are ArduSub's where they decide what happens, but for FS_GCS_ENABLE, which would disarm a vehicle that dives out of
-contact; gains and speeds are those of the simulated vehicles.
+contact, and FS_LEAK_ENABLE, which would only warn those who do not hear it; gains and speeds are those of the simulated vehicles.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,7 +29,7 @@ _CENTI: Final = 0.01
 _SHARED: Final = (
     *("MAV_SYSID", "MAV_GCS_SYSID", "MAV1_POSITION", "MAV1_EXTRA1", "MAV1_EXTRA2", "MAV1_EXTRA3", "MAV1_EXT_STAT"),
     *("MAV1_RC_CHAN", "MAV1_RAW_SENS", "FS_GCS_TIMEOUT", "FS_EKF_THRESH", "BATT_MONITOR", "BATT_CAPACITY"),
-    *("BATT_LOW_MAH", "BATT_CRT_MAH", "FENCE_ENABLE", "FENCE_TYPE", "FENCE_ALT_MAX", "FENCE_RADIUS", "FENCE_MARGIN"),
+    *("BATT_LOW_MAH", "BATT_CRT_MAH", "FENCE_ENABLE", "FENCE_ALT_MAX", "FENCE_RADIUS", "FENCE_MARGIN"),
     *("FENCE_TOTAL", "GUID_OPTIONS", "MIS_TOTAL", "MIS_RESTART", "AHRS_EKF_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_VELXY"),
     *("EK3_SRC1_POSZ", "EK3_SRC1_YAW", "VISO_DELAY_MS", "VISO_QUAL_MIN", "LOG_BITMASK"),
 )
@@ -41,13 +41,14 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     # Arming and failsafes
     whole("ARMING_CHECK", 448, 0, 2**22, "arming checks: bits; 0 skips them"),
     whole("FS_GCS_ENABLE", 0, 0, 4, "station loss action", "station_lost_action", _STATION_LOST, Kind.INT8),
-    whole("FS_LEAK_ENABLE", 1, 0, 2, "leak action", "leak_action", _LEAK, Kind.INT8),
+    whole("FS_LEAK_ENABLE", 2, 0, 2, "leak action", "leak_action", _LEAK, Kind.INT8),
     whole("FS_EKF_ACTION", 0, 0, 2, "position loss action", "position_lost_action", _POSITION_LOST, Kind.INT8),
     whole("FS_PILOT_INPUT", 2, 0, 2, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, Kind.INT8),
     real("FS_PILOT_TIMEOUT", 3.0, 0.1, 3.0, "transmitter loss timeout, s", "pilot_timeout_s"),
     whole("BATT_FS_LOW_ACT", 0, 0, 3, "low battery action", "battery_low_action", _BATTERY, Kind.INT8),
     whole("BATT_FS_CRT_ACT", 0, 0, 3, "critical battery action", "battery_critical_action", _BATTERY, Kind.INT8),
     whole("FENCE_ACTION", 1, 0, 2, "fence action", "fence_action", _FENCE, Kind.INT8),
+    whole("FENCE_TYPE", 15, 0, 15, "height, circle, polygons, depth", kind=Kind.INT8),
     real("FENCE_ALT_MIN", -100.0, -100.0, 100.0, "lowest over home, m"),
     real("SURFACE_DEPTH", -10.0, -50.0, 0.0, "height of the vehicle at the surface, cm"),
     # Estimator: satellites at the surface, and the dead reckoning of a companion as the second set of sources
@@ -96,6 +97,7 @@ def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
     tuning.fence_height_m = ask("FENCE_ALT_MAX") if kinds & 1 else 0.0
     tuning.fence_radius_m = ask("FENCE_RADIUS") if kinds & 2 else 0.0
     tuning.fence_has_polygons = bool(kinds & 4)
+    tuning.fence_depth_m = -ask("FENCE_ALT_MIN") if kinds & 8 else 0.0
     tuning.mission_uses_item_yaw = False
     tuning.mission_faces_course = ask("WP_YAW_BEHAVIOR") != 0.0
     tuning.disarm_after_landing_s = tuning.disarm_idle_s = tuning.disarm_unflown_s = -1.0

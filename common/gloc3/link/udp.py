@@ -10,7 +10,7 @@ from contextlib import suppress
 from random import SystemRandom
 from typing import Final
 
-from gloc3.errors import Refused
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.link.compiling import COMPILING
 from gloc3.link.direct_line import (
     AT_ONCE,
@@ -166,8 +166,9 @@ class UdpEndpoint:
             COMPILING.begin(self._not_compiled)
 
     def _not_compiled(self, error: BaseException) -> None:
-        """Tells, from another thread, that lines stay as they are."""
-        context = {"message": "direct lines are not compiled", "exception": error}
+        """Tells, from another thread and in a line, that lines stay as they are."""
+        why = str(error) if isinstance(error, Gloc3Error) else f"{type(error).__name__}: {error}"
+        context = {"message": f"direct lines are not compiled, and work on as without gloc3[fast]: {why}"}
         with suppress(RuntimeError):  # the loop is closed: nobody is there to be told
             self._loop.call_soon_threadsafe(self._loop.call_exception_handler, context)
 

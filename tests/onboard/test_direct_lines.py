@@ -128,6 +128,8 @@ async def test_what_is_told_again_and_again_passes_while_the_loop_is_busy(stack:
     await until(lambda: len(stack.kept) == before + 20)
     assert stack.kept[before:] == frames, "who wants to know is told, in order"
     assert [frame.raw for frame in stack.listened[-20:]] == frames
+    stack.tend()
+    assert stack.endpoints[1].bytes_sent == sum(map(len, stack.kept))
     stack.links[0].close()
     counts = stack.links[0].routed.counts
     assert (counts.frames_in, counts.lost, counts.returned) == (22, 0, 0)

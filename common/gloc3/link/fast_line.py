@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from errno import EAGAIN
+from functools import cache
 from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -105,7 +106,7 @@ class FastLine:
         for name, value in (("descriptor", descriptor), ("flags", flags), ("is_wanted", is_wanted), ("seed", seed)):
             self._state[name] = value
         self._state["turn"] = _FIRST_TURN
-        self._library, self._mutex_at = ctypes.CDLL(None), ctypes.c_void_p(self._mutex.ctypes.data)
+        self._library, self._mutex_at = _library(), ctypes.c_void_p(self._mutex.ctypes.data)
         self._rows: dict[bytes, int] = {}
         self._last: dict[bytes, object] = {}
         """Keeps alive what the loop writes to."""
@@ -253,6 +254,12 @@ class FastLine:
         while keys[place] not in (number, _NOBODY):
             place = place + 1 & SLOTS - 1
         return place
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    """The process's own C library."""
+    return ctypes.CDLL(None)
 
 
 def _number(key: bytes) -> int:

@@ -88,9 +88,14 @@ class Lanes:
         self._router.passed_on.add(fast, self._link)
 
     def end(self) -> None:
-        """The compiled loop, if there is one, has passed on its last datagram, or will have when this returns."""
-        if self._fast is not None:
-            self._router.passed_on.remove(self._fast)
+        """Has the compiled loop, if there is one, pass on nothing any more; when this returns, it does not."""
+        if self._fast is None:
+            return
+        self._router.passed_on.remove(self._fast)
+        for key, lane in self._lanes.items():
+            self._take(lane, self._fast.end(key))
+            lane.is_fast = False
+        self._fast = None
 
     def pass_on(self, data: bytes) -> bool:
         """Passes a datagram on whose lanes are known; False for anything else, of which nothing has gone on then."""

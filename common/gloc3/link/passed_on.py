@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final
 
 from gloc3.link.fast_line import FastLine
@@ -30,7 +31,7 @@ class PassedOn:
 
     def remove(self, line: FastLine) -> None:
         """A line passes nothing on any more."""
-        line.revoke()
+        self._revoke((line,))
         self._ended[line] = self.turn_number
 
     def begin(self, sender: int, line: FastLine) -> None:
@@ -39,11 +40,15 @@ class PassedOn:
 
     def revoke(self) -> None:
         """All lines give everything back, until they are asked anew."""
-        for line in self._links:
+        self._revoke(self._links)
+
+    def _revoke(self, given_back: Collection[FastLine]) -> None:
+        for line in given_back:
             line.revoke()
         for lines in self._until.values():
             for line, until in lines.items():
-                lines[line] = min(until, self.turn_number)
+                if line in given_back:
+                    lines[line] = min(until, self.turn_number)
 
     def turn(self) -> None:
         """What came before the last turn is forgotten."""

@@ -197,3 +197,23 @@ def test_a_lane_ends_when_a_route_changes_and_after_a_while(way: Way, nets: Call
         net.hear("vehicle", vehicle.encode(message("ATTITUDE", roll=10 + number)), 1.0 + number)
     assert MOVED_AFTER_S + LOOK_AGAIN_S < 1.0 + 11.0
     assert len(net.out["wifi"]) > 4, "it is heard there no more"
+
+
+def test_a_compiled_line_that_has_ended_is_missed_by_nobody(nets: Callable[[Way], Net]) -> None:
+    net, vehicle = nets(Way.COMPILED), Encoder(1, 1)
+    frames = [vehicle.encode(message("ATTITUDE", roll=number)) for number in range(5)]
+    for raw in frames[:3]:
+        net.hear("vehicle", raw, 0.0)
+    assert net.short == 2
+    net.lanes["vehicle"].end()
+    net.hear("wifi", frames[2], 0.1)
+    assert net.links["wifi"].counts.returned == 1, "what it has passed on is still known"
+    for number in range(5):
+        net.settle(1.0 + number)
+    assert net.links["vehicle"].counts.frames_in == 3, "and counted"
+    assert net.sent == 2 * len(frames[1] + frames[2])
+    for raw in frames[3:]:
+        net.hear("vehicle", raw, 6.0)
+    assert net.out["wifi"] == frames
+    net.hear("wifi", frames[2], 6.1)
+    assert (1 << 8 | 1) in net.links["wifi"].senders, "so much later it is another one"

@@ -217,3 +217,32 @@ def test_a_compiled_line_that_has_ended_is_missed_by_nobody(nets: Callable[[Way]
     assert net.out["wifi"] == frames
     net.hear("wifi", frames[2], 6.1)
     assert (1 << 8 | 1) in net.links["wifi"].senders, "so much later it is another one"
+
+
+def test_what_a_compiled_line_has_passed_on_is_known_where_its_sender_is_heard_next(
+    nets: Callable[[Way], Net],
+) -> None:
+    net, vehicle = nets(Way.COMPILED), Encoder(1, 1)
+    frames = [vehicle.encode(message("ATTITUDE", roll=number)) for number in range(5)]
+    for raw in frames[:3]:
+        net.hear("vehicle", raw, 0.0)
+    for raw in frames[3:]:
+        net.hear("wifi", raw, 0.1)
+    net.hear("wifi", frames[2], 0.1)
+    assert net.links["wifi"].counts.returned == 1
+    assert net.out["radio"] == frames
+
+
+def test_what_came_by_another_link_before_a_restart_is_not_taken_by_a_compiled_line(
+    nets: Callable[[Way], Net],
+) -> None:
+    net, vehicle = nets(Way.COMPILED), Encoder(1, 1)
+    first, by_wifi, later = (vehicle.encode(message("ATTITUDE", roll=number)) for number in range(3))
+    net.hear("vehicle", first, 0.0)
+    net.hear("wifi", by_wifi, 0.0)
+    for boot_ms in (600_000, 1_000):
+        net.hear("vehicle", vehicle.encode(message("SYSTEM_TIME", time_boot_ms=boot_ms)), 0.1)
+    net.hear("vehicle", later, 0.1)
+    net.hear("vehicle", by_wifi, 0.1)
+    assert net.links["vehicle"].counts.returned == 1
+    assert net.out["radio"].count(by_wifi) == 1

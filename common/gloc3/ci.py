@@ -482,6 +482,8 @@ class StationHeard(Message, frozen=True):
     """Onboard: something has just been heard of a station."""
 
     station: str
+    is_reached: bool = True
+    """What is told to stations reaches it, too; not yet while only its heartbeat was heard."""
 
 
 class CiEvent(Message, frozen=True):

@@ -116,6 +116,8 @@ class StationLink:
         self._publisher = Publisher(exchange, platform, "station_link", boot)
         self._heard_topic = f"{platform}/ci/heard"
         self._heard_s: dict[str, float] = {}
+        self._reached: frozenset[str] = frozenset()
+        """The stations to which what is published here gets."""
         self._event_topic = f"{platform}/components/station_link/event"
         self._exchange.listen(self._happened)
 
@@ -181,7 +183,11 @@ class StationLink:
     def _hear(self, sender: Address) -> None:
         """A station is known by the name that it gives itself, as long as it is silent by its MAVLink system."""
         peers = self._exchange.endpoint.peers()
-        now_s, station = self._loop.time(), next((p.name for p in peers if p.address == sender), str(sender.system))
-        if now_s - self._heard_s.get(station, float("-inf")) >= HEARD_PERIOD_S:
+        now_s, peer = self._loop.time(), next((p for p in peers if p.address == sender), None)
+        station, is_reached = (str(sender.system), False) if peer is None else (peer.name, peer.is_alive)
+        is_news = is_reached and station not in self._reached
+        if is_news or now_s - self._heard_s.get(station, float("-inf")) >= HEARD_PERIOD_S:
             self._heard_s[station] = now_s
-            self._publisher.publish(self._heard_topic, StationHeard(station=station), now_s)
+            self._reached = self._reached | {station} if is_reached else self._reached - {station}
+            heard = StationHeard(station=station, is_reached=is_reached)
+            self._publisher.publish(self._heard_topic, heard, now_s)

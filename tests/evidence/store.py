@@ -37,7 +37,7 @@ SURFACE_M: Final = 0.6
 CURRENT_M_S: Final = 0.1
 END_M: Final = (40.0, 0.0)
 """Where the plan ends."""
-FAULTS: Final = ("device:dvl=lost@500..900", "crash:height@600")
+FAULTS: Final = ("device:dvl=lost@1000..1030", "crash:height@600")
 DROPS: Final = 5
 DROP_S: Final = 12.0
 ONE_MORE: Final = """\
@@ -238,7 +238,8 @@ class Real(msgspec.Struct, kw_only=True):
     is_planned: bool
     """The station said so."""
     summary_s: float
-    result: str
+    at_contact: str
+    """The summary, as the station showed it."""
     size: int
     drops: int
     is_equal: bool
@@ -301,9 +302,11 @@ def real(folder: Path) -> Real:
         since = len(lines)
         relay.is_cut, back_s = False, time.monotonic()
         summary_s = wait("contact after", 20.0, since) - back_s
-        station.wait(300.0)
+        at_contact = next(line["text"] for _, line in lines[since:] if "contact after" in line["text"])
+        wait("action up.surface: running", 60.0)
+        station.send_signal(signal.SIGTERM)
+        station.wait(20.0)
         reading.join()
-        result = next((line["text"] for _, line in lines if line["kind"] == "result"), "none")
         name = next((folder / "auv").glob("log.mcap")).name
         pulling = subprocess.Popen(
             [gloc3, "log", "pull", "udpin://127.0.0.1:19550", name, "--platform", "auv", "--out", "here"],
@@ -336,7 +339,7 @@ def real(folder: Path) -> Real:
         silent_s=back_s - cut_s,
         is_planned=is_planned,
         summary_s=summary_s,
-        result=result,
+        at_contact=at_contact,
         size=here.stat().st_size if here.exists() else 0,
         drops=drops,
         is_equal="digest equal" in told and here.exists(),
@@ -383,7 +386,7 @@ def run(progress: Progress) -> list[Figure]:
             found.is_planned,
         ),
         Figure("summary after contact", f"{found.summary_s:.2f} s", "≤ 2 s", found.summary_s <= 2.0),
-        Figure("the mission", found.result, "done", "done" in found.result),
+        Figure("the summary", found.at_contact, "running", "running" in found.at_contact),
         Figure("log", f"{found.size / 1e6:.1f} MB, the link was cut {found.drops} times", "5", found.drops == DROPS),
         Figure("its digest", "equal" if found.is_equal else "differs", "equal", found.is_equal),
         Figure("onboard", "deleted" if found.is_deleted else "kept", "deleted", found.is_deleted),
@@ -401,7 +404,7 @@ BARS: Final = (
         name="store-and-forward",
         title="Out of contact: twenty minutes below, and what is told at the surface",
         claim="The AUV gets its mission at the surface, dives, and is out of contact for 20 minutes in virtual time (2 minutes "
-        "as real processes, whose link is cut): that is silence as planned, no fault. Below its Doppler log is lost for 400 s and "
+        "as real processes, whose link is cut): that is silence as planned, no fault. Below its Doppler log is lost for 30 s and "
         "a component fails; with a current of 0.1 m/s it comes up away from the plan. A summary of at most 32 bytes comes by "
         "sound once a minute. At contact the summary comes first, then all events once and in order; a mission that was queued "
         "meanwhile is loaded; and the log is fetched over a link that drops five times for 12 s, compared by its digest, and "

@@ -39,7 +39,7 @@ class Contacts:
         self._kept_s: float | None = None
 
     def hear(self, station: str, now_s: float) -> None:
-        """Something has been heard of a station."""
+        """Something has been heard of a station, and it is reached."""
         before_s = self._heard_s.get(station)
         if before_s is None or now_s - before_s >= OUT_OF_CONTACT_S:
             self._new[station] = -1.0 if before_s is None else now_s - before_s

@@ -229,7 +229,8 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._book.hear(status.payload, status.t_s)
         for heard in inbox.new(self.heard):
             self._authority.hear(heard.payload.station, now_s)
-            self._contacts.hear(heard.payload.station, now_s)
+            if heard.payload.is_reached:
+                self._contacts.hear(heard.payload.station, now_s)
         for state in inbox.new(self.autopilot):
             self._facts.see_autopilot(state)
         for pose in inbox.new(self.pose):

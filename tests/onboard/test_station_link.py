@@ -5,11 +5,11 @@ from random import Random
 
 import pytest
 
-from gloc3.ci import CiRequest, Hello, StationRole
+from gloc3.ci import CiRequest, ContactSummary, Health, Hello, StationHeard, StationRole
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.link.codec import Encoder, Frame, Parser, message
-from gloc3.link.memory import MemoryLink
+from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event
 from gloc3.topics import TopicTable
@@ -18,6 +18,24 @@ from gloc3_onboard.station_link import StationLink
 
 TOPICS = TopicTable.installed()
 KEY, OTHER = bytes(range(32)), bytes(32)
+CONTACT = ContactSummary(
+    station="255",
+    t_s=0.0,
+    silent_s=1200.0,
+    health=Health.WORKING,
+    mission="",
+    state="",
+    doing="",
+    policy="",
+    landed="under_way",
+    battery_percent=80,
+    position_m=(0.0, 0.0, 0.0),
+    geo=None,
+    conditions=[],
+    store=1,
+    last=0,
+    delivered=0,
+)
 
 
 class Ends:
@@ -161,3 +179,26 @@ def test_garbage_on_a_signed_link_harms_nobody() -> None:
         ends.close()
 
     run_virtual(play())
+
+
+def test_after_a_long_silence_a_station_counts_as_reached_only_when_what_is_told_gets_there() -> None:
+    async def steps() -> list[str]:
+        ends, came = Ends(None, None), list[str]()
+        ends.there.subscribe("heron/contact", lambda envelope: came.append(envelope.payload.station))
+        publisher = Publisher(ends.here, "heron", "command_server", 5)
+
+        def heard(envelope: Envelope[StationHeard]) -> None:
+            if envelope.payload.is_reached and (not seen or envelope.t_s > seen[-1] + 60.0):
+                publisher.publish("heron/contact", CONTACT, envelope.t_s)
+            seen.extend([envelope.t_s] if envelope.payload.is_reached else [])
+
+        seen: list[float] = []
+        ends.here.subscribe("heron/ci/heard", heard)
+        await asyncio.sleep(5.0)
+        ends.memory.set_conditions(Conditions(loss=1.0))
+        await asyncio.sleep(1200.0)
+        ends.memory.set_conditions(Conditions())
+        await asyncio.sleep(2.0)
+        return came
+
+    assert run_virtual(steps()) == ["255", "255"]

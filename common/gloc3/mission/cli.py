@@ -47,8 +47,11 @@ app = App(
     version_flags=[],
 )
 
+_BROUGHT: Final = {"simulate": "Fly a mission in simulation, and compare what it took with its estimate."}
+"""What the list of commands says of those of other packages, without loading any of them."""
+
 for _point in sorted(entry_points(group="gloc3.mission_commands"), key=lambda point: point.name):
-    app.command(_point.load(), name=_point.name)
+    app.command(_point.value, name=_point.name, help=_BROUGHT.get(_point.name, f"From {_point.value}."))  # loaded late
 
 OK: Final = 0
 FAILED: Final = 1

@@ -10,7 +10,7 @@
 | turning | the wheels turn it by about 1/1.5 of what rolling would give | `wheel_separation_multiplier` 1.5 of `control.yaml`; \
 friction that is the same in all directions gives 1 + (wheelbase / track)^2 = 1.49 by itself |
 | battery | 270 Wh lithium, 7 cells | data sheet |
-| encoder | 78,000 ticks a metre | `husky_base` and `jackal_base`: the order of Clearpath's gearmotors |
+| encoder | 78,000 ticks a metre | our choice: that of Clearpath's larger Husky A200, by its manual |
 | time constant and acceleration of the wheels, slip speed, rolling resistance, efficiency | 0.10 s, 4 m/s^2, 0.1 m/s, 0.02, \
 0.6 | our choice |
 """

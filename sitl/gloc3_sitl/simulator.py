@@ -114,6 +114,7 @@ class Simulator:
             seed,
             world.home,
             pack=row.pack,
+            imu_bias_share=row.imu_bias_share,
             is_plain_gps=is_plain_gps,
             battery_remaining=battery_remaining,
             probe=level_ground if world.is_flat else WorldProbe(world),

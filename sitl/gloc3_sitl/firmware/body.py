@@ -68,6 +68,7 @@ class SensedBody:
             settings.seed,
             world.home,
             pack=row.pack,
+            imu_bias_share=row.imu_bias_share,
             is_plain_gps=settings.is_plain_gps,
             imu_rate_hz=float(self.rate_hz),
             probe=level_ground if self._is_flat else WorldProbe(world),

@@ -26,14 +26,14 @@ class Imu(Sensor[ImuReading]):
     bias_size = 0.5
     noise_size = 2.0
 
-    def __init__(self, seed: int, rate_hz: float = 200.0) -> None:
+    def __init__(self, seed: int, rate_hz: float = 200.0, bias_share: float = 1.0) -> None:
         super().__init__(seed, rate_hz)
         draw, bandwidth = self._draw, sqrt(rate_hz / 2.0)
         self._force_noise = ACCELEROMETER_DENSITY_M_S2_RTHZ * bandwidth
         self._rate_noise = GYRO_DENSITY_RAD_S_RTHZ * bandwidth
-        self.force_bias_m_s2 = tuple(ACCELEROMETER_BIAS_M_S2 * draw() for _ in range(3))
+        self.force_bias_m_s2 = tuple(bias_share * ACCELEROMETER_BIAS_M_S2 * draw() for _ in range(3))
         """The constant error of each accelerometer."""
-        self.rate_bias_rad_s = tuple(GYRO_BIAS_RAD_S * draw() for _ in range(3))
+        self.rate_bias_rad_s = tuple(bias_share * GYRO_BIAS_RAD_S * draw() for _ in range(3))
         """The constant error of each gyro."""
 
     def measure(self, motion: Motion, t_s: float) -> ImuReading:

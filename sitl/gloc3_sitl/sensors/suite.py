@@ -27,6 +27,7 @@ class SensorSuite:
         is_plain_gps: Metre-level fixes in place of RTK-grade ones.
         battery_remaining: Charge at the start, 1 to 0.
         imu_rate_hz: Rate of the IMU.
+        imu_bias_share: Its biases, as a share of those of a multirotor's.
         probe: What the height sensor measures.
         more: Sensors that the vehicle has beside these, or in place of one of the same name.
     """
@@ -40,10 +41,11 @@ class SensorSuite:
         is_plain_gps: bool = False,
         battery_remaining: float = 1.0,
         imu_rate_hz: float = 200.0,
+        imu_bias_share: float = 1.0,
         probe: Probe = level_ground,
         more: Sequence[Sensor[Any]] = (),
     ) -> None:
-        self.imu: Final = Imu(seed, imu_rate_hz)
+        self.imu: Final = Imu(seed, imu_rate_hz, imu_bias_share)
         self.barometer: Final = Barometer(seed)
         self.magnetometer: Final = Magnetometer(seed, home)
         self.height: Final = HeightSensor(seed, probe=probe)

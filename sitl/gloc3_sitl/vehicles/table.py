@@ -62,6 +62,8 @@ class VehicleRow:
     """Autopilots that can steer it, by name; the first is the usual one."""
     world: str = "open"
     """The world of missions on Earth that name none: one that may lie anywhere."""
+    imu_bias_share: float = 1.0
+    """Biases of its inertial unit, as a share of those of a multirotor's."""
     sensors: MakeSensors = _none
     """Sensors beside those that every vehicle has, or in place of one of the same name."""
 
@@ -107,6 +109,10 @@ def _submarine(model: UnderwaterModel) -> VehicleClass:
     )
 
 
+_TACTICAL: Final = 0.1
+"""Accelerometers of 0.3 mg beside a fibre-optic gyrocompass: what leans the level by more turns the heading, too."""
+
+
 def _diving_sensors(seed: int, home: GeoPoint) -> Sequence[Sensor[Any]]:
     """Depth in place of the barometer, an echo sounder in place of the laser, a good compass, fixes at the surface only, leak contacts."""
     return DepthSensor(seed, home), Altimeter(seed), Compass(seed, home), SurfaceFix(seed, home), LeakSensor(seed)
@@ -127,6 +133,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         vehicle_class=_submarine(AUV),
         styles={"ardupilot": ARDUSUB},
         world="bay",
+        imu_bias_share=_TACTICAL,
         sensors=_diving_sensors,
     ),
     "rov": VehicleRow(
@@ -136,6 +143,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         vehicle_class=_submarine(ROV),
         styles={"ardupilot": ARDUSUB},
         world="bay",
+        imu_bias_share=_TACTICAL,
         sensors=_diving_sensors,
     ),
     "rover": VehicleRow(

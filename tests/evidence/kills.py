@@ -106,8 +106,8 @@ BARS = (
         "second, in its main process and in a child; an operator in a process of his own who commands all the time. "
         "Whichever of the processes is killed, and however often, the vehicle stays safe, the process comes back, and the "
         "mission goes on where it was. Main processes are started again by a few lines, as systemd would; children by "
-        "their host. `on_restart: continue`; where a component and its standby are away at once `on_failure: hold`, until "
-        "the operator says resume.",
+        "their host. `on_restart: continue`; where a component and its standby are away at once `then: hold`, until the "
+        "operator says resume.",
         kills,
         f"{SEED}: who is killed when",
     ),

@@ -63,9 +63,12 @@ def platform() -> str:
         if "{name: pose," in line:
             spare = line.replace("{name: pose,", "{name: pose_standby, host: second, process: two, begin: quiet, standby_for: pose,")  # fmt: skip
             spare = spare.replace("required: true, ", "").replace(", then: land", "")
+            line = line.replace("then: land", "then: hold")
             lines += [line.replace("on_fault: {", "process: one, on_fault: {standby: pose_standby, "), spare]
         elif "{name: limiter," in line:
-            lines.append(line.replace("{name: limiter,", "{name: limiter, process: one,"))
+            lines.append(
+                line.replace("{name: limiter,", "{name: limiter, process: one,").replace("then: land", "then: hold")
+            )
         elif "{name: limiter_standby," in line:
             lines.append(line.replace("{name: limiter_standby,", "{name: limiter_standby, host: second,"))
         elif "{name: viewer," in line:
@@ -165,8 +168,9 @@ async def fly(folder: Path, kills: Iterator[tuple[float, str]], count: int, say:
                     killed.append(Kill(now_s, victim))
                     say(f"{len(killed)} of {count}: {victim}")
             await until(lambda: fleet.is_whole, 60.0, "everybody is there again")
-            await _flies_on(watching, name)
-            (folder / HOME).touch()
+            if mission_state(watching, name) not in ENDED:
+                await _flies_on(watching, name)
+                (folder / HOME).touch()
             await until(lambda: mission_state(watching, name) in ENDED, 120.0, "the mission ends")
             await until(lambda: not watching.fleet.get(name).is_armed, 60.0, "it stands")  # type: ignore[union-attr]
             end, took_s = mission_state(watching, name), time.monotonic() - begun_s

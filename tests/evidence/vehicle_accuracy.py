@@ -55,6 +55,7 @@ class Row(NamedTuple):
 ROWS = (
     Row("rover", Around(has_plain_gps=True), straight_m=(0.1, 4.0), miss_m=(0.3, 5.0)),
     Row("boat", Around(wind_m_s=6.0, waves_m=0.3, current_m_s=0.3), straight_m=(0.5, 0.8), miss_m=(1.0, 2.5)),
+    Row("auv", Around(current_m_s=0.2), straight_m=(4.0, 5.0), miss_m=(6.0, 8.0)),
     Row("rov", Around(waves_m=0.3, current_m_s=0.1), straight_m=(4.0, 5.0), miss_m=(6.0, 8.0)),
     Row("pelican_rtk", Around(wind_m_s=6.0), straight_m=(0.2, 0.3), miss_m=(0.4, 0.6)),
 )

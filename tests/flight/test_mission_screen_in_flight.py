@@ -142,7 +142,7 @@ async def open_and_mend(here: Operator, file: Path) -> None:
     await here.on(OpenMission)
     here.app.screen.query_one(Input).value = str(file)
     await here.press("enter")
-    await here.see("findings", "expected a number, got text")
+    await here.see("findings", "expected a number or nothing, got text")
     editor = here.app.screen.query_one(MissionEditor)
     assert editor.document.get_line(editor.cursor_location[0]).strip().startswith("side:")
     editor.load_text(editor.text.replace("slow", "0.5"))

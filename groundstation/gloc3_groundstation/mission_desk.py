@@ -8,6 +8,7 @@ from typing import Any, Final
 from gloc3.ci import MissionSummary, ReadMission, RequestAction, Verb
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages import Severity
+from gloc3.mission.abilities import ARMING
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.model import GEO, digest_of
 from gloc3.mission.states import ActionState
@@ -23,8 +24,6 @@ from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 
 OUTLINES_KEPT: Final = 8
-ARMING: Final = "take_off"
-"""The capability that arms a vehicle."""
 ASKED_AGAIN_S: Final = 10.0
 """A mission that could not be read back is asked for again after so long."""
 
@@ -254,7 +253,8 @@ class MissionDesk:
     def arms(self, name: str, capability: str) -> bool:
         """Whether a single action would have a disarmed vehicle arm."""
         known = self.station.fleet.get(name)
-        return capability == ARMING and known is not None and not known.is_armed
+        row = self.capabilities(name)[capability]
+        return row.arguments in ARMING and known is not None and not known.is_armed
 
     def claimants(self, platform: PlatformSnapshot) -> dict[str, str]:
         """Resource to the action that holds it now, as far as the platform's states tell."""

@@ -20,6 +20,7 @@ from gloc3_groundstation.tui.app import StationApp
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.lines import text_of
+from gloc3_groundstation.tui.list_panel import ListPanel
 from gloc3_groundstation.tui.mission_editor import MissionEditor
 from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.questions import Question
@@ -169,6 +170,7 @@ async def fly_and_steer(here: Operator) -> None:
     await here.press("d")
     await here.on(SingleAction)
     await here.see("capabilities", "motion claimed by sweep.out")
+    here.app.screen.query_one("#capabilities", ListPanel).point_at("take_off")
     await here.press("enter")
     await here.wait(lambda: isinstance(here.app.focused, Input), "a field")
     here.app.screen.query_one("#field_height_m", Input).value = "2"
@@ -191,7 +193,8 @@ async def ask_for_single_actions(here: Operator) -> None:
     await here.press("d")
     await here.on(SingleAction)
     await here.see("capabilities", "take_off")
-    await here.press("home", "enter")
+    here.app.screen.query_one("#capabilities", ListPanel).point_at("take_off")
+    await here.press("enter")
     await here.wait(lambda: isinstance(here.app.focused, Input), "a field")
     here.app.screen.query_one("#field_height_m", Input).value = "1"
     await here.press("enter")

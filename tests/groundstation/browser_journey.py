@@ -41,7 +41,7 @@ async def journey(browser: Browser, url: str) -> bytes:
     await browser.press(*"hop", "enter")
     await browser.until("at hand: hop.yaml")
     await browser.press("s")
-    await browser.until("It arms and takes off.")
+    await browser.until("It arms and sets off.")
     await browser.press("y")
     await browser.until("ARMED")
     await browser.press("f5")

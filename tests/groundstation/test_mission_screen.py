@@ -284,6 +284,12 @@ async def test_a_single_action_is_asked_for_by_a_form_and_its_reply_is_shown() -
         await here.wait(lambda: len(here.asked(RequestAction)) == 3)
         await here.press("escape")
         await here.wait(lambda: here.app.screen.query_one(ListPanel).has_focus)
+        here.app.screen.query_one(ListPanel).point_at("depart")
+        await here.press("enter", "ctrl+s")
+        await here.shows(Question)
+        await here.press("n", "escape")
+        assert len(here.asked(RequestAction)) == 3, "however it sets off"
+        await here.wait(lambda: here.app.screen.query_one(ListPanel).has_focus)
         await here.press("escape")
         await here.shows(MissionScreen)
 

@@ -114,7 +114,7 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
     async with served() as here, here.page() as page:
         await page.until("heron   HOLD   disarmed")
         await page.press("s")
-        await page.until("It arms and takes off.")
+        await page.until("It arms and sets off.")
         await page.press("y")
         await page.until("the mission is started")
         assert len([body for body in here.platform.requests if isinstance(body, Steer)]) == 1

@@ -17,6 +17,8 @@ WAIT: Final[Mapping[str, Capability]] = {"wait": Capability(arguments="wait", pe
 """What the executor does itself."""
 _WAYS_OFF: Final = ("take_off", "dive", "drive_off")
 """Kinds of setting off; the first that a platform has, and that leads to its survey height, is how it departs."""
+ARMING: Final = frozenset((*_WAYS_OFF, "depart"))
+"""Kinds of actions that arm the vehicle where it is not."""
 
 
 def abilities(platform: Platform) -> Mapping[str, Capability]:

@@ -11,7 +11,7 @@ from textual.widgets import Input, Static
 
 from gloc3.ci import EmergencyVerb
 
-START_QUESTION: Final = "Start {} on {}?\nIt arms and takes off."
+START_QUESTION: Final = "Start {} on {}?\nIt arms and sets off."
 ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled, then its on_failure policy is flown."
 LEAVE_QUESTION: Final = (
     "{} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."

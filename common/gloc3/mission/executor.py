@@ -37,7 +37,9 @@ class MissionExecutor:
     def __init__(self, platform: Platform) -> None:
         self.board: Final = Board(platform)
         self._due_s = inf
-        self._kept_progress: dict[str, tuple[float, int]] = {}
+        self._kept_progress: dict[str, float] = {}
+        """How far each action is on disk."""
+        self._achieved: dict[str, int] = {}
         self._silent_s = 0.0
 
     # what operators ask for
@@ -293,6 +295,8 @@ class MissionExecutor:
         if board.is_changed:
             board.is_changed = False
             requests.append(Persist(snapshot=board.snapshot(now_s)))
+            runs = (run for program in board.programs.values() for run in program.actions())
+            self._kept_progress = {run.target: run.progress for run in runs}
         if board.is_taking_back:
             board.is_taking_back = False
             requests.append(TakeBack())
@@ -388,10 +392,10 @@ class MissionExecutor:
             self.settle(now_s)
 
     def _note_progress(self, run: ActionRun, status: ActionStatus) -> None:
-        progress, achieved = self._kept_progress.setdefault(run.target, (run.progress, 0))
         run.progress = status.progress
-        if abs(status.progress - progress) >= PROGRESS_STEP or status.achieved != achieved:
-            self._kept_progress[run.target] = (status.progress, status.achieved)
+        is_far = abs(status.progress - self._kept_progress.get(run.target, 0.0)) >= PROGRESS_STEP
+        if is_far or status.achieved != self._achieved.get(run.target, 0):
+            self._achieved[run.target] = status.achieved
             self.board.is_changed = True
 
     def _ended(self, assignment: Assignment, status: ActionStatus, now_s: float) -> None:

@@ -31,9 +31,8 @@ def leave(board: Board, item: TaskRun | ActionRun, now_s: float) -> Leave:
     if holds:
         item.rest(now_s)
         return Leave.BEGIN
-    patience_s = item.patience_s(PATIENCE_S)
     is_waited_for = item.options.otherwise == "wait" or holds is None
-    if is_waited_for and item.waited_s(now_s) < patience_s:
+    if is_waited_for and now_s < item.gives_up_s(PATIENCE_S):
         item.await_leave(now_s, f"waits for {guard}")
         return Leave.WAIT
     item.rest(now_s)

@@ -89,7 +89,12 @@ class _Draft:
         if is_led and random.random() < 0.25:
             return self._use() | {"after": sorted({*after})}
         actions = self._led() if is_led else self._waits("", random.randint(1, 3))
-        return {"after": sorted({*after}), "actions": actions, **self._options(0.2, (60, 150))}
+        repeat: Document = {}
+        if random.random() < 0.2:
+            repeat["repeat"] = {"times": random.randint(2, 3)}
+            if random.random() < 0.5:
+                repeat["repeat"]["until"] = {"battery": {"below": 0.5}}
+        return {"after": sorted({*after}), "actions": actions, **self._options(0.2, (60, 150)), **repeat}
 
     def _led(self) -> Document:
         """Actions that move the vehicle, one after the other, and others beside them."""
@@ -142,6 +147,11 @@ class _Draft:
             found["retries"] = random.randint(1, 2)
         if random.random() < 2 * share:
             found["deadline_s"] = random.choice(deadlines_s)
+        if random.random() < share:
+            found["when"] = {"battery": {"above": random.choice([0.3, 0.6])}}
+            found["otherwise"] = random.choice(["skip", "fail", "wait"])
+            if found["otherwise"] == "wait":
+                found["deadline_s"] = deadlines_s[-1]
         if random.random() < share / 3:
             found["silence"] = {"expected_s": random.choice([8, 25])}
         return found

@@ -26,6 +26,7 @@ from gloc3.platform import Platform
 VERBS = ("pause", "resume", "skip", "abort", "retry", "start")
 CONDITIONS = (Condition.LINK_LOST, Condition.LOW_BATTERY, Condition.POSE_LOST)
 LIMIT_S = 3000.0
+SENSED_EVERY_S = 2.0
 MOST_AT_ONCE = 50
 """An executor that is woken so often at one time would be woken for ever."""
 
@@ -114,12 +115,14 @@ class Flight:
         self._is_airborne = False
         self._states: dict[str, str] = {}
         self._is_ending = False
+        self._lasts_s = random.choice([100.0, 400.0, 3000.0])
         self._same = 0
         """How often the executor was woken at one time."""
 
     def run(self) -> list[Entry]:
         """The log of the flight."""
         self._call(lambda: self._executor.load(self._mission, self._now_s))
+        self._sense()
         self._steer("start", "")
         for every_s, happen in (
             (self._weather.commands_s, self._command),
@@ -160,6 +163,8 @@ class Flight:
             if self._same >= MOST_AT_ONCE:
                 self._see("spins")
                 return False
+        elif not self._events:
+            return False
         else:
             self._now_s, _, event = heappop(self._events)
             event()
@@ -225,6 +230,13 @@ class Flight:
         if states != self._states:
             self._states = states
             self._see("states", "", states)
+
+    def _sense(self) -> None:
+        """The battery as it is: it lasts some minutes."""
+        battery = max(0.1, 0.9 - self._now_s / self._lasts_s)
+        self._call(lambda: self._executor.sensed({"battery": battery}, self._now_s), "battery is", "", battery)
+        if not self._is_ending:
+            self._later(SENSED_EVERY_S, self._sense)
 
     # --- the components ---
 

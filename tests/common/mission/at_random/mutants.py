@@ -36,19 +36,21 @@ MUTANTS = (
         "all(program.tasks[name].has_ended for name in task.options.after)",
         "True",
     ),
-    Mutant("claims are not looked at", Assignments.holder, "if name in self.claims", "if False", seed=255),
-    Mutant("deadlines of actions are forgotten", flow._watch, "if now_s >= run.due_s():", "if False:", seed=30),
-    Mutant("deadlines of tasks are forgotten", flow._watch, "if now_s >= task.due_s():", "if False:", seed=755),
+    Mutant("claims are not looked at", Assignments.holder, "if name in self.claims", "if False", seed=165),
+    Mutant("deadlines of actions are forgotten", flow._watch, "if now_s >= run.due_s():", "if False:", seed=10),
+    Mutant("deadlines of tasks are forgotten", flow._watch, "if now_s >= task.due_s():", "if False:", seed=285),
     Mutant("moves are not put on disk", Board.move, "self.is_changed = True", "pass"),
     Mutant("a restart forgets the states", restore._bring_back, "item.restore(kept.items[item.target], now_s)", "pass"),
     Mutant("a restart begins to count anew", restore.restore, "count = snapshot.count", "count = 0"),
     Mutant(
-        "a pause does not reach the component", Board.halt, "self.assignments.pause(assignment, now_s)", "pass", seed=15
+        "a pause does not reach the component", Board.halt, "self.assignments.pause(assignment, now_s)", "pass", seed=0
     ),
     Mutant("what is ended goes on at its component", Board.release, "self.assignments.drop", "(lambda *_, **__: None)"),
     Mutant("attempts never end", failures.fail_action, "if run.has_attempts_left:", "if True:"),
     Mutant("failures have no consequence", failures._manoeuvre, "manoeuvres.apply(", "(lambda *_: None)("),
-    Mutant("a milder policy wins", manoeuvres.apply, "SEVERITY[current.policy] >= SEVERITY[policy]", "False", seed=40),
+    Mutant(
+        "a milder policy wins", manoeuvres.apply, "SEVERITY[current.policy] >= SEVERITY[policy]", "False", seed=1235
+    ),
     Mutant(
         "a pilot is not noticed",
         MissionExecutor.pilot,
@@ -63,7 +65,7 @@ MUTANTS = (
         space_check._fence,
         "clearance_m = fence",
         "return\n    clearance_m = fence",
-        seed=70,
+        seed=55,
     ),
 )
 

@@ -23,6 +23,7 @@ FINAL = ("done", "skipped", "aborted")
 ENDED = (*FINAL, "failed")
 SEVERITY = ("hold", "return", "land")
 TOLD_MOVE = re.compile(r"(mission|[\w-]+(?:\.[\w-]+)?) (waiting|running|paused|done|failed|skipped|aborted)(?:: (.*))?")
+TOLD_REPETITION = re.compile(r"([\w-]+): (\d+) of (\d+)")
 TOLD_POLICY = re.compile(r"policy (hold|return|land): ")
 LATE_S = 0.01
 PROGRESS_STEP = 0.05
@@ -37,6 +38,11 @@ class Item:
         self.deadline_s: float | None = options.get("deadline_s")
         own = options.get("on_failure")
         self.policy = None if own == "retry" else own
+        self.times: int = (options.get("repeat") or {}).get("times", 1)
+        self.done = 1
+        """The repetition that it is in."""
+        self.least: float = (options.get("when") or {}).get("battery", {}).get("above", 0.0)
+        """Share of the battery that its guard wants."""
         self.attempts = 1 + (options.get("retries") or (1 if own == "retry" else 0))
         self.state = "waiting"
         self.since_s: float | None = None
@@ -89,6 +95,8 @@ class Observer:
         self._failed: list[str] = []
         self._progress: dict[str, list[float]] = {}
         self._is_disturbed = False
+        self._given_up: set[str] = set()
+        self._battery = 1.0
         self._now_s = 0.0
 
     def watch(self, log: Sequence[Entry]) -> list[str]:
@@ -119,6 +127,7 @@ class Observer:
                     self._wrong(f"{name or 'the mission'} was {kept} before a restart, and is {shown} after it")
                 item.state, item.since_s = kept, self._now_s if kept == "running" else None
                 item.ran_s = self._kept.get(name, {}).get("ran_s", 0.0)
+                item.done = self._kept.get(name, {}).get("repetition", 0) or 1
                 if kept == "running" and "." in name:
                     item.move("paused", self._now_s)
 
@@ -131,6 +140,8 @@ class Observer:
                 self._wrong(f"{name or 'the mission'} is shown {state}, and told to be {self._items[name].state}")
                 self._items[name].state = state
         for name in self._failed:
+            if "." in name and name.partition(".")[0] in self._failed:
+                continue  # the whole task has failed, as by its deadline: its own policy governs
             policy = self._policy(name)
             if self._shown[name] == "failed" and policy not in ("continue", "skip") and self._shown[""] == "running":
                 self._wrong(f"{name} failed, its policy is {policy}, and the mission runs on")
@@ -149,6 +160,15 @@ class Observer:
             if severity < self._severity:
                 self._wrong(f"the policy {found[1]} follows {SEVERITY[self._severity]}")
             self._severity = severity
+        elif (found := TOLD_REPETITION.fullmatch(entry.what)) and (item := self._items.get(found[1])):
+            item.done += 1
+            if int(found[2]) != item.done or item.done > item.times or item.state != "running":
+                self._wrong(f"{item.name} is {item.state}, and repeated as {found[2]} of {item.times}")
+            for one in self._items.values():
+                if one.name.startswith(item.name + ".") and one.state != "aborted":
+                    one.move("waiting", self._now_s)
+                    self._starts.pop(one.name, None)
+                    self._progress.pop(one.name, None)
         elif (found := TOLD_MOVE.fullmatch(entry.what)) and (item := self._items.get(found[1].replace("mission", ""))):
             state = found[2]
             if state not in MOVES.get(item.state, ()):
@@ -193,11 +213,16 @@ class Observer:
             self._wrong(f"{target} is begun, and is {self._kept_state(target)} on disk")
         for name in [*task.after, *(f"{task.name}.{one}" for one in item.after)]:
             state = self._shown[name]
-            if state not in FINAL and not (state == "failed" and self._policy(name) == "continue"):
+            is_left = name in self._given_up or self._policy(name) == "continue"
+            if state not in FINAL and not (state == "failed" and is_left):
                 self._wrong(f"{target} is begun before {name}, which is {state}")
+        if self._battery <= item.least and not self._starts.get(target):
+            self._wrong(
+                f"{target} is begun with {self._battery:.2f} of the battery, and its guard wants {item.least:g}"
+            )
         self._starts[target] = self._starts.get(target, 0) + 1
         task_attempts = task.attempts + (self._document.get("on_failure") == "retry" and task.attempts == 1)
-        if not self._is_disturbed and self._starts[target] > item.attempts * task_attempts:
+        if not self._is_disturbed and self._starts[target] > item.attempts * task_attempts * task.times:
             self._wrong(f"{target} is begun {self._starts[target]} times")
 
     def _resume(self, entry: Entry) -> None:
@@ -258,12 +283,18 @@ class Observer:
 
     # --- what befalls it ---
 
+    def _battery_is(self, entry: Entry) -> None:
+        self._battery = entry.data
+
     def _spins(self, entry: Entry) -> None:
         self._wrong("the executor has done nothing at its own time, and would be woken for ever")
 
     def _command(self, entry: Entry) -> None:
         self._severity = -1
         self._is_disturbed |= entry.what != "start"
+        verb, _, target = entry.what.partition(" ")
+        if verb == "abort":  # what has failed stays failed, and is no longer waited for
+            self._given_up |= {name for name in self._items if name == target or name.startswith(f"{target}.")}
         if entry.what == "resume":
             self._has_pilot = False
 

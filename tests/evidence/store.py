@@ -208,7 +208,6 @@ async def _until(condition: Any, within_s: float) -> None:
 REAL_MISSION: Final = """\
 mission: two minutes out of contact
 frame: bay
-geofence: {polygon_m: [[-60, -60], [90, -60], [90, 60], [-60, 60]], ceiling_m: 3}
 on_failure: land
 on_link_loss: land
 link_loss_after_s: 10

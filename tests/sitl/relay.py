@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 _ID_AT = 7
 """Where a MAVLink 2 frame has its message id."""
@@ -65,7 +65,8 @@ class Relay:
         while self._under_way and self._under_way[0][0] <= time.monotonic():
             _, _, is_forth, data = heapq.heappop(self._under_way)
             if is_forth:
-                self._back.send(data)
+                with suppress(ConnectionError):  # nobody is there yet, or any more
+                    self._back.send(data)
             elif self._client is not None:
                 self._front.sendto(data, self._client)
 

@@ -143,7 +143,8 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
             has_moved |= leave is not Leave.WAIT
         if program.state is ActionState.RUNNING and task.state is ActionState.RUNNING:
             for run in task.actions.values():
-                has_moved |= _start(board, run, now_s)
+                if task.state is ActionState.RUNNING:  # the guard of one before may have failed it
+                    has_moved |= _start(board, run, now_s)
         if not task.is_open or not all(run.has_ended for run in task.actions.values()):
             pass
         elif guards.is_to_repeat(board, task):

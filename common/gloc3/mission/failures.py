@@ -56,6 +56,12 @@ def fail_task(board: Board, task: TaskRun, reason: str, now_s: float, *, is_late
     if policy is Policy.SKIP and not has_attempts_left:
         board.end(task, Trigger.SKIP, now_s, reason)
         return
+    if task.state is ActionState.WAITING:  # another attempt is to begin already: this action is tried again in it
+        for run in task.actions.values():
+            if run.state is ActionState.FAILED and not run.is_settled:
+                board.move(run, Trigger.RETRY, now_s)
+                run.starts = 0
+        return
     if task.state is not ActionState.FAILED:
         board.move(task, Trigger.FAIL, now_s, reason)
     if has_attempts_left:

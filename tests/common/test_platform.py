@@ -102,7 +102,7 @@ def test_ports_settings_and_needs_are_checked_against_the_classes() -> None:
         .replace("needs: [pose]", "needs: [poze]")
     )
     found = findings(text, is_loading_classes=True)
-    assert [line.partition(": ")[2].partition(" (known: action_")[0] for line in found] == [
+    assert [line.partition(": ")[2].partition(" (known: a")[0] for line in found] == [
         "nothing here is called 'poze' (did you mean 'pose'?)",
         "unknown topic 'out'",
         "Steady has no port 'outt' (did you mean 'out'?)",

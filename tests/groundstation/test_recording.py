@@ -99,7 +99,7 @@ def test_logs_are_cut_into_parts_and_the_oldest_make_room(tmp_path: Path) -> Non
     numbers = [int(name.partition("-")[2].partition(".")[0]) for name in parts if "-" in name]
     assert max(numbers) > 50
     assert min(numbers) > 3, "the oldest are gone"
-    assert sum(path.stat().st_size for path in folder.iterdir()) < 50_000
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 60_000, "and what is being written"
     assert [path.name for path in old.iterdir()] == ["notes.txt"]
 
 

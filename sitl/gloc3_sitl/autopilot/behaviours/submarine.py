@@ -3,7 +3,7 @@
 from math import cos, nan, sin
 
 from gloc3.frames import Vector3, wrap_pi
-from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Activity, Mover
+from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Activity
 from gloc3_sitl.autopilot.behaviours.piloted import stick
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
@@ -82,14 +82,10 @@ class DepthHold(Sticks):
         )
 
 
-class Surface(Mover):
-    """SURFACE: straight up where it is as far as that is known, and stay at the surface."""
+class Surface(Sticks):
+    """SURFACE: up, and stay at the surface; the sticks push and turn, and no place is held."""
 
     __slots__ = ()
-
-    def __init__(self, craft: Craft) -> None:
-        super().__init__(craft)
-        self.trajectory.stop()
 
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
@@ -97,12 +93,12 @@ class Surface(Mover):
         home_m = 0.0 if craft.home is None else craft.home.position_ned_m[2]
         down_m = craft.estimator.inertial.position_ned_m[2] - home_m
         climb_m_s = craft.tuning.limits.speed_up_m_s if down_m > _AT_SURFACE_M else 0.5 * max(0.0, down_m)
-        if not craft.estimator.is_position_good(craft.now_s):
-            return MotionSetpoint(velocity_ned_m_s=(nan, nan, -climb_m_s), yaw_rad=self.yaw_rad)
-        hold = self.glide()
-        n, e, _ = hold.position_ned_m
-        vn, ve, _ = hold.velocity_ned_m_s
-        return MotionSetpoint(position_ned_m=(n, e, nan), velocity_ned_m_s=(vn, ve, -climb_m_s), yaw_rad=hold.yaw_rad)
+        return MotionSetpoint(
+            velocity_ned_m_s=(nan, nan, -climb_m_s),
+            acceleration_ned_m_s2=(*self.push(), 0.0),
+            yaw_rad=self.turn(),
+            yaw_rate_rad_s=self._rate(),
+        )
 
 
 __all__ = ["DepthHold", "Sticks", "Surface"]

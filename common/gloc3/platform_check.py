@@ -14,7 +14,7 @@ from gloc3.place_check import place_problems
 from gloc3.platform import Platform
 from gloc3.topics import TopicTable
 
-FROM_LINKS: Final = ("ci/request", "ci/heard", "host_presence")
+FROM_LINKS: Final = ("ci/request", "ci/heard", "velocity_demand", "host_presence")
 """Topics that the links to the stations bring, and to the other hosts."""
 
 _POLICY_CAPABILITIES = ("hold", "land", "return_home")

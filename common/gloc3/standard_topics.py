@@ -33,6 +33,7 @@ from gloc3.perception import (
 )
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
+from gloc3.teleoperation import TeleoperationState, VelocityDemand
 from gloc3.topics import Service, TopicRow
 from gloc3.vehicle import (
     AutopilotPose,
@@ -86,6 +87,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "autopilot_fence": TopicRow(FenceState, 1.0),
     # the command interface server, towards the components
     "motion/grant": TopicRow(MotionGrant, 5.0, service=Service.COMMAND),
+    "motion_demand": TopicRow(VelocityDemand, service=Service.CONTROL),
     "motion/limits": TopicRow(MotionLimits, is_latched=True),
     "motion/home": TopicRow(Home, is_latched=True),
     "motion/geofence": TopicRow(GeoFence, is_latched=True),
@@ -106,9 +108,13 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/control": TopicRow(ControlState, 1.0, downlink_every=1, service=Service.REPORT),
     "ci/event": TopicRow(CiEvent),
+    "ci/teleoperation": TopicRow(TeleoperationState, downlink_every=1, service=Service.STREAM),
     "contact": TopicRow(ContactSummary, service=Service.COMMAND),
     "acoustic": TopicRow(AcousticSummary),
     "log_chunk": TopicRow(LogChunk, is_logged=False, service=Service.BULK),
+    # the stations, towards the command interface server, while somebody steers by hand
+    "velocity_demand": TopicRow(VelocityDemand, service=Service.CONTROL),
+    "demand/*": TopicRow(VelocityDemand, is_logged=False, service=Service.CONTROL),
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),
     "host_presence": TopicRow(HostPresence),

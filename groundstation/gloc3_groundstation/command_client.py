@@ -25,6 +25,7 @@ from gloc3.exchange.base import Exchange, Publisher
 from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.messages import Envelope
 from gloc3.software import own_software
+from gloc3.teleoperation import VelocityDemand
 from gloc3_groundstation.requests import SLOWEST_BYTES_S, Requests
 
 TIMEOUT_S: Final = 16.0
@@ -73,6 +74,7 @@ class CommandClient:
         self._publisher = Publisher(exchange, f"station_{station}", "command_client", boot)
         self._waiting: dict[tuple[str, int], asyncio.Future[CiReply]] = {}
         self._timer: asyncio.TimerHandle | None = None
+        self._sessions = 0
         self._unsubscribe = exchange.subscribe("*/ci/reply", self._take)
         self._withdraw = exchange.declare_alive(f"stations/{station}")
 
@@ -109,6 +111,15 @@ class CommandClient:
         """Sends what needs no answer."""
         request = self._requests.unanswered(platform, body)
         self._publisher.publish(f"{platform}/ci/request", request, self._loop.time())
+
+    def demand(self, platform: str, demand: VelocityDemand) -> None:
+        """Sends a velocity that is asked for by hand; it arrives at once or not at all."""
+        self._publisher.publish(f"{platform}/velocity_demand", demand, self._loop.time())
+
+    def new_session(self) -> int:
+        """A number for the demands of one time at the keys, which no other has."""
+        self._sessions += 1
+        return (self._requests.boot + self._sessions) & 0xFFFFFFFF
 
     async def carry_out(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiReply:
         """Sends a request that is to be accepted.

@@ -22,6 +22,7 @@ from gloc3.link.signed_only import SignedOnly
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event, Severity
 from gloc3.supervision import HEARTBEAT_STATE
+from gloc3.teleoperation import VelocityDemand
 from gloc3.topics import TopicTable
 from gloc3_onboard.autopilot.link import COMPANION, ByteLink
 
@@ -160,7 +161,7 @@ class StationLink:
 
     def _marked(self, envelope: Envelope[Any]) -> Envelope[Any]:
         """A request says how it came, and what its sender may do, by what is known here."""
-        if not isinstance(envelope.payload, CiRequest):
+        if not isinstance(envelope.payload, CiRequest | VelocityDemand):
             return envelope
         request = replace(envelope.payload, role=self._role, way=self._way)
         return replace(envelope, payload=request)

@@ -16,6 +16,9 @@ PLATFORMS = ("pelican",)
 FROM_ELSEWHERE: Final = {
     "ci/request": "the stations, through their links",
     "ci/heard": "the links to the stations",
+    "velocity_demand": "the stations, through their links",
+    "demand/*": "the stations, over the network",
+    "ci/teleoperation": "the controller of a platform that is steered by hand",
     "acoustic": "the station's end of an acoustic modem",
     "sim/*": "the flight harness",
     "hosts/**": "the main process of each host",

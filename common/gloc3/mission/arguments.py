@@ -235,6 +235,25 @@ class Hold(Arguments, frozen=True, kw_only=True):
         return (Leg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s or 0.0),)
 
 
+class Teleoperate(Arguments, frozen=True, kw_only=True):
+    """Have an operator steer by hand: velocities from the station, each good for half a second, then it keeps its place."""
+
+    moves = True
+    example = "{duration_s: 60}"
+
+    duration_s: Seconds = 1800.0
+    """Afterwards it is done, and the vehicle keeps its place."""
+    speed_m_s: Speed | None = None
+    """No faster than that in any direction; None for the platform's limits."""
+    yaw_rate_deg_s: Annotated[float, msgspec.Meta(gt=0.0, le=90.0)] = 20.0
+    """No faster turning than that."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Where it goes is not known before: it is counted as staying where it is."""
+        del budget
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s),)
+
+
 class ReturnHome(Arguments, frozen=True, kw_only=True):
     """Fly to above the place where the vehicle was armed, and stay there."""
 

@@ -101,7 +101,9 @@ def grants(own: Accepted, other: Accepted) -> list[Grant]:
 def spoken(station: Accepted, platform: str) -> tuple[str, ...]:
     """What a station may say to a platform."""
     keys = (f"{platform}/ci/ask/{station.member}", f"stations/{station.member}/**")
-    return (f"{platform}/ci/request/{station.member}", *keys) if station.role is Role.OPERATOR else keys
+    if station.role is not Role.OPERATOR:
+        return keys
+    return (f"{platform}/ci/request/{station.member}", f"{platform}/demand/{station.member}", *keys)
 
 
 def access_control(own: Accepted, others: Sequence[Accepted]) -> dict[str, Any]:

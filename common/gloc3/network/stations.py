@@ -18,6 +18,7 @@ from gloc3.exchange.tunnel.layout import Role as End
 from gloc3.exchange.tunnel.routes import route
 from gloc3.messages import Envelope
 from gloc3.network.access import Role
+from gloc3.teleoperation import VelocityDemand
 from gloc3.topics import TopicTable
 
 HEARD_S: Final = 1.0
@@ -32,6 +33,8 @@ CHUNKS: Final = "log_chunk"
 """Pieces of logs, which no radio carries."""
 COMMANDS: Final = "request"
 QUESTIONS: Final = "ask"
+DEMANDS: Final = "demand"
+"""The velocities that are asked for by hand; a level higher, since they are no requests."""
 
 
 def key_of(station: str, envelope: Envelope[CiRequest]) -> str:
@@ -68,11 +71,19 @@ def join_platforms(
         if carries(envelope):
             network.publish(replace(envelope, topic=key_of(station, envelope)))
 
+    def demand(envelope: Envelope[VelocityDemand]) -> None:
+        if carries(envelope):
+            network.publish(replace(envelope, topic=f"{envelope.topic.partition('/')[0]}/{DEMANDS}/{station}"))
+
     def take(envelope: Envelope[Any]) -> None:
         if is_new(envelope):
             inside.publish(envelope)
 
-    undo = [network.declare_alive(presence(station)), inside.subscribe("*/ci/request", send)]
+    undo = [
+        network.declare_alive(presence(station)),
+        inside.subscribe("*/ci/request", send),
+        inside.subscribe("*/velocity_demand", demand),
+    ]
     for name, row in topics:
         way = route(name, row)
         if name == CHUNKS or (way is not None and way.sender is End.PLATFORM):
@@ -118,6 +129,7 @@ class StationBridge:
         self._here: set[str] = set()
         self._undo = [
             *(network.subscribe(f"{platform}/ci/{kind}/*", self._take) for kind in (COMMANDS, QUESTIONS)),
+            network.subscribe(f"{platform}/{DEMANDS}/*", self._take),
             network.watch(presence("*"), self._meet),
         ]
         self._timer = loop.call_later(HEARD_S, self._tick)
@@ -129,7 +141,7 @@ class StationBridge:
             end()
 
     def _take(self, envelope: Envelope[Any]) -> None:
-        _, _, kind, station = envelope.topic.split("/")
+        _, *_, kind, station = envelope.topic.split("/")
         request = envelope.payload
         role = self.roles.get(station)
         reason = _wrong(request, kind, station, role)
@@ -138,7 +150,8 @@ class StationBridge:
             self._forged(station, reason)
         else:
             request = replace(request, role=STATION_ROLES[role], way=WAY)
-            self._inside.publish(replace(envelope, topic=f"{self._platform}/ci/request", payload=request))
+            topic = "velocity_demand" if kind == DEMANDS else "ci/request"
+            self._inside.publish(replace(envelope, topic=f"{self._platform}/{topic}", payload=request))
 
     def _meet(self, token: str, is_here: bool) -> None:
         station = token.rpartition("/")[2]
@@ -159,12 +172,14 @@ class StationBridge:
 
 def _wrong(request: Any, kind: str, station: str, role: Role | None) -> str:
     """Why a request is not what its key says; empty where it is."""
-    if not isinstance(request, CiRequest):
+    if not isinstance(request, VelocityDemand if kind == DEMANDS else CiRequest):
         return f"{type(request).__name__} is no request"
     if role not in STATION_ROLES:
         return f"{station} is no station of this network"
     if request.sender != station:
         return f"it says that it is of {request.sender!r}"
+    if isinstance(request, VelocityDemand):
+        return "" if role is Role.OPERATOR else "an observer steers nothing"
     if isinstance(request.body, LOOKS) != (kind == QUESTIONS):
         return f"{type(request.body).__name__} came as a {'question' if kind == QUESTIONS else 'command'}"
     return ""

@@ -46,6 +46,7 @@ from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
 from gloc3.settings import Bounds, Settings
 from gloc3.supervision import Order, Step, Supervision, Verdict
+from gloc3.teleoperation import VelocityDemand
 from gloc3.vehicle import (
     AutopilotState,
     DriverState,
@@ -64,6 +65,7 @@ from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.demands import Demands
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
 from gloc3_onboard.command_server.motion import motion_summary, site_summary
@@ -103,6 +105,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     loggable = ("holder", "policy")
 
     request = Input(CiRequest, Keep.ALL)
+    velocity_demand = Input(VelocityDemand, Keep.ALL)
     heard = Input(StationHeard, Keep.ALL)
     status = Input(ComponentStatus, Keep.ALL, depth=512)
     reply = Input(CommandReply, Keep.ALL)
@@ -135,6 +138,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     function = Output(FunctionRequest)
     grant = Output(MotionGrant)
     limits = Output(MotionLimits)
+    motion_demand = Output(VelocityDemand)
     home = Output(Home)
     geofence = Output(GeoFence)
     take_over = Output(TakeOver)
@@ -169,6 +173,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._requests = RequestHandler(self._site, self._facts, self._book, self._authority, self._contacts, self._say)
         self._executor: MissionExecutor | None = None
         self._tally = Tally()
+        self._demands = Demands(self._authority, self._say)
         self._granted = Grant(action_id="", component="")
         self._waiting: dict[str, tuple[str, Verb]] = {}
         self._events: list[CiEvent] = []
@@ -202,6 +207,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         for request in inbox.new(self.request):
             answer = self._requests.handle(request.payload, now_s)
             results += [] if answer is None else [answer]
+        results += self._demands.take(inbox.new(self.velocity_demand), now_s)
         for reply in inbox.new(self.reply):
             results += self._replied(reply.payload, now_s)
         for function_reply in inbox.new(self.function_reply):

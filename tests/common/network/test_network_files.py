@@ -46,7 +46,9 @@ def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_a
     assert network("check", yard / "alice" / NETWORK_FILE) == 0
     assert network("show", yard / "pelican.main" / NETWORK_FILE) == 0
     shown = capsys.readouterr().out
-    assert "may say here: pelican/ci/request/alice, pelican/ci/ask/alice, stations/alice/**" in shown
+    assert (
+        "may say here: pelican/ci/request/alice, pelican/demand/alice, pelican/ci/ask/alice, stations/alice/**" in shown
+    )
     assert "may say here: pelican/ci/ask/bob, stations/bob/**" in shown
     assert network("revoke", yard, "bob") == 0
     assert "bob" not in (yard / "pelican.main" / NETWORK_FILE).read_text()
@@ -118,7 +120,12 @@ def test_no_role_may_say_what_is_anothers() -> None:
             for key in grant.keys
         }
 
-    assert said(main, alice) == {"pelican/ci/request/alice", "pelican/ci/ask/alice", "stations/alice/**"}
+    assert said(main, alice) == {
+        "pelican/ci/request/alice",
+        "pelican/demand/alice",
+        "pelican/ci/ask/alice",
+        "stations/alice/**",
+    }
     assert said(main, bob) == {"pelican/ci/ask/bob", "stations/bob/**"}
     assert said(main, other) == {f"hummingbird/ci/{name}" for name in ("summary", "mission", "control")}
     assert said(alice, main) == {"pelican/**", "stations/**"}

@@ -14,6 +14,7 @@ from gloc3.exchange import LocalExchange, Publisher
 from gloc3.messages import Envelope, Severity
 from gloc3.network.access import Role
 from gloc3.network.stations import StationBridge, join_platforms
+from gloc3.teleoperation import VelocityDemand
 from gloc3.topics import TopicTable
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
@@ -99,3 +100,36 @@ async def test_requests_that_are_not_what_they_say_are_counted_told_and_not_carr
         (6, StationRole.OPERATOR, "network"),
     ]
     server.bridge.close()
+
+
+async def test_velocities_that_are_asked_for_by_hand_come_under_the_name_of_an_operator_or_not_at_all(
+    tmp_path: Path,
+) -> None:
+    yard, topics = Yard(tmp_path / "yard"), TopicTable.installed()
+    taken: list[Envelope[VelocityDemand]] = []
+    with yard.open("pelican.main") as main, yard.open("alice") as network:
+        server = Server(main, ROLES)
+        main.subscribe("pelican/velocity_demand", taken.append)
+        alice = LocalExchange(topics)
+        part = join_platforms(network, alice, topics, "alice")
+        publisher = Publisher(alice, "alice", "ci", 9)
+        for sequence in range(1000):
+            demand = VelocityDemand(sender="alice", session=1, sequence=sequence, velocity_cm_s=(40, 0, 0))
+            publisher.publish("pelican/velocity_demand", demand, 1.25)
+            await asyncio.sleep(0.03)
+            if taken:
+                break
+        assert (taken[0].payload.role, taken[0].payload.way, taken[0].t_s) == (StationRole.OPERATOR, "network", 1.25)
+        count = len(taken)
+        stranger = Publisher(main, "somewhere", "ci", 9)
+        for key, sender in (("bob", "bob"), ("alice", "bob"), ("mallory", "mallory")):
+            stranger.publish(f"pelican/demand/{key}", VelocityDemand(sender=sender, session=1, sequence=0), 0.0)
+        await asyncio.sleep(0.1)
+        assert len(taken) == count
+        assert [reason for _, reason in server.told] == [
+            "an observer steers nothing",
+            "it says that it is of 'bob'",
+            "mallory is no station of this network",
+        ]
+        part()
+        server.bridge.close()

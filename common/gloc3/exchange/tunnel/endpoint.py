@@ -353,6 +353,8 @@ class TunnelEndpoint:
         if channel is None:
             self.counters.unknown_number += 1
             return
+        if self.role is Role.PLATFORM and channel.topic.partition("/")[0] != self.name:
+            return  # what a station tells another platform reaches all of them
         try:
             message_type = self._gate.type_of(channel, peer, is_reliable=False)
             if isinstance(frame, SummaryRows):

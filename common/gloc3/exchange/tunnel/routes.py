@@ -19,6 +19,7 @@ from gloc3.ci import (
     Verb,
 )
 from gloc3.exchange.tunnel.layout import Lane, Role
+from gloc3.teleoperation import VelocityDemand
 from gloc3.topics import TopicRow
 from gloc3.watch import LARGE, WATCH, Sample
 
@@ -46,6 +47,8 @@ RELIABLE: Final[Mapping[str, Route]] = {
 }
 """The topics that may not lose a message, below the platform's name."""
 
+DEMAND: Final = Route(Role.STATION, is_reliable=False)
+"""The newest counts, and none is sent again."""
 SAMPLE: Final = Route(Role.PLATFORM, is_reliable=False, is_view=True)
 LARGE_SAMPLE: Final = Route(Role.PLATFORM, is_reliable=True, is_view=True)
 
@@ -74,7 +77,7 @@ def route(name: str, row: TopicRow | None) -> Route | None:
         return Route(Role.PLATFORM, is_reliable=False, every=row.downlink_every)
     if name.startswith(WATCH):
         return LARGE_SAMPLE if name.startswith(LARGE) else SAMPLE
-    return RELIABLE.get(name)
+    return DEMAND if row.message is VelocityDemand else RELIABLE.get(name)
 
 
 class Urgency(msgspec.Struct, frozen=True):

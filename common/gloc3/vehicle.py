@@ -200,6 +200,8 @@ class ManoeuvreKind(StrEnum):
     HOLD = "hold"
     SET_OFF = "set_off"
     """Arm and be led by setpoints from where it stands: what does not climb by itself."""
+    PLAN = "plan"
+    """Fly the plan that it has been given."""
 
 
 class Manoeuvre(Message, frozen=True):
@@ -211,6 +213,8 @@ class Manoeuvre(Message, frozen=True):
     """Take-off: height above the place of arming."""
     may_arm: bool = False
     """Take-off: whether the vehicle may be armed for it."""
+    end_ned_m: Vector3 | None = None
+    """Plan: where it ends."""
 
 
 class ManoeuvreState(StrEnum):

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, Protocol
 
 from gloc3.camera_model import CameraModel
 from gloc3.errors import Refused
-from gloc3.frames import Vector3
+from gloc3.frames import GeoPoint, Vector3
 from gloc3.messages import Envelope
 from gloc3.perception import BottomVelocity, ImuSample, LaserScan, SatelliteFix
 from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image, VehicleClass
@@ -224,6 +224,18 @@ class Answer(NamedTuple):
 
     is_accepted: bool
     reason: str
+
+
+class Way(NamedTuple):
+    """A way through places on Earth, as an autopilot gets it in a plan."""
+
+    places: tuple[GeoPoint, ...]
+    """With altitudes above mean sea level, as the autopilot tells them."""
+    speed_m_s: float
+    acceptance_m: float
+    hold_s: float
+    heading_deg: float | None
+    """Clockwise from north; None for along the way."""
 
 
 class Manners(NamedTuple):

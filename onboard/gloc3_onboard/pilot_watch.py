@@ -10,6 +10,7 @@ FOLLOWS: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
     FlightMode.GUIDED: frozenset({FlightMode.GUIDED}),
     FlightMode.HOLD: frozenset({FlightMode.HOLD}),
     FlightMode.LAND: frozenset({FlightMode.LAND}),
+    FlightMode.MISSION: frozenset({FlightMode.MISSION}),
 }
 """The modes that a command of ours may lead to, by the mode that was commanded."""
 OURS: Final = frozenset(FOLLOWS)
@@ -84,7 +85,8 @@ class PilotWatch:
             state: what it tells.
             now_s: the time.
             is_shadow: somebody else of ours commands the vehicle.
-            may_settle: our take-off is high enough for the autopilot to go over to hold by itself.
+            may_settle: our take-off is high enough, or our plan near enough to its end, for the autopilot to go over to
+                hold by itself.
         """
         if now_s - self._looked_s > BLIND_S:
             self._seen = None
@@ -120,7 +122,8 @@ class PilotWatch:
                 del self._commanded[next(iter(self._commanded))]
             del self._commanded[ours]
         elif state.is_armed:
-            settles = may_settle and self._expected is FlightMode.TAKE_OFF and state.mode is FlightMode.HOLD
+            may_settle &= self._expected in (FlightMode.TAKE_OFF, FlightMode.MISSION)
+            settles = may_settle and state.mode is FlightMode.HOLD
             has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
             if not (settles or has_landed):
                 self.lose(self._chosen(state))

@@ -115,7 +115,7 @@ class Board:
 
     def program(self, name: str, mission: Mission) -> Program:
         """A new program, which is on the board from now on."""
-        missing = [action.capability for action in mission.actions().values() if action.capability not in self.rows]
+        missing = [action.ability for action in mission.actions().values() if action.ability not in self.rows]
         if missing:
             raise Misuse(f"the mission was not checked: no capability {missing[0]!r}")
         program = Program(name, mission, self.rows)

@@ -20,6 +20,7 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.guard_check import guard_findings
 from gloc3.mission.legs import Budget
 from gloc3.mission.model import Mission, where_of
+from gloc3.mission.plan_check import plan_findings
 from gloc3.mission.reader import Reading, Surroundings, inspect_mission
 from gloc3.mission.silence_check import silence_findings
 from gloc3.mission.space_check import flight_findings, space_findings
@@ -153,6 +154,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     )
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
+    findings += plan_findings(mission, platform)
     findings += contingency_findings(mission)
     for name, ready in mission.contingencies.items():
         if ready.actions:
@@ -198,6 +200,7 @@ def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budg
     yield from space_findings(part, figures, limits, home_ned_m=None, start_ned_m=None)
     yield from time_findings(part, figures)
     yield from guard_findings(part, platform)
+    yield from plan_findings(part, platform)
 
 
 def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
@@ -229,15 +232,15 @@ def _capabilities(mission: Mission, circumstances: Circumstances) -> Iterator[Fi
     names = sorted({*platform.topics(), *platform.capabilities, *(row.name for row in platform.components)})
     components, rows = [row.name for row in platform.components], circumstances.capabilities()
     for target, action in mission.actions().items():
-        row = rows[action.capability]
+        row = rows[action.ability]
         where = (*where_of(target), action.capability)
         if row.performed_by and row.performed_by not in components:
             hint = nearest(row.performed_by, components)
-            message = f"{action.capability} is performed by {row.performed_by!r}, which the platform does not have"
+            message = f"{action.ability} is performed by {row.performed_by!r}, which the platform does not have"
             yield document.finding(where, message, hint, at_key=True)
         for need in row.needs:
             if need not in names:
-                message = f"{action.capability} needs {need!r}, which nothing on {platform.platform} provides"
+                message = f"{action.ability} needs {need!r}, which nothing on {platform.platform} provides"
                 hint = nearest(need, names) if is_complete else "not all components' classes are installed here"
                 yield document.finding(where, message, hint, at_key=True, is_warning=not is_complete)
         for argument, possible in row.options.items():
@@ -254,7 +257,7 @@ def _capabilities(mission: Mission, circumstances: Circumstances) -> Iterator[Fi
 def _resources(mission: Mission, order: PartialOrder, rows: Mapping[str, Capability]) -> Iterator[Finding]:
     """Two actions that may run at the same time never claim the same resource."""
     actions = mission.actions()
-    claims = {target: rows[action.capability].claims for target, action in actions.items()}
+    claims = {target: rows[action.ability].claims for target, action in actions.items()}
     targets = [target for target in order.targets if claims.get(target)]
     for index, one in enumerate(targets):
         for other in targets[:index]:

@@ -81,8 +81,8 @@ def _watch(board: Board, program: Program, now_s: float) -> None:
             if now_s >= run.due_s():
                 fail_action(board, run, f"deadline of {run.deadline_s:g} s passed", now_s)
             elif now_s >= lost_at_s(board, run):
-                missing = ", ".join(board.missing[run.action.capability])
-                fail_action(board, run, f"{run.action.capability} is no longer available ({missing})", now_s)
+                missing = ", ".join(board.missing[run.action.ability])
+                fail_action(board, run, f"{run.action.ability} is no longer available ({missing})", now_s)
             elif isinstance(run.action.order, Wait):
                 _wait(board, run, run.action.order.duration_s, now_s)
 
@@ -120,7 +120,7 @@ def _wait_due_s(run: ActionRun, duration_s: float) -> float:
 
 def lost_at_s(board: Board, run: ActionRun) -> float:
     """When a running action fails for the want of something; never, where a lost pose has a policy of its own."""
-    name = run.action.capability
+    name = run.action.ability
     missing = board.missing.get(name)
     if missing is None or (missing == ("pose",) and Condition.POSE_LOST in board.conditions):
         return inf
@@ -193,14 +193,14 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
     if holder is not None:
         run.reason = f"waits for {holder.label}"
         return False
-    if run.action.capability in board.missing:
+    if run.action.ability in board.missing:
         since_s = now_s if since_s is None else since_s
-        missing = run.reason = f"waits for {', '.join(board.missing[run.action.capability])}"
+        missing = run.reason = f"waits for {', '.join(board.missing[run.action.ability])}"
         if now_s < since_s + PATIENCE_S:
             run.unavailable_since_s = since_s
             return False
         board.move(run, Trigger.START, now_s)
-        fail_action(board, run, f"{run.action.capability} is not available: it {missing}", now_s)
+        fail_action(board, run, f"{run.action.ability} is not available: it {missing}", now_s)
         return True
     board.move(run, Trigger.START, now_s)
     _assign(board, run, now_s)
@@ -220,7 +220,7 @@ def _assign(board: Board, run: ActionRun, now_s: float) -> None:
         board.is_taking_off = not board.reported_airborne
         board.has_landed = False
     board.is_changed = True
-    board.assignments.start(run.target, run.action.capability, run.row, run.action.order, run, now_s)
+    board.assignments.start(run.target, run.action.ability, run.row, run.action.order, run, now_s)
 
 
 def go_on_after_pause(board: Board, run: ActionRun, now_s: float) -> None:

@@ -185,7 +185,7 @@ class TaskRun(Item):
         self.elsewhere: Final = (task.options.platform or "") if task.is_elsewhere else ""
         """The other platform that performs it; empty for one of ours."""
         self.actions: Final[dict[str, ActionRun]] = {
-            action.name: ActionRun(self, action, program.rows[action.capability]) for action in task.actions.values()
+            action.name: ActionRun(self, action, program.rows[action.ability]) for action in task.actions.values()
         }
         self.blemish = ""
         """Why it is going to end as failed, although it goes on."""

@@ -24,6 +24,9 @@ ConditionPolicy = Literal["continue", "hold", "return", "land", "abort"]
 PlatformLossPolicy = Literal["continue", "skip", "hold", "return", "land", "abort"]
 PlatformName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 RestartPolicy = Literal["continue", "hold", "land"]
+FlownBy = Literal["companion", "autopilot"]
+FLY_PLAN: Final = "fly_plan"
+"""The capability of a platform that has its autopilot fly a way as a plan."""
 Corners = Annotated[tuple[tuple[Metres, Metres], ...], msgspec.Meta(min_length=3, max_length=200)]
 GeoCorners = Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(min_length=3, max_length=200)]
 Radius = Annotated[float, msgspec.Meta(gt=0.0, le=100_000.0)]
@@ -162,6 +165,8 @@ class TaskOptions(ItemFile, frozen=True, kw_only=True):
     """The platform that performs it; in a mission for several each task names its own."""
     repeat: RepeatFile | None = None
     """Done several times, all its actions each time."""
+    flown_by: FlownBy = "companion"
+    """Who leads the vehicle along its ways; with `autopilot` each is uploaded as a plan that needs no companion."""
 
 
 Actions = Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
@@ -227,6 +232,7 @@ class DefinitionFile(_Part, frozen=True, kw_only=True):
     when: dict[str, Any] | None = None
     otherwise: str | None = None
     repeat: dict[str, Any] | None = None
+    flown_by: FlownBy | None = None
     platform: PlatformName | None = None
 
 
@@ -273,6 +279,13 @@ class Action:
     order: Arguments
     """As the component gets it: positions in NED."""
     options: ActionFile = field(default_factory=ActionFile)
+    is_planned: bool = False
+    """Whether the autopilot flies it as a plan."""
+
+    @property
+    def ability(self) -> str:
+        """The platform's capability by which it is done."""
+        return FLY_PLAN if self.is_planned else self.capability
 
     @property
     def attempts(self) -> int:

@@ -1,7 +1,7 @@
 """Reads mission files: YAML in, a mission in NED out, or everything that is wrong with it."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 from gloc3 import schema
@@ -28,6 +28,7 @@ from gloc3.mission.model import (
 )
 from gloc3.mission.patterns import height_is_known
 from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
+from gloc3.mission.plan_check import may_be_planned
 from gloc3.platform import Limits, Platform
 from gloc3.yaml_nodes import Node
 
@@ -197,7 +198,8 @@ def _tasks(
             action = _action(action_name, action_node, where, document, surroundings, placement, findings)
             found.actions[target] = action if isinstance(action, ActionFile) else action.options
             if isinstance(action, Action):
-                actions[action_name] = action
+                is_planned = options.flown_by == "autopilot" and may_be_planned(action.order, surroundings.capabilities)
+                actions[action_name] = replace(action, is_planned=is_planned)
         found.skeleton[name] = options
         found.read[name] = Task(name=name, actions=actions, options=options, is_elsewhere=is_elsewhere)
     return found

@@ -44,9 +44,9 @@ def check_resumable(board: Board, item: Item) -> None:
             raise Refused(f"{run.target} needs {run.row.claims[0]}, claimed by {holder.label}; pause or abort it first")
         if run.is_motion and not board.is_airborne and not isinstance(run.action.order, SetOff):
             raise Refused(f"the vehicle is on the ground, and {run.target} was paused in the air; abort it")
-        if run.action.capability in board.missing:
-            lacking = ", ".join(board.missing[run.action.capability])
-            raise Refused(f"{run.action.capability} is not available: it lacks {lacking}")
+        if run.action.ability in board.missing:
+            lacking = ", ".join(board.missing[run.action.ability])
+            raise Refused(f"{run.action.ability} is not available: it lacks {lacking}")
 
 
 def go_on(board: Board, item: Item, now_s: float) -> None:

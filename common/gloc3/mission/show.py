@@ -78,7 +78,7 @@ def _actions(
     order = {name: action.options.after for name, action in task.actions.items()}
     for name, mark, below in _layered(order, "○", "│"):
         action = task.actions[name]
-        claims = capabilities[action.capability].claims if action.capability in capabilities else ()
+        claims = capabilities[action.ability].claims if action.ability in capabilities else ()
         relations = [*([f"until {action.options.until}"] if action.options.until else []), *_relations(action.options)]
         relations += [f"claims {', '.join(claims)}"] if claims else []
         bar = ""
@@ -114,6 +114,8 @@ def terms(options: ItemFile) -> list[str]:
     if isinstance(options, TaskOptions) and options.repeat is not None:
         until = f", until {options.repeat.until}" if options.repeat.until is not None else ""
         found.append(f"up to {options.repeat.times} times{until}" if until else f"{options.repeat.times} times")
+    if isinstance(options, TaskOptions) and options.flown_by == "autopilot":
+        found.append("flown by the autopilot")
     if options.when is not None:
         found.append(f"when {options.when}, else {options.otherwise}")
     if options.deadline_s is not None:

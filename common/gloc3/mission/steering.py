@@ -118,16 +118,16 @@ def check_readiness(board: Board, mission: Mission) -> None:
     """
     actions = mission.actions()
     for action in actions.values():
-        if action.capability in board.missing:
-            lacking = ", ".join(board.missing[action.capability])
-            raise Refused(f"{action.capability} is not available: it lacks {lacking}")
-        row = board.rows[action.capability]
+        if action.ability in board.missing:
+            lacking = ", ".join(board.missing[action.ability])
+            raise Refused(f"{action.ability} is not available: it lacks {lacking}")
+        row = board.rows[action.ability]
         holder = board.assignments.holder(row)
         if holder is not None:
             shared = next(name for name in row.claims if board.assignments.claims.get(name) is holder)
             raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
     targets = PartialOrder.of(mission).targets
-    first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].capability].claims), None)
+    first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].ability].claims), None)
     if isinstance(first, SetOff) and board.is_airborne:
         at = "in the air" if isinstance(first, TakeOff) else "under way"
         raise Refused(f"the vehicle is {at} already, and setting off comes first")

@@ -131,7 +131,7 @@ def _stage(task: Task, mission: Mission, figures: Estimate | None, capabilities:
 
 def _step(task: Task, action: Action, figures: Estimate | None, capabilities: Mapping[str, Capability]) -> Step:
     target = f"{task.name}.{action.name}"
-    claims = capabilities[action.capability].claims if action.capability in capabilities else ()
+    claims = capabilities[action.ability].claims if action.ability in capabilities else ()
     part = figures.actions.get(target) if figures is not None else None
     told = [*terms(action.options), *([f"claims {', '.join(claims)}"] if claims else [])]
     return Step(

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, Final, Protocol
 
 from gloc3.clock import Clock
+from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.link import codec
 from gloc3.link.codec import Address, Encoder, Frame, Parser
@@ -33,16 +34,17 @@ from gloc3_onboard.autopilot.families import NOT_SUPPORTED, style_of
 from gloc3_onboard.autopilot.fence_upload import FenceUpload
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.lead import Lead
+from gloc3_onboard.autopilot.plan_upload import PlanUpload
 from gloc3_onboard.autopilot.prearm import PrearmQuestions
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.sensors import FIX_HZ, AutopilotSensors
 from gloc3_onboard.autopilot.setpoints import Wanted
 from gloc3_onboard.autopilot.streams import StreamRequests
-from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, SET_EKF_SOURCE_SET, AutopilotStyle, Command
+from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedFix, StampedHeight, Unwatch
+from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedFix, StampedHeight, Unwatch, Way
 
 FORCE: Final = 21196.0
 """What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
@@ -105,6 +107,7 @@ class AutopilotLink:
         self._peers = Peers(self.own, gone_after_s=2.5)
         self._plans = MissionClient(self.own)
         self._fence = FenceUpload(self._plans)
+        self._plan = PlanUpload(self._plans)
         self._texts = StatusTextReceiver(self.own)
         self._inspection = Inspection(self.own, self._commands)
         self._telemetry = Telemetry()
@@ -212,9 +215,12 @@ class AutopilotLink:
             if said.sender == self._target:
                 self._telemetry.hear(said.severity, said.text, now_s)
         for event in self._plans.events():
-            ended = self._fence.heard(event, now_s) if isinstance(event, Transfer) else None
-            if ended is not None:
-                self._desk.put(*ended)
+            if isinstance(event, Transfer):
+                ended = self._fence.heard(event, now_s) or self._plan.heard(event, now_s)
+                if ended is not None:
+                    self._desk.put(*ended)
+            elif event.sender == self._target:
+                self._plan.follow(event)
         self._desk.tick(now_s)
         is_alive = self._target is not None and self._target in self._peers and self._peers[self._target].is_alive
         self._telemetry.connected(is_alive)
@@ -447,6 +453,31 @@ class AutopilotLink:
 
         self._post(begin)
         return ticket
+
+    def command_plan(self, way: Way) -> int:
+        """Uploads the plan of a way and reads it back."""
+        ticket = self._desk.ticket()
+
+        def begin() -> None:
+            now_s = self._loop.time()
+            if self._target is None:
+                self._desk.put(ticket, Answer(False, NOBODY))
+                return
+            try:
+                self._plan.begin(ticket, way, self.style.style, self._target, now_s)
+            except Refused as refusal:
+                self._desk.put(ticket, Answer(False, str(refusal)))
+            else:
+                self._streams.ask(PROGRESS)
+                self._settle(now_s)
+
+        self._post(begin)
+        return ticket
+
+    @property
+    def places_reached(self) -> int:
+        """Places that the autopilot has passed of the way that it was given last."""
+        return self._plan.reached
 
     def answer(self, ticket: int) -> Answer | None:
         """The answer to a command; None while there is none."""

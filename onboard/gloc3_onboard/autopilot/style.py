@@ -94,6 +94,9 @@ COMMON_STREAMS = (
 )
 """Without the heartbeat, whose rate PX4 does not let anybody change."""
 
+PROGRESS = Stream(42, 2.0)
+"""MISSION_CURRENT, asked for with the first plan."""
+
 
 def mode_by_number(numbers: Mapping[int, tuple[FlightMode, str]], number: int) -> tuple[FlightMode, str]:
     """A mode from a table, or *other*."""

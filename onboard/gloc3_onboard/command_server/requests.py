@@ -336,7 +336,7 @@ class RequestHandler:
         def begin(at_s: float) -> CiReply:
             return answer(request, reason=executor.command(mission, at_s))
 
-        wanted = {one.capability for one in mission.actions().values()}
+        wanted = {one.ability for one in mission.actions().values()}
         if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
             return begin(now_s)
         if not self._facts.is_airborne and self._facts.autopilot_problem:

@@ -36,8 +36,6 @@ from gloc3_onboard.drivers.setpoint_stream import Send, SetpointStream
 from gloc3_onboard.pilot_watch import PilotWatch
 
 STATE_PERIOD_S: Final = 0.2
-AT_REST_M_S: Final = 0.15
-"""A vehicle that is no faster stands."""
 SURRENDER_S: Final = 10.0
 """A stop that was refused, and is not repeated within this time, is forgotten."""
 
@@ -209,7 +207,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         for limits in inbox.new(self.limits):
             self._stream.adopt(limits.payload)
         for state in inbox.new(self.autopilot):
-            may_settle = self._machine.may_settle(self._climbed_m)
+            pose = self._stream.pose
+            may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
             self._watch.lands_into = self._control.manners.lands_into
             self._watch.see(state.payload, now_s, is_shadow=self._is_quiet, may_settle=may_settle)
             self._autopilot = state.payload
@@ -238,7 +237,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def _look_at_rest(self, now_s: float) -> None:
         """For how long the vehicle has stood still, as far as is known."""
         pose = self._stream.young_pose(now_s)
-        if pose is None or math.hypot(*pose.velocity_ned_m_s) > AT_REST_M_S:
+        if pose is None or math.hypot(*pose.velocity_ned_m_s) > self._settings.at_rest_m_s:
             self._rests_since_s = None
         elif self._rests_since_s is None:
             self._rests_since_s = now_s
@@ -315,7 +314,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             return None
         if since_s is not None:
             return FlightMode.GUIDED if now_s - since_s >= self._control.manners.stream_before_guided_s else None
-        return FlightMode.HOLD if self._is_guided and self._is_airborne else None
+        is_led_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
+        return FlightMode.HOLD if is_led_by_us and self._is_airborne else None
 
     # --- report ---
 

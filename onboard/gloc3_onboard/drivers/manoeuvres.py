@@ -1,8 +1,10 @@
 """Manoeuvres that the autopilot flies in its own modes, step by step: a pure machine of the autopilot driver."""
 
 from collections.abc import Sequence
+from math import dist
 from typing import Annotated, Final, NamedTuple
 
+from gloc3.frames import Vector3
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import AutopilotState, FlightMode, LandedState, Manoeuvre, ManoeuvreKind, ManoeuvreState
 from gloc3_onboard.devices import Answer, Manners
@@ -10,6 +12,8 @@ from gloc3_onboard.devices import Answer, Manners
 COPTER: Final = Manners()
 SETTLING_M: Final = 1.0
 """So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
+ENDING_M: Final = 3.0
+"""So far from the last place of a plan the autopilot may end it by itself (PX4: NAV_ACC_RAD, 2 m at most)."""
 
 
 class DriverSettings(Settings, frozen=True):
@@ -19,6 +23,8 @@ class DriverSettings(Settings, frozen=True):
     """A mode that the autopilot has not taken is commanded again after this time."""
     step_timeout_s: Annotated[float, Bounds(0.5, 60.0)] = 8.0
     """A step of a manoeuvre (mode, arming, take-off) fails after this time."""
+    at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.15
+    """A vehicle that is no faster stands, and may be disarmed where that ends its way; more where waves move it."""
 
 
 class SetMode(NamedTuple):
@@ -82,6 +88,7 @@ class ManoeuvreMachine:
         self._is_asked = False
         self._has_armed = False
         self._height_m = 0.0
+        self._end_ned_m: Vector3 | None = None
 
     @property
     def is_under_way(self) -> bool:
@@ -109,7 +116,7 @@ class ManoeuvreMachine:
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
         self._since_s, self._is_asked, self._has_armed = now_s, False, False
-        self._height_m, self._manners = manoeuvre.height_m, manners
+        self._height_m, self._manners, self._end_ned_m = manoeuvre.height_m, manners, manoeuvre.end_ned_m
         match manoeuvre.kind:
             case ManoeuvreKind.TAKE_OFF | ManoeuvreKind.SET_OFF:
                 self._steps = [SetMode(manners.arm_in_mode)] if manners.arm_in_mode else []
@@ -121,6 +128,8 @@ class ManoeuvreMachine:
                 self._steps += [] if manners.disarms_itself else [Settle(), Disarm()]
             case ManoeuvreKind.HOLD:
                 self._steps = [SetMode(FlightMode.HOLD)]
+            case ManoeuvreKind.PLAN:
+                self._steps = [SetMode(FlightMode.MISSION)]
 
     def _refuse_what_it_cannot(self, manners: Manners) -> None:
         if self.kind is ManoeuvreKind.SET_OFF and manners.climbs:
@@ -146,8 +155,10 @@ class ManoeuvreMachine:
         """Asks for the step under way again: what was asked so far was withheld."""
         self._is_asked, self._since_s = False, now_s
 
-    def may_settle(self, climbed_m: float | None) -> bool:
-        """Whether the autopilot may go over to hold by itself, having climbed so far (None: not known)."""
+    def may_settle(self, climbed_m: float | None, position_ned_m: Vector3 | None = None) -> bool:
+        """Whether the autopilot may go over to hold by itself, having climbed so far, being there (None: not known)."""
+        if self.kind is ManoeuvreKind.PLAN and self._end_ned_m is not None and position_ned_m is not None:
+            return dist(position_ned_m, self._end_ned_m) <= ENDING_M
         return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)
 
     def advance(
@@ -229,7 +240,7 @@ class ManoeuvreMachine:
             return not autopilot.is_armed
         if self.kind is ManoeuvreKind.SET_OFF:
             return autopilot.is_armed
-        return autopilot.mode is FlightMode.HOLD  # PX4 has climbed; with ArduPilot the owner's setpoints end it
+        return autopilot.mode is FlightMode.HOLD  # PX4 has climbed, or flown its plan; ArduPilot's owner ends it
 
     def _fail(self, reason: str, autopilot: AutopilotState) -> Sequence[AutopilotCommand]:
         """What we have armed for a take-off that does not come is not left with turning propellers."""

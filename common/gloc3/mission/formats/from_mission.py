@@ -6,6 +6,7 @@ from gloc3.errors import Finding, InputError
 from gloc3.frames import GeoPoint
 from gloc3.mission.arguments import (
     Arguments,
+    Dive,
     DriveOff,
     FollowWaypoints,
     GoTo,
@@ -107,6 +108,10 @@ class _Converter:
                 )
             case DriveOff():
                 pass  # an autopilot that is told to fly a plan sets off by itself
+            case Dive():
+                hint = "the plan goes down on the way to its first place"
+                self._note(target, f"{target} is left out: plans know no dive", hint, is_warning=True)
+                return
             case Pattern():
                 self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
             case FollowWaypoints(waypoints=waypoints) if waypoints is not None:

@@ -1,0 +1,144 @@
+"""Brings a plan to the autopilot, reads it back, and follows how it is flown: pure machines on the mission protocol."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gloc3.frames import GeoPoint
+from gloc3.link.message import Address
+from gloc3.link.mission_client import CurrentItem, ItemReached, MissionClient, Transfer
+from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3.mission.formats.items import MavItem
+from gloc3.plan_wire import to_wire
+from gloc3.vehicle import Style
+from gloc3_onboard.devices import Answer, Way
+
+ABSOLUTE: Final = 0
+"""MAV_FRAME_GLOBAL: heights above mean sea level."""
+WAYPOINT, CHANGE_SPEED = 16, 178
+SAME_HEIGHT_M: Final = 0.02
+"""ArduPilot keeps heights in whole centimetres."""
+
+
+class Upload:
+    """One plan of one kind at a time; a newer one takes the place of one that is under way.
+
+    Args:
+        client: the mission protocol; driven by its owner.
+        kind: of the plan.
+        words: what it is called in an answer.
+    """
+
+    def __init__(self, client: MissionClient, kind: PlanType, words: str) -> None:
+        self._client, self._kind, self._words = client, kind, words
+        self._items: tuple[PlanItem, ...] = ()
+        self._ticket = 0
+        self._transfer: Transfer | None = None
+        self._is_reading = False
+
+    def send(self, ticket: int, items: tuple[PlanItem, ...], target: Address, now_s: float) -> None:
+        """Sends a plan; without items the autopilot's is cleared."""
+        if self._transfer is not None and self._transfer.result is None:
+            self._client.cancel(self._transfer, now_s)
+        self._items, self._ticket, self._is_reading = items, ticket, False
+        if items:
+            self._transfer = self._client.upload(target, items, now_s=now_s, kind=self._kind)
+        else:
+            self._transfer = self._client.clear(target, now_s=now_s, kind=self._kind)
+
+    def heard(self, transfer: Transfer, now_s: float) -> tuple[int, Answer] | None:
+        """A transfer has ended: the ticket and its answer once the plan is read back, or could not be sent."""
+        if transfer is not self._transfer or transfer.result is None:
+            return None
+        if transfer.result is not PlanResult.ACCEPTED:
+            doing = "read back" if self._is_reading else "uploaded"
+            return self._ticket, Answer(False, f"the {self._words} could not be {doing}: {transfer.result.words}")
+        if not self._is_reading:
+            self._is_reading = True
+            self._transfer = self._client.download(transfer.target, now_s=now_s, kind=self._kind)
+            return None
+        if not self._is_same(transfer.items):
+            return self._ticket, Answer(False, f"the autopilot holds another {self._words} than the one that was sent")
+        return self._ticket, Answer(True, "")
+
+    def _is_same(self, held: Sequence[PlanItem]) -> bool:
+        """Whether all that must be is the same: an autopilot may change frame and flags."""
+        return [(one.command, one.param1, one.x, one.y) for one in held] == [
+            (one.command, one.param1, one.x, one.y) for one in self._items
+        ]
+
+
+class PlanUpload(Upload):
+    """The plan of a way, and how far the autopilot has come on it."""
+
+    def __init__(self, client: MissionClient) -> None:
+        super().__init__(client, PlanType.MISSION, "plan")
+        self.reached = 0
+        """Places of the way that the autopilot has passed."""
+        self._first = 0
+        self._setting: Transfer | None = None
+
+    def begin(self, ticket: int, way: Way, style: Style, target: Address, now_s: float) -> None:
+        """Sends the plan of a way.
+
+        Raises:
+            Refused: a number does not fit the wire.
+        """
+        items = way_items(way, style)
+        self._first, self.reached = len(items) - len(way.places), 0
+        self.send(ticket, items, target, now_s)
+
+    def heard(self, transfer: Transfer, now_s: float) -> tuple[int, Answer] | None:
+        """What is read back is begun at its first item, wherever the autopilot was in the plan before."""
+        if transfer is not self._setting:
+            ended = super().heard(transfer, now_s)
+            if ended is None or not ended[1].is_accepted:
+                return ended
+            begin = self._first - 1
+            self._setting = self._client.set_current(transfer.target, begin, now_s=now_s)
+            return None
+        if transfer.result is None:
+            return None
+        current = self._client.current.get(transfer.target)  # ArduPilot goes on to the first place at once
+        if transfer.result is PlanResult.ACCEPTED or current == self._first:
+            return self._ticket, Answer(True, "")
+        return self._ticket, Answer(False, f"the plan could not be begun: {transfer.result.words}")
+
+    def follow(self, event: CurrentItem | ItemReached) -> None:
+        """The autopilot tells where it is in its plan; a report that was lost is made up for by the next."""
+        passed = event.number - self._first + isinstance(event, ItemReached)
+        if self._is_reading:
+            self.reached = max(self.reached, min(passed, len(self._items) - self._first))
+
+    def _is_same(self, held: Sequence[PlanItem]) -> bool:
+        """ArduPilot keeps its own home in the first item, and of a speed the number alone."""
+        if len(held) != len(self._items) or any(
+            one.command != sent.command for one, sent in zip(held[1:], self._items[1:], strict=True)
+        ):
+            return False
+        return all(
+            (one.x, one.y) == (sent.x, sent.y) and abs(one.z - sent.z) <= SAME_HEIGHT_M
+            for one, sent in zip(held[self._first :], self._items[self._first :], strict=True)
+        )
+
+
+def way_items(way: Way, style: Style) -> tuple[PlanItem, ...]:
+    """A way as items of the mission protocol: the speed, then its places; before them ArduPilot's home.
+
+    Raises:
+        Refused: a number does not fit the wire.
+    """
+    speed = MavItem(command=CHANGE_SPEED, frame=2, params=(1.0, way.speed_m_s, -1.0, 0.0))
+    places = [_waypoint(place, way) for place in way.places]
+    items = [places[0], speed, *places] if style is Style.ARDUPILOT else [speed, *places]
+    return tuple(to_wire(item, f"plan item {number}") for number, item in enumerate(items))
+
+
+def _waypoint(place: GeoPoint, way: Way) -> MavItem:
+    return MavItem(
+        command=WAYPOINT,
+        frame=ABSOLUTE,
+        params=(way.hold_s, way.acceptance_m, 0.0, way.heading_deg),
+        x=place.latitude_deg,
+        y=place.longitude_deg,
+        z=place.altitude_m,
+    )

@@ -166,7 +166,7 @@ class ActionRun(Item):
 
     def snapshot(self, now_s: float) -> ItemSnapshot:
         """What is kept of it."""
-        return structs.replace(super().snapshot(now_s), progress=self.progress)
+        return structs.replace(super().snapshot(now_s), progress=self.progress, is_planned=self.action.is_planned)
 
     def restore(self, kept: ItemSnapshot, now_s: float) -> None:
         """Becomes what was kept."""

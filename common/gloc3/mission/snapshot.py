@@ -23,6 +23,8 @@ class ItemSnapshot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """The level whose pause it is in."""
     waited_s: float = 0.0
     """How long it has been waiting for its guard."""
+    is_planned: bool = False
+    """Of an action that the autopilot flies as a plan, in a mode that it goes on in by itself."""
     repetition: int = 0
     """Of a task that is repeated: the time for which it is being done."""
 

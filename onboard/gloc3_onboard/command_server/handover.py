@@ -39,4 +39,5 @@ class Handover:
         """Whether what the new driver takes for a pilot's is what the one before it flew: it is to be told so."""
         if now_s >= self._until_s or autopilot is None or not autopilot.is_armed:
             return False
-        return autopilot.mode in OURS and autopilot.mode in (self._mode, FlightMode.HOLD)
+        modes = (*OURS, FlightMode.MISSION)  # of a plan that goes on by itself
+        return autopilot.mode in modes and autopilot.mode in (self._mode, FlightMode.HOLD)

@@ -52,6 +52,7 @@ from gloc3.vehicle import (
     DriverState,
     EmergencyDisarm,
     FenceState,
+    FlightMode,
     GeoFence,
     HeightAboveGround,
     Home,
@@ -349,7 +350,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         """Whether the vehicle does what a former life of this process had begun, and the driver takes it for a pilot's."""
         facts = self._facts
         state = facts.autopilot
-        is_ours = state is not None and state.is_armed and state.mode in OURS
+        modes = (*OURS, FlightMode.MISSION) if _flew_a_plan(kept) else OURS
+        is_ours = state is not None and state.is_armed and state.mode in modes
         is_taken = facts.driver is None or facts.driver.has_pilot_control
         return _was_under_way(kept) and is_ours and is_taken and not kept.has_pilot
 
@@ -529,6 +531,12 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     def _grant_message(self) -> MotionGrant:
         return MotionGrant(action_id=self._granted.action_id, component=self._granted.component)
+
+
+def _flew_a_plan(kept: Snapshot) -> bool:
+    """Whether the autopilot had been given a plan to fly by itself."""
+    items = (item for program in kept.programs for item in program.items.values())
+    return any(item.is_planned and item.state is ActionState.RUNNING for item in items)
 
 
 def _was_under_way(kept: Snapshot | None) -> bool:

@@ -15,7 +15,10 @@ from gloc3.ports import Actuation, Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import AutopilotPose, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose
 from gloc3_onboard.devices import Answer, Way
+from gloc3_onboard.path_follower import next_ahead
 
+ON_THE_WAY_M = 1.0
+"""So far from a leg a vehicle that its autopilot leads may be."""
 PAIRED_S = 0.2
 """Two estimates that are valid at most so far apart tell how their frames lie to each other."""
 
@@ -74,6 +77,7 @@ class AutopilotPlan(ActionPerformer, ActuatorDriver[PlanSettings]):
         self._control = device
         self._settings = PlanSettings()
         self._order: FollowWaypointsOrder | None = None
+        self._pose: Pose | None = None
         self._passed = 0
         """Waypoints that were passed before what is left was uploaded."""
         self._ticket: int | None = None
@@ -97,6 +101,10 @@ class AutopilotPlan(ActionPerformer, ActuatorDriver[PlanSettings]):
             raise Refused("there is no waypoint")
         self._order = arguments
         self.waypoint = min(int(self.earlier_progress * count + 1e-6), count - 1)
+        if self.waypoint and not arguments.hold_s and self._pose is not None:  # it has flown on meanwhile
+            within_m = max(arguments.acceptance_m, ON_THE_WAY_M)
+            places = arguments.waypoints_ned_m
+            self.waypoint = next_ahead(self._pose.position_ned_m, places, self.waypoint, within_m)
         self._restart(now_s)
 
     def resume_action(self, now_s: float) -> None:
@@ -110,13 +118,14 @@ class AutopilotPlan(ActionPerformer, ActuatorDriver[PlanSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Uploads, starts, and follows the plan."""
         results: list[Result] = []
+        latest = inbox.latest(self.pose)
+        self._pose = latest.payload if latest is not None and latest.payload.is_valid else None
         if self.is_running and self._order is not None:
             driver = inbox.latest(self.driver)
             if not self._is_held:
                 results += self._upload(self._order, inbox, now_s)
             else:
-                pose = inbox.latest(self.pose)
-                results += self._fly(self._order, driver.payload if driver is not None else None, pose, now_s)
+                results += self._fly(self._order, driver.payload if driver is not None else None, now_s)
         return [*results, *self.action_reports(now_s)]
 
     # --- the upload ---
@@ -169,16 +178,14 @@ class AutopilotPlan(ActionPerformer, ActuatorDriver[PlanSettings]):
 
     # --- the flight ---
 
-    def _fly(
-        self, order: FollowWaypointsOrder, driver: DriverState | None, pose: Envelope[Pose] | None, now_s: float
-    ) -> list[Result]:
+    def _fly(self, order: FollowWaypointsOrder, driver: DriverState | None, now_s: float) -> list[Result]:
         count = len(order.waypoints_ned_m)
         self.waypoint = max(self.waypoint, min(self._passed + self._control.places_reached, count))
         is_ours = driver is not None and driver.manoeuvre_id == self.action_id
         state = driver.manoeuvre_state if driver is not None and is_ours and self._asked_s > -math.inf else None
         if state is ManoeuvreState.DONE and self.waypoint >= count - 1:
             self.waypoint = count
-        if self.waypoint >= count or self._rests_at_the_end(order, pose, now_s):
+        if self.waypoint >= count or self._rests_at_the_end(order, now_s):
             self.advance(now_s, 1.0, ActionState.DONE, achieved=count)
             return []
         self._tell(now_s)
@@ -198,18 +205,15 @@ class AutopilotPlan(ActionPerformer, ActuatorDriver[PlanSettings]):
         end_ned_m = order.waypoints_ned_m[-1]
         return [Manoeuvre(action_id=self.action_id, kind=ManoeuvreKind.PLAN, end_ned_m=end_ned_m)]
 
-    def _rests_at_the_end(self, order: FollowWaypointsOrder, pose: Envelope[Pose] | None, now_s: float) -> bool:
+    def _rests_at_the_end(self, order: FollowWaypointsOrder, now_s: float) -> bool:
         """Whether it has been at the last place for so long that the autopilot's report must be lost."""
+        last, pose = order.waypoints_ned_m[-1], self._pose
         is_last = self.waypoint >= len(order.waypoints_ned_m) - 1
-        if pose is None or not is_last or not self._is_near(order, pose.payload):
+        if pose is None or not is_last or math.dist(pose.position_ned_m, last) > order.acceptance_m:
             self._near_since_s = None
         elif self._near_since_s is None:
             self._near_since_s = now_s
         return self._near_since_s is not None and now_s - self._near_since_s > order.hold_s + self._settings.settle_s
-
-    @staticmethod
-    def _is_near(order: FollowWaypointsOrder, pose: Pose) -> bool:
-        return pose.is_valid and math.dist(pose.position_ned_m, order.waypoints_ned_m[-1]) <= order.acceptance_m
 
     def _tell(self, now_s: float, reason: str = "") -> None:
         assert self._order is not None

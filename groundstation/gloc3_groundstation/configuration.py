@@ -43,6 +43,8 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """A file with the key that signs all links; empty for links that are not signed."""
     downloads: str = ""
     """The folder for what is downloaded from vehicles; empty for the one in which the station was started."""
+    gamepad: str = ""
+    """The device of a gamepad for steering by hand, such as `/dev/input/js0`; empty for none."""
     session: LastSession = LastSession()
 
     def with_mission(self, file: str) -> "Configuration":

@@ -72,6 +72,8 @@ class Desk:
         self.queue: Final = queue or ContactQueue(station)
         """Missions that wait for the next contact."""
         self._author = author
+        self.gamepad = ""
+        """The device of a gamepad; empty for none."""
         self._streamed: dict[str, tuple[int, str]] = {}
         self._held_s: dict[str, float] = {}
         self._alerts = Alerts()

@@ -22,6 +22,7 @@ from gloc3.clock import utc_text
 from gloc3.host_messages import HostNames, HostSummary
 from gloc3.messages import Envelope, Severity
 from gloc3.standard_topics import TOPICS
+from gloc3.teleoperation import TeleoperationState
 from gloc3.vehicle import ObstacleScan
 from gloc3_groundstation.snapshots import (
     Fleet,
@@ -41,7 +42,7 @@ HEARD_TOPICS: Final = (
     CONTACT,
 )
 """What a station listens to, below a platform's name."""
-BESIDE: Final = ("ci/hosts", "ci/host_names")
+BESIDE: Final = ("ci/hosts", "ci/host_names", "ci/teleoperation")
 """Of these, what is not of the command interface itself: its source is another."""
 
 FORMER_KEPT: Final = 3
@@ -245,6 +246,10 @@ def _host_names(platform: PlatformSnapshot, message: HostNames, now_s: float) ->
     return replace(platform, host_names=message)
 
 
+def _teleoperation(platform: PlatformSnapshot, message: TeleoperationState, now_s: float) -> PlatformSnapshot:
+    return replace(platform, teleoperation=Timed(message, now_s))
+
+
 def _heard(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
     return platform
 
@@ -254,6 +259,7 @@ _REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], Platform
     MotionSummary: _motion,
     SiteSummary: _site,
     ObstacleScan: _obstacles,
+    TeleoperationState: _teleoperation,
     MissionSummary: _mission,
     ControlState: _control,
     Summary: _summary,

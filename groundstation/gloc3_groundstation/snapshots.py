@@ -21,6 +21,7 @@ from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.host_messages import HostLine, HostNames
 from gloc3.messages import Kind, Message, Severity
 from gloc3.standard_topics import TOPICS
+from gloc3.teleoperation import TeleoperationState
 from gloc3.vehicle import ObstacleScan
 
 M = TypeVar("M", bound=Message)
@@ -148,6 +149,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     vehicle: Timed[VehicleSummary] | None = None
     motion: Timed[MotionSummary] | None = None
     site: Timed[SiteSummary] | None = None
+    teleoperation: Timed[TeleoperationState] | None = None
+    """What it makes of being steered by hand."""
     obstacles: Timed[ObstacleScan] | None = None
     mission: Timed[MissionSummary] | None = None
     silence: PlannedSilence | None = None

@@ -81,6 +81,14 @@ def test_it_goes_where_it_is_steered_and_stops_when_the_key_is_let_go(rov: Card)
     yaw_rates = [one.measured_yaw_rate_cdeg_s for one in rov.since(rov.now_s - 3.0, "ci/teleoperation")]
     assert max(yaw_rates) == pytest.approx(2000, abs=500)
 
+    keys.move(Sticks(surge=-1.0))
+    keys.keep(3.0)
+    rov.wait(2.5)
+    rov.command("abort", "command-3")
+    rov.until(lambda: rov.driver.action_id == "hold", 1.0, "it keeps its place")
+    rov.until(lambda: speed(rov) < 0.05, 8.0, "it stands")
+    assert rov.mission.policy == "hold"
+
 
 def test_a_link_that_falls_silent_stops_it_at_once_and_the_policy_of_a_lost_link_ends_it(rov: Card) -> None:
     keys = hand(rov)

@@ -87,6 +87,7 @@ class StationApp(App[End | None]):
         self.desk: Final = desk
         self._configuration = configuration
         desk.missions.recent = configuration.session.missions
+        desk.gamepad = configuration.gamepad
         self._is_monochrome = is_monochrome
         self._in_view = InView(platform, configuration.session.platform)
         self._waiting_for = waiting_for

@@ -149,6 +149,11 @@ class StationScreen(Screen[None]):
         """Brings a vehicle into view, on all screens."""
         self.post_message(LookAt(name))
 
+    @property
+    def moment(self) -> Callable[[], View]:
+        """Gives the view of now, for dialogues that show what happens meanwhile."""
+        return self._moment
+
     def look_again(self) -> None:
         """Shows at once what a key has changed."""
         self.show(self._moment())

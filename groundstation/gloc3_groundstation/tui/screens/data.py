@@ -6,8 +6,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 
+from gloc3.messages import Severity
 from gloc3_groundstation.mapping.tracks import Track
 from gloc3_groundstation.tui.canvas_panel import CanvasPanel
+from gloc3_groundstation.tui.dialogues.teleoperate import Teleoperate
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.flight_data import (
@@ -20,6 +22,8 @@ from gloc3_groundstation.tui.views.flight_data import (
     shown_charts,
 )
 
+BY_HAND: Final = "teleoperate"
+"""The kind of arguments of what steers by hand."""
 STEP: Final = 0.25
 """Of the window, that a key moves it by."""
 
@@ -32,7 +36,9 @@ class FlightDataScreen(StationScreen):
 
     f freezes the charts, to look at something; the vehicle's values beside them go on. ← and → go back and forth in
     what is kept: every sample of the last ten minutes, lowest and highest of every 2 s for an hour, of every 30 s for
-    eight hours."""
+    eight hours.
+
+    t steers the vehicle by hand, with keys or a gamepad, where it has that capability."""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "freeze", "Freeze", tooltip="the charts, or let them go on"),
         Binding("plus,equals_sign", "window(-1)", "Time", key_display="+ -", tooltip="shorter or longer, 10 s to 8 h"),
@@ -41,6 +47,7 @@ class FlightDataScreen(StationScreen):
         Binding("right,l", "back(-1)", "Forth", show=False),
         Binding("down,j", "scroll_charts(1)", "Charts", key_display="↑ ↓", tooltip="the charts below and above"),
         Binding("up,k", "scroll_charts(-1)", "Up", show=False),
+        Binding("t", "by_hand", "By hand", tooltip="steer the vehicle in view with keys or a gamepad"),
         Binding("z", "live", "Live", show=False, tooltip="show now again"),
     ]
     AUTO_FOCUS = "#charts"
@@ -73,6 +80,18 @@ class FlightDataScreen(StationScreen):
         if self.view is not None:
             self._frozen_s = None if self._frozen_s is not None else self.view.now_s
         self.look_again()
+
+    def action_by_hand(self) -> None:
+        """Steers the vehicle in view by hand, if it can be."""
+        platform = self.view.platform if self.view is not None else None
+        if platform is None:
+            return
+        rows = self.desk.missions.capabilities(platform.name)
+        capability = next((name for name, row in rows.items() if row.arguments == BY_HAND), None)
+        if capability is None:
+            self.desk.station.note(platform.name, Severity.WARNING, "it cannot be steered by hand: no such capability")
+            return
+        self.app.push_screen(Teleoperate(self.desk, platform.name, capability, self.moment, self.desk.gamepad))
 
     def action_live(self) -> None:
         """Shows now again."""

@@ -1,0 +1,187 @@
+"""The dialogue for steering by hand: keys or a gamepad, and whether the vehicle follows.
+
+A terminal tells that a key is pressed and that it repeats, never that it is let go. So `enter` is the dead-man's key and
+counts as kept for `KEPT_S`, which its repetition renews; over a line that stands still the keys do not come, and the
+vehicle rests. The other keys set how fast, step by step, and renew it only while it is kept. A gamepad tells both.
+"""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar, Final
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+
+from gloc3.ci import Verb
+from gloc3.errors import Gloc3Error, Refused
+from gloc3_groundstation.desk import Desk
+from gloc3_groundstation.gamepad import Gamepad, GamepadState
+from gloc3_groundstation.teleoperation import FullSpeed, HandControl, Sticks
+from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.questions import choices
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.views.teleoperation import Helm, helm_lines
+
+KEPT_S: Final = 0.6
+"""Keyboards repeat a key after half a second at the latest, as they are set by default, and then often."""
+PAD_KEPT_S: Final = 0.3
+LOOK_S: Final = 0.1
+STEP: Final = 0.25
+
+
+class Teleoperate(ModalScreen[None]):
+    """Steers the vehicle in view."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "go", "Go", priority=True),
+        Binding("w", "push('surge', 1)", "Ahead"),
+        Binding("s", "push('surge', -1)", "Back"),
+        Binding("d", "push('sway', 1)", "Right"),
+        Binding("a", "push('sway', -1)", "Left"),
+        Binding("up", "push('heave', 1)", "Up"),
+        Binding("down", "push('heave', -1)", "Down"),
+        Binding("right", "push('yaw', 1)", "Clockwise"),
+        Binding("left", "push('yaw', -1)", "Anticlockwise"),
+        Binding("z,0", "rest", "Rest"),
+        Binding("escape", "leave", "Leave"),
+    ]
+
+    def __init__(self, desk: Desk, platform: str, capability: str, moment: Callable[[], View], gamepad: str) -> None:
+        """A dialogue.
+
+        Args:
+            desk: asks the vehicle.
+            platform: the vehicle.
+            capability: what it calls being steered by hand.
+            moment: gives the view of now.
+            gamepad: its device; empty for none.
+        """
+        super().__init__()
+        self._desk, self._platform, self._capability, self._moment = desk, platform, capability, moment
+        known = desk.missions.platform(platform)
+        limits = known.limits if known is not None else None
+        self._full = FullSpeed() if limits is None else FullSpeed(limits.speed_m_s, limits.climb_m_s)
+        self._hand: HandControl | None = None
+        """None until the dialogue is shown."""
+        self._device = gamepad
+        self._pad: Gamepad | None = None
+        self._is_pad_held = False
+        self._begun = ""
+        """The vehicle's name for what was begun; empty before."""
+        self._is_asking = False
+        self._problem = ""
+
+    def compose(self) -> ComposeResult:
+        """How it goes, and the keys."""
+        with Vertical(classes="question helm"):
+            yield Panel(id="helm", classes="plain", can_focus=False)
+            yield choices(
+                ("enter", "begins; then HOLD it to go, let it go to rest"),
+                ("w s a d", "ahead, back, left, right: a step each"),
+                ("↑ ↓ ← →", "up, down, turn: a step each"),
+                ("z", "all sticks to the middle"),
+                ("space", "HOLD at once, as everywhere"),
+                ("esc", "ends it: the vehicle keeps its place"),
+            )
+
+    def on_mount(self) -> None:
+        """Opens the gamepad, and looks ten times a second."""
+        loop = asyncio.get_running_loop()
+        self._hand = HandControl(self._desk.station.client, loop, self._platform, self._full)
+        if self._device:
+            try:
+                self._pad = Gamepad(Path(self._device).expanduser(), loop, self._pad_moved)
+            except Refused as refusal:
+                self._problem = str(refusal)
+        self.query_one(Vertical).border_title = f"{self._platform} by hand"
+        self.set_interval(LOOK_S, self._look)
+        self.call_after_refresh(self._look)
+
+    def on_unmount(self) -> None:
+        """However it is closed: lets go, and lets the gamepad be."""
+        if self._hand is not None:
+            self._hand.close()
+        if self._pad is not None:
+            self._pad.close()
+
+    # --- keys ---
+
+    def action_go(self) -> None:
+        """Asks the vehicle for it; then this is the dead-man's key."""
+        assert self._hand is not None
+        if self._begun:
+            self._hand.keep(KEPT_S)
+        elif not self._is_asking:
+            self._is_asking, self._problem = True, ""
+            self.run_worker(self._begin(), exit_on_error=True)
+
+    def action_push(self, way: str, steps: int) -> None:
+        """Moves a stick by a step."""
+        assert self._hand is not None
+        sticks = self._hand.sticks
+        self._hand.move(sticks._replace(**{way: getattr(sticks, way) + steps * STEP}))
+        if self._hand.is_kept:
+            self._hand.keep(KEPT_S)
+
+    def action_rest(self) -> None:
+        """All sticks to the middle."""
+        assert self._hand is not None
+        self._hand.move(Sticks())
+
+    def action_leave(self) -> None:
+        """Lets go and ends the action."""
+        if self._begun:
+            self.app.run_worker(self._desk.missions.steer(self._platform, Verb.ABORT, self._begun), exit_on_error=True)
+        self.dismiss()
+
+    async def _begin(self) -> None:
+        try:
+            self._begun = await self._desk.missions.request(self._platform, self._capability, {})
+        except Gloc3Error as error:
+            self._problem = str(error)
+        finally:
+            self._is_asking = False
+
+    # --- the gamepad ---
+
+    def _pad_moved(self, state: GamepadState) -> None:
+        """Sticks count only while they are held by the dead-man's button, so that keys work beside a pad at rest."""
+        assert self._hand is not None
+        if self._pad is not None and self._pad.problem:
+            self._problem = self._pad.problem
+        was_held, self._is_pad_held = self._is_pad_held, state.is_held
+        if state.is_held:
+            self._hand.move(state.sticks)
+            self._keep_for_pad()
+        elif was_held:
+            self._hand.move(Sticks())
+            self._hand.release()
+
+    def _keep_for_pad(self) -> None:
+        if self._begun and self._is_pad_held and self._hand is not None:
+            self._hand.keep(PAD_KEPT_S)
+
+    # --- what is shown ---
+
+    def _look(self) -> None:
+        hand = self._hand
+        if hand is None or not self.is_mounted:
+            return
+        self._keep_for_pad()
+        view = self._moment()
+        platform = view.fleet.get(self._platform)
+        self._see_the_end(platform.mission.value.tasks.get(self._begun) if platform and platform.mission else None)
+        helm = Helm(bool(self._begun), hand.is_kept, hand.sticks, self._full, hand.session, self._problem)
+        round_trip_s = self._desk.station.round_trip_s(self._platform)
+        self.query_one("#helm", Panel).show(helm_lines(platform, helm, round_trip_s, view.now_s))
+
+    def _see_the_end(self, state: str | None) -> None:
+        """The vehicle has ended it: by a policy, by its pilot, by the emergency key."""
+        if self._begun and state in ("aborted", "failed", "done", "skipped"):
+            assert self._hand is not None
+            self._hand.release()
+            self._problem = f"it has ended ({state}); enter asks for it anew"
+            self._begun = ""

@@ -1,0 +1,93 @@
+"""What an operator sees who steers by hand: whether it is live, what is asked for, wanted and measured."""
+
+from math import inf
+from typing import Final, NamedTuple
+
+from gloc3.teleoperation import EXPIRES_S, TeleoperationState
+from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.teleoperation import FullSpeed, Sticks
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone
+
+TOLD_S: Final = 1.0
+"""What the vehicle told longer ago says nothing of now: it tells five times a second."""
+
+
+class Helm(NamedTuple):
+    """The station's side."""
+
+    is_begun: bool
+    is_kept: bool
+    """The dead-man's key is."""
+    sticks: Sticks
+    full: FullSpeed
+    session: int
+    problem: str = ""
+
+
+def state_line(platform: PlatformSnapshot | None, helm: Helm, now_s: float) -> Line:
+    """One word that tells everything: whether the vehicle follows now."""
+    told = _told(platform, now_s)
+    if not helm.is_begun:
+        return (Span("NOT BEGUN", Tone.STRONG), Span("  enter asks the vehicle to be steered by hand", Tone.DIM))
+    if told is None:
+        return (Span("NOT HEARD", Tone.ALARM), Span(f"  it rests {EXPIRES_S:g} s after the last demand", Tone.DIM))
+    is_ours = told.session == helm.session
+    if told.is_live and is_ours:
+        return (Span("LIVE", Tone.GOOD), Span("" if helm.is_kept else "  let go", Tone.DIM))
+    if helm.is_kept:
+        who = "" if is_ours or told.session == 0 else ": it follows another session"
+        return (Span("NOT FOLLOWED", Tone.ALARM), Span(f"  {told.reason or 'it does not follow'}{who}", Tone.WARN))
+    return (Span("AT REST", Tone.WARN), Span("  hold enter to go", Tone.DIM))
+
+
+def helm_lines(
+    platform: PlatformSnapshot | None, helm: Helm, round_trip_s: float | None, now_s: float
+) -> tuple[Line, ...]:
+    """State, link, the four ways, depth and heading."""
+    told = _told(platform, now_s)
+    wanted = (*told.velocity_cm_s, told.yaw_rate_cdeg_s) if told is not None else None
+    measured = (*told.measured_cm_s, told.measured_yaw_rate_cdeg_s) if told is not None else None
+    full = (helm.full.across_m_s, helm.full.across_m_s, helm.full.up_m_s, helm.full.turn_deg_s)
+    rows: list[Line] = [
+        state_line(platform, helm, now_s),
+        _link_line(platform, round_trip_s, now_s),
+        EMPTY,
+        (Span(f"{'':<8}{'sticks':>8}{'asked':>10}{'wanted':>10}{'measured':>10}", Tone.DIM),),
+    ]
+    for index, (name, unit) in enumerate((("surge", "m/s"), ("sway", "m/s"), ("heave", "m/s"), ("turn", "°/s"))):
+        stick = helm.sticks[index]
+        line = f"{name:<8}{stick * 100.0:>+7.0f}%{stick * full[index]:>+10.2f}"
+        line += f"{_number(wanted, index)}{_number(measured, index)}  {unit}"
+        rows.append((Span(line, Tone.TEXT if stick else Tone.DIM),))
+    rows += [EMPTY, _place_line(platform, now_s)]
+    if helm.problem:
+        rows.append((Span(helm.problem, Tone.BAD),))
+    return tuple(rows)
+
+
+def _told(platform: PlatformSnapshot | None, now_s: float) -> TeleoperationState | None:
+    told = platform.teleoperation if platform is not None else None
+    return told.value if told is not None and told.age_s(now_s) < TOLD_S else None
+
+
+def _number(values: tuple[int, ...] | None, index: int) -> str:
+    return f"{'–':>10}" if values is None else f"{values[index] / 100.0:>+10.2f}"
+
+
+def _link_line(platform: PlatformSnapshot | None, round_trip_s: float | None, now_s: float) -> Line:
+    age_s = platform.age_s(now_s) if platform is not None else inf
+    text = "never heard" if age_s == inf else f"heard {age_s:.1f} s ago"
+    if round_trip_s is not None:
+        text += f", there and back {round_trip_s * 1000.0:.0f} ms"
+    return (Span(f"link: {text}", Tone.BAD if age_s > TOLD_S else Tone.DIM),)
+
+
+def _place_line(platform: PlatformSnapshot | None, now_s: float) -> Line:
+    """Depth below the frame's origin, or height above it, and heading."""
+    motion = platform.motion if platform is not None else None
+    if motion is None:
+        return (Span("depth and heading are not known", Tone.DIM),)
+    height_m = motion.value.position_cm[2] / 100.0
+    what = f"depth {-height_m:.2f} m" if height_m < 0.0 else f"height {height_m:.2f} m"
+    heading = motion.value.attitude_cdeg[2] / 100.0 % 360.0
+    return (Span(f"{what}   heading {heading:03.0f}°", Tone.STALE if motion.is_stale(now_s) else Tone.STRONG),)

@@ -47,8 +47,8 @@ def beside_others(progress: Progress) -> list[Figure]:
                 Figure(f"{stream.text}: delay, {name}, in µs", f"p50 {delay.p50_us:.0f}, p99 {delay.p99_us:.0f}")
             )
         straight, ours, other = (known[name][stream] for name in (DIRECT, OURS, router.C_PEER))
-        more = ours.p50_us - straight.p50_us, other.p50_us - straight.p50_us
-        text = f"{more[0]:.0f} against {more[1]:.0f}"
+        more = round(ours.p50_us - straight.p50_us), round(other.p50_us - straight.p50_us)
+        text = f"{more[0]} against {more[1]}"
         figures.append(
             Figure("… added at p50, ours against mavlink-router's, in µs", text, "no more", more[0] <= more[1])
         )

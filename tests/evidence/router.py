@@ -8,7 +8,7 @@ from tests.benchmarks import router
 from tests.benchmarks.router import DIRECT, FAST, OURS, QUIET, STEADY, STREAMS, TOGETHER, Passed, Stream
 from tests.evidence.page import Bar, Figure, Progress
 
-ROUNDS = 7
+ROUNDS = 5
 RADIOS = 20
 ATTACKS = 5_000
 

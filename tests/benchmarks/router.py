@@ -1,7 +1,8 @@
 """The router beside others': processor time of each forwarded message, delay, and what gets through.
 
-Each router runs as a process of its own between two UDP sockets; the sender is another process. All have their turn in
-each round, and what is told is the median of the rounds. Ours is always there, and so is the way without any router.
+Each router runs as a process of its own between two UDP sockets; the sender is another process. Ours, mavlink-router and the
+way without any router have their turn second by second, so that what the computer does meanwhile is the same for all;
+MAVProxy, which also works when nothing comes, has a turn of its own. What is told is the median of the rounds.
 MAVProxy is taken from the interpreter of `MAVPROXY_PYTHON` or `runs/peers/mavproxy`, mavlink-router from PATH or
 `runs/peers/mavlink-routerd`; a peer that is not there is left out, and the text says so.
 """
@@ -15,8 +16,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple
@@ -33,6 +34,7 @@ ROOT = Path(__file__).parents[2]
 PEERS = ROOT / "runs" / "peers"
 HOST = "127.0.0.1"
 SETTLE_S = 1.5
+TURN_S = 1.0
 ROUNDS = 3
 BUFFER_BYTES = 1 << 23
 _CPU_CLOCK = 2
@@ -87,32 +89,63 @@ def begin(into: str, out: str) -> None:
     asyncio.run(route(into, out))
 
 
-def send(port: int, rate_hz: float, for_s: float, together: float = 1.0) -> None:
-    """Sends HIGHRES_IMU frames that carry the time of their sending, in nanoseconds."""
+def send(ports: Sequence[int], rate_hz: float, for_s: float, together: float = 1.0) -> None:
+    """Sends HIGHRES_IMU frames to each port in turn, a second each, for some seconds in all to each.
+
+    They carry the time of their sending, in nanoseconds, and in `xacc` whose turn it is.
+    """
     encoder, each = Encoder(1, 1), round(together)
     shape("HIGHRES_IMU")  # the dialect is read before the first frame is timed
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-        begin_s = time.monotonic()
-        for number in range(0, round(rate_hz * for_s), each):
-            while (left_s := begin_s + number / rate_hz - time.monotonic()) > 0.0:
-                if left_s > 1e-3:
-                    time.sleep(left_s - 5e-4)
-            now_ns = time.monotonic_ns()
-            imu = [message("HIGHRES_IMU", time_usec=now_ns, xacc=1.0, id_=one) for one in range(each)]
-            out.sendto(b"".join(map(encoder.encode, imu)), (HOST, port))
+        for turn in range(max(1, round(for_s)) * len(ports)):
+            index, begin_s = turn % len(ports), time.monotonic()
+            for number in range(0, round(rate_hz * min(for_s, TURN_S)), each):
+                while (left_s := begin_s + number / rate_hz - time.monotonic()) > 0.0:
+                    if left_s > 1e-3:
+                        time.sleep(left_s - 5e-4)
+                now_ns = time.monotonic_ns()
+                imu = [message("HIGHRES_IMU", time_usec=now_ns, xacc=float(index), id_=one) for one in range(each)]
+                out.sendto(b"".join(map(encoder.encode, imu)), (HOST, ports[index]))
 
 
-def commands(into: int, out: int, scratch: Path) -> Iterator[tuple[str, list[str]]]:
+class Way(NamedTuple):
+    """A router, or none, between two sockets."""
+
+    name: str
+    into: int
+    command: Sequence[str] = ()
+
+
+def ways(out: int, scratch: Path) -> Iterator[tuple[Way, ...]]:
+    """The routers that are here: those that have their turns together, and then MAVProxy."""
+    others = {way.name: way for way in _routers(out, scratch)}
+    alone = others.pop(PYTHON_PEER, None)
+    yield (Way(DIRECT, out), *others.values())
+    if alone is not None:
+        yield (alone,)
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+def _routers(out: int, scratch: Path) -> Iterator[Way]:
     """The routers that are here, and how each is begun."""
+    into = _free_port()
     program = "import sys; from tests.benchmarks.router import begin; begin(*sys.argv[1:])"
-    yield OURS, [sys.executable, "-c", program, f"udpin://{HOST}:{into}", f"udpout://{HOST}:{out}"]
+    yield Way(OURS, into, [sys.executable, "-c", program, f"udpin://{HOST}:{into}", f"udpout://{HOST}:{out}"])
     routerd = shutil.which("mavlink-routerd") or str(PEERS / "mavlink-routerd")
     if Path(routerd).exists():
-        yield C_PEER, [routerd, "-t", "0", "-e", f"{HOST}:{out}", f"{HOST}:{into}"]
+        into = _free_port()
+        yield Way(C_PEER, into, [routerd, "-t", "0", "-e", f"{HOST}:{out}", f"{HOST}:{into}"])
     python = os.environ.get("MAVPROXY_PYTHON", str(PEERS / "mavproxy" / "bin" / "python"))
     if Path(python).exists():
-        yield (
+        into = _free_port()
+        yield Way(
             PYTHON_PEER,
+            into,
             [
                 *(python, str(Path(python).with_name("mavproxy.py")), f"--master=udpin:{HOST}:{into}"),
                 *(f"--out=udpout:{HOST}:{out}", "--daemon", "--non-interactive", f"--state-basedir={scratch}"),
@@ -122,7 +155,7 @@ def commands(into: int, out: int, scratch: Path) -> Iterator[tuple[str, list[str
 
 
 @contextmanager
-def running(command: list[str], scratch: Path) -> Iterator[subprocess.Popen[bytes]]:
+def running(command: Sequence[str], scratch: Path) -> Iterator[subprocess.Popen[bytes]]:
     """One router."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)} if "-c" in command[1:2] else dict(os.environ)
     process = subprocess.Popen(
@@ -145,14 +178,17 @@ def cpu_s(process: subprocess.Popen[bytes]) -> float:
 
 
 def passed(
-    process: subprocess.Popen[bytes] | None, receiver: socket.socket, into: int, stream: tuple[float, ...]
-) -> Passed:
-    """Sends a stream through a router, or straight to the receiver, and looks at what comes out."""
+    group: Sequence[Way], processes: Mapping[str, subprocess.Popen[bytes]], receiver: socket.socket, stream: Stream
+) -> dict[str, Passed]:
+    """Sends a stream each way in turn, and looks at what comes out."""
     wanted, parser = shape("HIGHRES_IMU").id, Parser(is_datagram=True)
-    before_s = 0.0 if process is None else cpu_s(process)
-    program = "import sys; from tests.benchmarks.router import send; send(int(sys.argv[1]), *map(float, sys.argv[2:]))"
+    before_s = {name: cpu_s(process) for name, process in processes.items()}
+    program = (
+        "import sys; from tests.benchmarks.router import send; "
+        "send([int(port) for port in sys.argv[1].split(',')], *map(float, sys.argv[2:]))"
+    )
     sender = subprocess.Popen(
-        [sys.executable, "-c", program, str(into), *map(str, stream)],
+        [sys.executable, "-c", program, ",".join(str(way.into) for way in group), *map(str, stream)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     arrived: list[tuple[int, bytes]] = []
@@ -165,16 +201,19 @@ def passed(
                 break
             continue
         arrived.append((time.monotonic_ns(), data))
-    used_s = 0.0 if process is None else cpu_s(process) - before_s
-    delays_us = [
-        (at_ns - decoded.time_usec) / 1e3
-        for at_ns, data in arrived
-        for frame in parser.receive(data)
-        if frame.message_id == wanted and (decoded := frame.decode()) is not None
-    ]
-    cuts = quantiles(delays_us, n=100) if len(delays_us) > 1 else [float("nan")] * 99
-    sent = round(stream[0] * stream[1])
-    return Passed(sent, len(delays_us), used_s / max(1, len(delays_us)) * 1e6, cuts[49], cuts[98])
+    used_s = {name: cpu_s(process) - before_s[name] for name, process in processes.items()}
+    delays_us: dict[str, list[float]] = {way.name: [] for way in group}
+    for at_ns, data in arrived:
+        for frame in parser.receive(data):
+            if frame.message_id == wanted and (decoded := frame.decode()) is not None:
+                delays_us[group[round(decoded.xacc)].name].append((at_ns - decoded.time_usec) / 1e3)
+    sent = round(stream.rate_hz * stream.for_s)
+    found: dict[str, Passed] = {}
+    for name, delays in delays_us.items():
+        cuts = quantiles(delays, n=100) if len(delays) > 1 else [float("nan")] * 99
+        cpu_us = used_s.get(name, 0.0) / max(1, len(delays)) * 1e6
+        found[name] = Passed(sent, len(delays), cpu_us, cuts[49], cuts[98])
+    return found
 
 
 def _drain(receiver: socket.socket) -> None:
@@ -187,21 +226,21 @@ def _drain(receiver: socket.socket) -> None:
 def one_round(scratch: Path) -> dict[str, dict[Stream, Passed]]:
     """Every stream through every router that is here, and through none."""
     found: dict[str, dict[Stream, Passed]] = {}
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((HOST, 0))
-        into = probe.getsockname()[1]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         enlarge(receiver, BUFFER_BYTES)
         receiver.bind((HOST, 0))
-        out = receiver.getsockname()[1]
-        found[DIRECT] = {stream: passed(None, receiver, out, stream) for stream in STREAMS}
-        for name, command in commands(into, out, scratch):
-            with running(command, scratch) as process:
+        for group in ways(receiver.getsockname()[1], scratch):
+            with ExitStack() as stack:
+                processes = {
+                    way.name: stack.enter_context(running(way.command, scratch)) for way in group if way.command
+                }
                 time.sleep(SETTLE_S)
-                send(into, 10.0, 0.5)
+                send([way.into for way in group], 10.0, 0.5)
                 time.sleep(SETTLE_S)  # what is passed on at all may have brought more of the router up
                 _drain(receiver)
-                found[name] = {stream: passed(process, receiver, into, stream) for stream in STREAMS}
+                for stream in STREAMS:
+                    for name, result in passed(group, processes, receiver, stream).items():
+                        found.setdefault(name, {})[stream] = result
     return found
 
 

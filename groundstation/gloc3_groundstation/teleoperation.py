@@ -88,9 +88,12 @@ class HandControl:
             self._tick()
 
     def close(self) -> None:
-        """Lets go, and says so once more."""
-        self.release()
+        """Lets go, and says so once more where that has not been said often enough."""
+        self._kept_until_s = float("-inf")
         self._cancel()
+        if self._releases:
+            self._releases = 0
+            self._send(Sticks())
 
     def _cancel(self) -> None:
         if self._timer is not None:

@@ -240,7 +240,8 @@ def test_over_a_bad_radio_everything_arrives_once(flight: Card) -> None:
     assert set(fetch.parameters) == set(flight.flight.companion.parameters._rows)
     assert tool.wait_for(read := tool.missions.download(COMPANION, now_s=tool.now_s)) is PlanResult.ACCEPTED
     assert len(read.items) == len(plan)
-    assert tool.command(START) is CommandResult.ACCEPTED
+    # the last word after one of progress may be lost, and is not asked for again
+    assert tool.command(START) in (CommandResult.ACCEPTED, CommandResult.NO_ANSWER)
     steered = [one.payload.body.verb for one in flight.heard["ci/request"] if isinstance(one.payload.body, Steer)]
     assert steered == [Verb.START]
     loaded = [one for one in flight.heard["ci/request"] if isinstance(one.payload.body, LoadMission)]

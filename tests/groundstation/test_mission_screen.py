@@ -145,7 +145,10 @@ async def test_while_the_mission_at_hand_has_errors_a_start_says_that_it_is_the_
         await here.go("3")
         await open_typed(here, str(file))
         await here.until("findings", "no task 'nowhere' here")
-        await here.press("escape", "s")
+        await here.wait(lambda: (known := here.app.platform) is not None and known.mission is not None)
+        await here.press("escape")
+        await here.wait(lambda: here.app.focused is not editor(here))
+        await here.press("s")
         await here.shows(Question)
         asked = here.app.screen
         assert isinstance(asked, Question)

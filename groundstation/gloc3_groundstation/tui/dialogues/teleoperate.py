@@ -133,6 +133,8 @@ class Teleoperate(ModalScreen[None]):
 
     def action_leave(self) -> None:
         """Lets go and ends the action."""
+        if self._hand is not None:
+            self._hand.close()
         if self._begun:
             self.app.run_worker(self._desk.missions.steer(self._platform, Verb.ABORT, self._begun), exit_on_error=True)
         self.dismiss()

@@ -5,6 +5,7 @@ from typing import Final, NamedTuple
 from gloc3.acoustic.frames import action_of
 from gloc3.ci import ContactSummary, Health, MissionSummary, VehicleSummary
 from gloc3.messages import Severity
+from gloc3.vehicle import LandedState
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
 LOSS_WORTH_TELLING: Final = 0.05
@@ -92,10 +93,18 @@ def battery(vehicle: VehicleSummary) -> str:
     return f"battery {vehicle.battery_percent} %" if vehicle.battery_percent >= 0 else "battery unknown"
 
 
+def armed(vehicle: VehicleSummary) -> str:
+    """`armed`, `disarmed`; `armed?` while its companion has heard no autopilot: it may be in the air."""
+    if vehicle.is_armed:
+        return "armed"
+    is_unknown = not vehicle.is_autopilot_connected and vehicle.landed == LandedState.UNKNOWN
+    return "armed?" if is_unknown else "disarmed"
+
+
 def arming(vehicle: VehicleSummary) -> str:
     """`armed, in air`."""
     landed = vehicle.landed.replace("_", " ")
-    return ("armed" if vehicle.is_armed else "disarmed") + (f", {landed}" if landed else "")
+    return armed(vehicle) + (f", {landed}" if landed else "")
 
 
 def duration(seconds: float) -> str:

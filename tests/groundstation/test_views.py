@@ -71,6 +71,9 @@ def test_the_title_tells_mode_armed_battery_link_and_control() -> None:
     assert line.split("   ")[:6] == [" heron", "HOLD", "disarmed", "bat 97 %", "link ok", "in control"]
     assert len(line) == 80
     assert line.endswith(" 00:10 ")
+    unheard = replace(VEHICLE, is_armed=False, is_autopilot_connected=False, landed="unknown")
+    began = text_of(title_line(view(replace(PLATFORM, vehicle=Timed(unheard, 100.0))), 80))
+    assert "armed?" in began, "a companion that began anew in the air does not know yet"
     other = text_of(title_line(view(PLATFORM, station="254"), 80))
     assert "255 controls" in other
 

@@ -36,6 +36,8 @@ class HostWatch:
         self._topic = f"{context.platform}/{HOST_PRESENCE}"
         self._here: dict[str, bool] = {}
         """What was told last."""
+        self._boots: dict[str, int] = {}
+        """Of the processes that spoke for the hosts last."""
         self._sensors: dict[str, list[SensorCondition]] = {}
         self._book = HostBook(names, host)
         self._told_names: HostNames | None = None
@@ -61,12 +63,22 @@ class HostWatch:
         if isinstance(status, HostStatus):
             self._book.see(status)
         if isinstance(status, HostStatus) and status.host != self._own:
+            self._see_boot(status.host, envelope.source.boot)
             self._sensors[status.host] = status.sensors
             if self._here.get(status.host):
                 self._tell(HostPresence(host=status.host, is_here=True, status=status))
 
+    def _see_boot(self, host: str, boot: int) -> None:
+        """A process that began anew before its end was noticed was lost all the same: all that it did is forgotten."""
+        known, self._boots[host] = self._boots.get(host, boot), boot
+        if boot != known and self._here.get(host):
+            self._see(host, is_here=False)
+            self._see(host, is_here=True)
+
     def _changed(self, token: str, is_here: bool) -> None:
-        host = token.rpartition("/")[2]
+        self._see(token.rpartition("/")[2], is_here=is_here)
+
+    def _see(self, host: str, *, is_here: bool) -> None:
         if host == self._own or self._here.get(host, False) == is_here:
             return
         self._here[host] = is_here

@@ -29,6 +29,7 @@ from gloc3.exchange.zenoh_session import QUIC
 from gloc3.mission.states import ENDED
 from gloc3.network import register
 from gloc3.network.access import Role
+from gloc3.vehicle import LandedState
 from gloc3_groundstation.command_client import Declined
 from gloc3_groundstation.station import Station
 
@@ -170,7 +171,7 @@ async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: 
         if fault.is_lost:
             await until(lambda: hosts.lost(fault.host) > lost, 10.0, "it is told to be lost")
         if fault.mission == LANDS:
-            await until(lambda: not operator.fleet.get(name).is_armed, 60.0, "it stands")  # type: ignore[union-attr]
+            await until(lambda: _stands(operator, name), 60.0, "it stands")
         if fault.is_lost or hosts.scene.mains[VEHICLE].program is not life:
             await until(
                 lambda: all(hosts.here(host) > count for host, count in here.items()), 60.0, "all are here again"
@@ -193,6 +194,13 @@ async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: 
         commands=sent,
         wrong=wrong,
     )
+
+
+def _stands(operator: Station, name: str) -> bool:
+    """Whether a companion that has heard of the autopilot tells that it is down and disarmed."""
+    known = operator.fleet.get(name)
+    vehicle = None if known is None or known.vehicle is None else known.vehicle.value
+    return vehicle is not None and vehicle.landed == LandedState.ON_GROUND and not vehicle.is_armed
 
 
 async def _resumed(operator: Station, name: str, settle_s: float) -> float:

@@ -1,0 +1,32 @@
+"""Who is told to be lost, and to be here again."""
+
+from gloc3.exchange import Publisher
+from gloc3.host_messages import HOST_PRESENCE, HOSTS, HostStatus
+from gloc3.standard_topics import TOPICS
+from gloc3.testing import PLATFORM, Bench
+from gloc3.topics import TopicTable
+from gloc3_onboard.nodes.host_watch import HostWatch
+
+TOPIC = f"{PLATFORM}/{HOSTS}/base"
+
+
+def told(bench: Bench) -> list[tuple[str, bool]]:
+    said = [e.payload for e in bench.envelopes if e.topic == f"{PLATFORM}/{HOST_PRESENCE}" and e.payload.status is None]
+    return [(one.host, one.is_here) for one in said]
+
+
+def test_a_host_whose_process_began_anew_before_its_silence_was_noticed_was_lost() -> None:
+    said: list[str] = []
+    with Bench(topics=TopicTable(TOPICS)) as bench:
+        watch = HostWatch(bench.context, "vehicle", ["vehicle", "base"], lambda _, text: said.append(text))
+        first, second = (Publisher(bench.exchange, PLATFORM, "host_base", boot) for boot in (7, 8))
+        status = HostStatus(host="base", is_clock_host=False, processes=[])
+        withdraw = bench.exchange.declare_alive(TOPIC)
+        for publisher in (first, first, second, second):
+            publisher.publish(TOPIC, status, bench.loop.time())
+            bench.run(1.0)
+        assert said == ["host base is here", "host base is lost", "host base is here"]
+        withdraw()
+        bench.run(1.0)
+        watch.close()
+    assert told(bench) == [("base", True), ("base", False), ("base", True), ("base", False)]

@@ -20,6 +20,7 @@ BY_NAME = (
         for name in ("boat", "copter", "hummingbird", "pelican", "pelican_rtk", "rover", "submarine")
     ),
     "gloc3_sitl/world/worlds/hold.yaml",
+    "gloc3_sitl/aircraft/aerosonde/aerosonde.xml",
     "gloc3_sitl/aircraft/pelican/pelican.xml",
 )
 

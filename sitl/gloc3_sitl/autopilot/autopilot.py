@@ -24,6 +24,7 @@ from gloc3_sitl.autopilot.surroundings import Nowhere, Surroundings
 from gloc3_sitl.autopilot.tuning import Tuning
 from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
 from gloc3_sitl.sensors.readings import (
+    AirspeedReading,
     BarometerReading,
     BatteryReading,
     FixReading,
@@ -114,6 +115,7 @@ class Autopilot:
             RangeReading: self._take_range,
             BatteryReading: self._take_battery,
             LeakReading: self._take_leak,
+            AirspeedReading: self._take_airspeed,
         }
 
     @property
@@ -211,6 +213,9 @@ class Autopilot:
 
     def _take_leak(self, reading: LeakReading) -> None:
         self.craft.is_leaking = reading.is_wet
+
+    def _take_airspeed(self, reading: AirspeedReading) -> None:
+        self.craft.airspeed_m_s = reading.airspeed_m_s
 
     def _take_other(self, reading: Reading) -> None:
         self.others[type(reading)] = reading

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import nan
 from typing import NamedTuple
 
 from gloc3.frames import GeoPoint, Vector3
@@ -81,11 +82,15 @@ class Craft:
     is_armed: bool = False
     range_mount_m: float = 0.0
     """Height of the range finder over the ground when the vehicle stands, as its readings tell."""
+    airspeed_m_s: float = nan
+    """By the pitot tube, where there is one."""
     is_leaking: bool = False
     """Whether there is water in the hull."""
     fault: str = ""
     """Something that is broken, in words; arming is refused while it stands."""
     last_setpoint: Setpoint = LANDED
+    runway_rad: float = 0.0
+    """Direction of the newest take-off over ground, for landings on wings."""
     looks_at: Vector3 | None = None
     """Where the nose shall point, where somebody has told a place."""
     crumbs: list[Vector3] = field(default_factory=list)

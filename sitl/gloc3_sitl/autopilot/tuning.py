@@ -7,6 +7,7 @@ from math import nan
 from gloc3_sitl.autopilot.control.drive_gains import DriveGains
 from gloc3_sitl.autopilot.control.position import PositionGains
 from gloc3_sitl.autopilot.control.trajectory import TrajectoryLimits
+from gloc3_sitl.autopilot.control.wing_gains import WingGains
 
 
 class Action(IntEnum):
@@ -31,6 +32,7 @@ class Tuning:
     gains: PositionGains = field(default_factory=PositionGains)
     limits: TrajectoryLimits = field(default_factory=TrajectoryLimits)
     drive: DriveGains = field(default_factory=DriveGains)
+    wings: WingGains = field(default_factory=WingGains)
     attitude_p_roll: float = 6.5
     attitude_p_pitch: float = 6.5
     attitude_p_yaw: float = 3.0

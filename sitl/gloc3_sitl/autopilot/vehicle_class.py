@@ -7,6 +7,7 @@ from typing import Final
 from gloc3_sitl.autopilot.control.control import Control
 from gloc3_sitl.autopilot.control.drive import DriveControl
 from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
+from gloc3_sitl.autopilot.control.wings import WingControl
 from gloc3_sitl.autopilot.craft import Craft
 
 
@@ -36,3 +37,5 @@ BOAT: Final = replace(ROVER, mav_type=11)
 """A boat with a left and a right propeller."""
 MULTIROTOR: Final = VehicleClass(mav_type=2, control=MultirotorControl)
 """A quadrotor."""
+PLANE: Final = VehicleClass(mav_type=1, control=WingControl, rest_us=1500, span_us=500)
+"""A plane: ailerons, elevator, throttle (no drive at 1000 us), rudder."""

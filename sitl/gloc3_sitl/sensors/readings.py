@@ -112,6 +112,15 @@ class WheelReading(msgspec.Struct, frozen=True, kw_only=True):
     """Way of the rim, left and right; backwards counts down."""
 
 
+class AirspeedReading(msgspec.Struct, frozen=True, kw_only=True):
+    """What a pitot tube says."""
+
+    t_s: float
+    """Time of validity."""
+    airspeed_m_s: float
+    """Indicated: as in air of 1.225 kg/m^3."""
+
+
 class LeakReading(msgspec.Struct, frozen=True, kw_only=True):
     """Whether there is water in the hull."""
 
@@ -129,5 +138,6 @@ Reading = (
     | BatteryReading
     | WheelReading
     | LeakReading
+    | AirspeedReading
 )
 """Any sensor's reading."""

@@ -9,7 +9,7 @@ parameters of 2018) |
 | deflection | 0.436 rad (25 deg) | our choice |
 | lag of servos, of the motor | 0.05 s, 0.2 s | our choice |
 | battery | 12 cells, 20 Ah | 12 cells in the supplement; our choice of charge |
-| wheels | 0.57 m from nose to main wheels, track 0.8 m, rolling friction 0.03 | our choice; the original is launched from a car |
+| wheels | 0.57 m from nose to main wheels, track 0.8 m, rolling friction 0.10 (grass) | our choice; the original is launched from a car |
 """
 
 from math import pi

@@ -11,14 +11,18 @@ from gloc3_sitl.autopilot.control.underwater import UnderwaterControl
 from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.ardusub import ARDUSUB
+from gloc3_sitl.autopilot.styles.plane import PLANE
 from gloc3_sitl.autopilot.styles.px4 import PX4
 from gloc3_sitl.autopilot.styles.rover import BOAT, ROVER
 from gloc3_sitl.autopilot.vehicle_class import BOAT as BOAT_CLASS
 from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
+from gloc3_sitl.autopilot.vehicle_class import PLANE as PLANE_CLASS
 from gloc3_sitl.autopilot.vehicle_class import ROVER as ROVER_CLASS
 from gloc3_sitl.body import Body, MakeBody, Situation
+from gloc3_sitl.fixed_wing import FixedWing
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.rover import SkidRover
+from gloc3_sitl.sensors.airspeed import Airspeed
 from gloc3_sitl.sensors.altimeter import Altimeter
 from gloc3_sitl.sensors.battery import Pack
 from gloc3_sitl.sensors.compass import Compass
@@ -29,6 +33,7 @@ from gloc3_sitl.sensors.surface_fix import SurfaceFix
 from gloc3_sitl.sensors.wheels import WheelEncoders
 from gloc3_sitl.underwater import UnderwaterVehicle
 from gloc3_sitl.vehicles import PELICAN
+from gloc3_sitl.vehicles.aerosonde import AEROSONDE
 from gloc3_sitl.vehicles.auv import AUV
 from gloc3_sitl.vehicles.jackal import JACKAL
 from gloc3_sitl.vehicles.otter import OTTER
@@ -160,6 +165,14 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=OTTER,
         vehicle_class=BOAT_CLASS,
         styles={"ardupilot": BOAT},
+    ),
+    "plane": VehicleRow(
+        types=("aircraft",),
+        body=partial(FixedWing, AEROSONDE),
+        pack=AEROSONDE,
+        vehicle_class=PLANE_CLASS,
+        styles={"ardupilot": PLANE},
+        sensors=lambda seed, home: [Airspeed(seed, home)],
     ),
 }
 """By the name that `gloc3 sitl --vehicle` takes."""

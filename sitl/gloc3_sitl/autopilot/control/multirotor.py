@@ -9,7 +9,7 @@ from gloc3_sitl.autopilot.control.attitude import AttitudeController, attitude_f
 from gloc3_sitl.autopilot.control.mixer import IDLE, Mixer, Throttles
 from gloc3_sitl.autopilot.control.position import PositionController
 from gloc3_sitl.autopilot.control.rates import RateController
-from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, DriveSetpoint, MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.periods import OUTER_S, OUTER_STEPS, STEP_S
 
@@ -62,8 +62,8 @@ class MultirotorControl:
 
     def follow(self, setpoint: Setpoint) -> None:
         """Looks for the ground, and turns a setpoint into an attitude (or rates) and a thrust."""
-        if isinstance(setpoint, DriveSetpoint):
-            raise Misuse("a multirotor is not driven")
+        if not isinstance(setpoint, MotionSetpoint | AttitudeSetpoint):
+            raise Misuse(f"a multirotor takes no {type(setpoint).__name__}")
         self._detect_touchdown(setpoint)
         tuning = self._tuning
         self._attitude.gain = (tuning.attitude_p_roll, tuning.attitude_p_pitch, tuning.attitude_p_yaw)

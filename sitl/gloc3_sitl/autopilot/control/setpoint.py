@@ -56,7 +56,32 @@ class DriveSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Right positive, -1 to 1."""
 
 
-Setpoint = MotionSetpoint | AttitudeSetpoint | DriveSetpoint
+class WingSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """A bank, a height and an air speed, for what flies on wings; or parts of that given as they are."""
+
+    roll_rad: float = 0.0
+    """To the right."""
+    down_m: float = nan
+    """Height wanted, as NED down; NaN where only the climb is."""
+    climb_m_s: float = 0.0
+    """How fast that height changes."""
+    airspeed_m_s: float = nan
+    """NaN is that of cruise."""
+    pitch_rad: float = nan
+    """NaN leaves it to the balance of energy."""
+    throttle: float = nan
+    """0 to 1; NaN leaves it to the sum of energy."""
+    heading_rad: float = nan
+    """Steered by the rudder on the ground; NaN in flight."""
+    is_direct: bool = False
+    """Sticks go to the rudders as they are."""
+    aileron: float = 0.0
+    elevator: float = 0.0
+    rudder: float = 0.0
+    """-1 to 1: right, nose up, nose right."""
+
+
+Setpoint = MotionSetpoint | AttitudeSetpoint | DriveSetpoint | WingSetpoint
 
 LANDED: Final = MotionSetpoint(is_landed=True)
 """Motors idle on the ground."""

@@ -1,6 +1,6 @@
 """What the autopilot tells about its motion and its sensors: one producer a message."""
 
-from math import atan2, degrees, hypot, isfinite, nan, tau
+from math import atan2, degrees, hypot, isfinite, isnan, nan, tau
 from typing import TYPE_CHECKING, Any, Final
 
 from gloc3.link.codec import message
@@ -149,7 +149,7 @@ def vfr_hud(autopilot: "Autopilot") -> MavlinkMessage:
     speed = hypot(vn, ve)
     return message(
         "VFR_HUD",
-        airspeed=speed,
+        airspeed=speed if isnan(airspeed := autopilot.craft.airspeed_m_s) else airspeed,
         groundspeed=speed,
         heading=round(degrees(estimator.yaw_rad % tau)) % 360,
         throttle=round(100.0 * max(0.0, min(1.0, autopilot.control.thrust))),

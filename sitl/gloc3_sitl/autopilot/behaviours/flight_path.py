@@ -1,0 +1,103 @@
+"""What the modes of a plane share: a bank that leads along a line or around a place, and heights."""
+
+from math import atan, cos, hypot, isnan, nan, sin
+from typing import Final
+
+from gloc3.frames import GRAVITY_M_S2, Vector3
+from gloc3_sitl.autopilot.control.lateral import LateralGuidance
+from gloc3_sitl.autopilot.control.setpoint import WingSetpoint
+from gloc3_sitl.autopilot.craft import Craft
+
+_ROUND_SHARE: Final = 1.3
+"""Nearer to the centre than so many radii it is on its circle."""
+
+
+class FlightPath:
+    """Leads one plane; its places are NED."""
+
+    def __init__(self, craft: Craft) -> None:
+        self._craft: Final = craft
+        self.airspeed_m_s = nan
+        """NaN is that of cruise."""
+        self._begin: Vector3 = craft.estimator.inertial.position_ned_m
+        self.target: Vector3 = self._begin
+
+    def _bank(self, right_m_s2: float) -> float:
+        most = self._craft.tuning.wings.roll_max_rad
+        return max(-most, min(most, atan(right_m_s2 / GRAVITY_M_S2)))
+
+    def _guide(self) -> LateralGuidance:
+        gains = self._craft.tuning.wings
+        return LateralGuidance(gains.guidance_s, gains.guidance_damping)
+
+    def head_for(self, target: Vector3, start: Vector3 | None = None) -> None:
+        """Sets the next place, and where the line to it begins; here, where that is not said."""
+        here = self._craft.estimator.inertial.position_ned_m
+        self._begin, self.target = here if start is None else start, target
+
+    def follow(self) -> WingSetpoint:
+        """Along the line, at the height of its end."""
+        inertial = self._craft.estimator.inertial
+        right = self._guide().along(inertial.position_ned_m, inertial.velocity_ned_m_s, self._begin, self.target)
+        return WingSetpoint(roll_rad=self._bank(right), down_m=self.target[2], airspeed_m_s=self.airspeed_m_s)
+
+    def on_slope(self) -> WingSetpoint:
+        """Along the line, with its height at each place."""
+        slope = (self._begin[2] - self.target[2]) / max(1.0, self.length_m)
+        flat = self.follow()
+        vn, ve, _ = self._craft.estimator.inertial.velocity_ned_m_s
+        return WingSetpoint(
+            roll_rad=flat.roll_rad,
+            down_m=self.target[2] + slope * self.left_m,
+            climb_m_s=slope * hypot(vn, ve),
+            airspeed_m_s=flat.airspeed_m_s,
+        )
+
+    @property
+    def length_m(self) -> float:
+        """Of the line, on the map."""
+        return hypot(self.target[0] - self._begin[0], self.target[1] - self._begin[1])
+
+    @property
+    def left_m(self) -> float:
+        """Way along the line to its end; negative beyond it."""
+        n, e, _ = self._craft.estimator.inertial.position_ned_m
+        north, east = self.target[0] - self._begin[0], self.target[1] - self._begin[1]
+        length = hypot(north, east)
+        if length < 1.0:
+            return hypot(self.target[0] - n, self.target[1] - e)
+        return ((self.target[0] - n) * north + (self.target[1] - e) * east) / length
+
+    def is_there(self, within_m: float) -> bool:
+        """Whether it is that near to the target, or has passed it."""
+        return self.distance_m(self.target) < within_m or self.left_m < 0.0
+
+    def distance_m(self, place: Vector3) -> float:
+        """On the map."""
+        n, e, _ = self._craft.estimator.inertial.position_ned_m
+        return hypot(place[0] - n, place[1] - e)
+
+    def circle(self, centre: Vector3, radius_m: float) -> WingSetpoint:
+        """Around a place, at its height."""
+        inertial = self._craft.estimator.inertial
+        right = self._guide().around(inertial.position_ned_m, inertial.velocity_ned_m_s, centre, radius_m)
+        return WingSetpoint(roll_rad=self._bank(right), down_m=centre[2], airspeed_m_s=self.airspeed_m_s)
+
+    def is_round(self, centre: Vector3, radius_m: float) -> bool:
+        """Whether it goes round already."""
+        return self.distance_m(centre) < _ROUND_SHARE * abs(radius_m)
+
+    def on_course(self, course_rad: float, down_m: float) -> WingSetpoint:
+        """On a course over ground, at a height."""
+        right = self._guide().on_course(self._craft.estimator.inertial.velocity_ned_m_s, course_rad)
+        return WingSetpoint(roll_rad=self._bank(right), down_m=down_m, airspeed_m_s=self.airspeed_m_s)
+
+
+def beyond(place: Vector3, course_rad: float, way_m: float, height_m: float = 0.0) -> Vector3:
+    """A place so far on a course, and so much higher."""
+    return (place[0] + way_m * cos(course_rad), place[1] + way_m * sin(course_rad), place[2] - height_m)
+
+
+def circle_of(radius_m: float, usual_m: float) -> float:
+    """A radius, or the usual one where none is said."""
+    return usual_m if isnan(radius_m) or radius_m == 0.0 else radius_m

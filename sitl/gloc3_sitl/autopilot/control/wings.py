@@ -1,0 +1,139 @@
+"""How a plane is controlled: bank, nose and throttle to ailerons, elevator, throttle and rudder, as Plane does."""
+
+from math import cos, hypot, isnan, sin, tan
+from typing import Final
+
+from gloc3.errors import Misuse
+from gloc3.frames import GRAVITY_M_S2, Quaternion, from_euler, to_euler, wrap_pi
+from gloc3_sitl.autopilot.control.energy import EnergyControl, Wish
+from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint, WingSetpoint
+from gloc3_sitl.autopilot.control.wing_gains import WingGains
+from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.periods import STEP_S
+
+Rudders = tuple[float, float, float, float]
+"""Ailerons, elevator, throttle, rudder: -1 to 1; right, nose up, full, right."""
+_STOPPED: Final[Rudders] = (0.0, 0.0, -1.0, 0.0)
+_STANDS_M_S: Final = 1.0
+_STANDS_S: Final = 1.5
+_STARTS: Final = 0.2
+"""Throttle with which a plane on the ground counts as under way."""
+
+
+class WingControl:
+    """Three rudders and a throttle; a `Control`."""
+
+    stopped: Rudders = _STOPPED
+
+    def __init__(self, craft: Craft) -> None:
+        self.thrust = 0.0
+        self._craft: Final = craft
+        self._gains: Final[WingGains] = craft.tuning.wings
+        self._energy: Final = EnergyControl(self._gains)
+        self._setpoint = WingSetpoint(throttle=0.0, pitch_rad=0.0)
+        self._pitch_rad = 0.0
+        self._roll_sum = self._pitch_sum = 0.0
+        self._stands_s = 0.0
+        self._is_balancing = False
+
+    @property
+    def wanted_attitude(self) -> Quaternion:
+        """Bank and nose that are steered to, with the heading that there is."""
+        return from_euler(self._setpoint.roll_rad, self._pitch_rad, self._craft.estimator.yaw_rad)
+
+    @property
+    def airspeed_m_s(self) -> float:
+        """As measured; without a pitot tube, that over ground."""
+        measured = self._craft.airspeed_m_s
+        vn, ve, _ = self._craft.estimator.inertial.velocity_ned_m_s
+        return hypot(vn, ve) if isnan(measured) else measured
+
+    def follow(self, setpoint: Setpoint) -> None:
+        """Works out nose and throttle, every 20 ms."""
+        craft = self._craft
+        if setpoint is LANDED or not craft.is_armed:
+            self._setpoint = WingSetpoint(throttle=0.0, pitch_rad=0.0)
+            self._roll_sum = self._pitch_sum = self.thrust = self._pitch_rad = 0.0
+            self._is_balancing = False
+            self._mind_ground(0.0)
+            return
+        if not isinstance(setpoint, WingSetpoint):
+            raise Misuse(f"what flies on wings takes no {type(setpoint).__name__}")
+        self._setpoint = setpoint
+        if not setpoint.is_direct:
+            self._balance(setpoint)
+        else:
+            self.thrust, self._is_balancing = setpoint.throttle, False
+        self._mind_ground(self.thrust)
+
+    def _balance(self, setpoint: WingSetpoint) -> None:
+        inertial, gains = self._craft.estimator.inertial, self._gains
+        if not isnan(setpoint.pitch_rad) and not isnan(setpoint.throttle):
+            self._pitch_rad, self.thrust, self._is_balancing = setpoint.pitch_rad, setpoint.throttle, False
+            return
+        airspeed = self.airspeed_m_s
+        if not self._is_balancing:
+            self._energy.reset(airspeed, to_euler(inertial.ned_from_frd)[1])
+            self._is_balancing = True
+        has_height = not isnan(setpoint.down_m)
+        wish = Wish(
+            inertial.position_ned_m[2] - setpoint.down_m if has_height else 0.0,
+            setpoint.climb_m_s,
+            gains.cruise_m_s if isnan(setpoint.airspeed_m_s) else setpoint.airspeed_m_s,
+            None if isnan(setpoint.throttle) else setpoint.throttle,
+        )
+        load = 1.0 / max(0.5, cos(setpoint.roll_rad))
+        pitch, self.thrust = self._energy.update(wish, -inertial.velocity_ned_m_s[2], airspeed, load)
+        self._pitch_rad = pitch if isnan(setpoint.pitch_rad) else setpoint.pitch_rad
+
+    def _mind_ground(self, throttle: float) -> None:
+        """Tells ground from air: it has landed when it stands with its motor off."""
+        craft = self._craft
+        touchdown = craft.touchdown
+        if not craft.is_armed:
+            if not touchdown.is_landed:
+                touchdown.landed_s = craft.now_s
+            touchdown.is_landed = True
+            return
+        if throttle > _STARTS:
+            touchdown.is_landed, self._stands_s = False, craft.now_s
+            return
+        moves = hypot(*craft.estimator.inertial.velocity_ned_m_s) > _STANDS_M_S
+        if moves or throttle > 0.0:
+            self._stands_s = craft.now_s
+        elif not touchdown.is_landed and craft.now_s - self._stands_s > _STANDS_S:
+            touchdown.is_landed, touchdown.landed_s = True, craft.now_s
+
+    def outputs(self) -> Rudders:
+        """The outputs for the next 5 ms."""
+        wanted, gains, inertial = self._setpoint, self._gains, self._craft.estimator.inertial
+        throttle = 2.0 * self.thrust - 1.0
+        if wanted.is_direct:
+            return (wanted.aileron, wanted.elevator, throttle, wanted.rudder)
+        if self._craft.is_landed:
+            return _STOPPED
+        p, q, r = inertial.rate_frd_rad_s
+        roll, pitch, yaw = to_euler(inertial.ned_from_frd)
+        airspeed = max(0.5 * gains.scaling_m_s, self.airspeed_m_s)
+        scale = min(2.0, gains.scaling_m_s / airspeed)
+        rate = max(-1.5, min(1.5, (wanted.roll_rad - roll) / gains.roll_s))
+        error = rate - p
+        self._roll_sum = max(-0.5, min(0.5, self._roll_sum + gains.roll_i * error * STEP_S))
+        aileron = gains.roll_ff * rate * scale + (gains.roll_p * error + self._roll_sum) * scale * scale
+        bank = max(-1.2, min(1.2, roll))
+        turn = GRAVITY_M_S2 / airspeed * tan(bank)
+        rate = max(-0.8, min(0.8, (self._pitch_rad - pitch) / gains.pitch_s)) + turn * sin(bank)
+        error = rate - q
+        step = gains.pitch_i * error * STEP_S
+        elevator = gains.pitch_ff * rate * scale + (gains.pitch_p * error + self._pitch_sum) * scale * scale
+        if abs(elevator) < 1.0 or elevator * error < 0.0:
+            self._pitch_sum = max(-1.0, min(1.0, self._pitch_sum + step))
+        if isnan(wanted.heading_rad):
+            rudder = -gains.yaw_damping * (r - turn * cos(bank)) * scale
+        else:
+            rudder = gains.steering_p * wrap_pi(wanted.heading_rad - yaw) - gains.yaw_damping * r
+        return (_clip(aileron), _clip(elevator), throttle, _clip(rudder))
+
+
+def _clip(value: float) -> float:
+    return max(-1.0, min(1.0, value))

@@ -19,7 +19,8 @@ class FixedWing(JsbsimBody):
     """One simulated aircraft that rests on its wheels to begin with.
 
     Formulas are those of R. Beard and T. McLain, "Small Unmanned Aircraft" (2012), chapter 4, and of its supplement for the
-    motor with its propeller, in steady state at each instant.
+    motor with its propeller, in steady state at each instant. As there, a motor without throttle brakes the propeller that
+    the air drives, but nothing flows back into the battery.
 
     Args:
         model: the aircraft.
@@ -129,9 +130,9 @@ class FixedWing(JsbsimBody):
         t0, t1, t2 = m.thrust_coefficients
         turns = spin / tau
         thrust = rho * size**2 * (t0 * (size * turns) ** 2 + t1 * size * turns * speed + t2 * speed * speed)
-        current = max(0.0, (volts - m.motor_v_s_rad * spin) / m.motor_ohm)
-        self._motor_w = volts * current
-        return thrust, m.motor_v_s_rad * (current - m.motor_idle_a if current > 0.0 else 0.0)
+        current = (volts - m.motor_v_s_rad * spin) / m.motor_ohm
+        self._motor_w = max(0.0, volts * current)
+        return thrust, m.motor_v_s_rad * (current - m.motor_idle_a)
 
 
 def _stalled(alpha: float, stall_rad: float, sharpness: float) -> float:

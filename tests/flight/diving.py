@@ -48,6 +48,7 @@ def dive(
     world: str = "bay",
     faults: tuple[str, ...] = (),
     out: str = "",
+    waves_m: float = 0.0,
 ) -> Dive:
     """Dives.
 
@@ -59,10 +60,12 @@ def dive(
         world: its name or file.
         faults: as for `gloc3 fly`.
         out: name of a folder in `folder` for the log; empty keeps none.
+        waves_m: significant height.
     """
     file = folder / "mission.yaml"
     file.write_text(mission)
-    plan = FlightPlan(mission=str(file), platform=platform, seed=seed, world=world, out=folder / out if out else None)
+    log = folder / out if out else None
+    plan = FlightPlan(mission=str(file), platform=platform, seed=seed, world=world, out=log, waves_m=waves_m)
     return run_virtual(_dive(plan, faults))
 
 

@@ -46,3 +46,8 @@ def test_without_its_dvl_it_says_that_it_is_adrift_and_the_same_seed_gives_the_s
     assert found.claimed_m > 2.0
     dive(MISSION, "rov", 6, tmp_path / "same", faults=faults, out="flight")
     assert (tmp_path / "one/flight/log.mcap").read_bytes() == (tmp_path / "same/flight/log.mcap").read_bytes()
+
+
+def test_in_waves_that_never_let_it_rest_it_surfaces_and_is_disarmed_all_the_same(tmp_path: Path) -> None:
+    found = dive(MISSION, "auv", 5, tmp_path, waves_m=0.3)
+    assert (found.state, found.reason) == ("done", "")

@@ -100,6 +100,9 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._climbs_from_down_m: float | None = None
         self._surrendered_s = -math.inf
         self._rests_since_s: float | None = None
+        self._rest_seen_s = -math.inf
+        self._mean_ned_m_s = (0.0, 0.0, 0.0)
+        """Velocity, averaged."""
         self._rested_s = 0.0
         self._had_control = True
         self._reported: DriverState | None = None
@@ -237,7 +240,14 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def _look_at_rest(self, now_s: float) -> None:
         """For how long the vehicle has stood still, as far as is known."""
         pose = self._stream.young_pose(now_s)
-        if pose is None or math.hypot(*pose.velocity_ned_m_s) > self._settings.at_rest_m_s:
+        if pose is not None:
+            share = 1.0 - math.exp(-(now_s - self._rest_seen_s) / max(self._settings.at_rest_over_s, 1e-6))
+            north, east, down = (
+                mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, pose.velocity_ned_m_s, strict=True)
+            )
+            self._mean_ned_m_s = (north, east, down)
+        self._rest_seen_s = now_s
+        if pose is None or math.hypot(*self._mean_ned_m_s) > self._settings.at_rest_m_s:
             self._rests_since_s = None
         elif self._rests_since_s is None:
             self._rests_since_s = now_s

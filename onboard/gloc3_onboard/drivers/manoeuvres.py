@@ -24,7 +24,9 @@ class DriverSettings(Settings, frozen=True):
     step_timeout_s: Annotated[float, Bounds(0.5, 60.0)] = 8.0
     """A step of a manoeuvre (mode, arming, take-off) fails after this time."""
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.15
-    """A vehicle that is no faster stands, and may be disarmed where that ends its way; more where waves move it."""
+    """A vehicle that is no faster stands, and may be disarmed where that ends its way."""
+    at_rest_over_s: Annotated[float, Bounds(0.0, 60.0)] = 0.0
+    """So long its velocity is averaged for that: waves move what stays where it is to and fro."""
 
 
 class SetMode(NamedTuple):

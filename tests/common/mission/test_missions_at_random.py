@@ -25,6 +25,11 @@ def test_no_mission_breaks_a_rule_in_any_weather_and_no_refusal_is_without_a_pla
     assert sum(not one.is_flown for one in judged.values() if one.flaw) > 10
 
 
+@pytest.mark.parametrize("seed", [7914], ids=["a restart right after another time was put on disk"])
+def test_no_rule_is_broken_in_missions_that_once_seemed_to(seed: int) -> None:
+    assert judge(seed).wrong == ()
+
+
 @pytest.mark.parametrize("verb", ["pause", "resume", "skip", "abort"])
 def test_whatever_an_operator_does_at_any_step_no_rule_is_broken(verb: str) -> None:
     steps, targets = steps_and_targets(STEERED)

@@ -324,7 +324,8 @@ class Observer:
     def _restarts(self, entry: Entry) -> None:
         for target, reported in self._progress.items():
             kept, task = self._kept.get(target, {}), target.partition(".")[0]
-            if (self._kept.get(task, {}).get("repetition") or 1) > self._items[task].done:
+            times = self._items[task].done if task in self._items else 1
+            if (self._kept.get(task, {}).get("repetition") or 1) > times:
                 continue  # it was to be done once more, which nobody was told of any more
             if kept.get("state") == "running" and all(
                 abs(kept.get("progress", 0.0) - one) > PROGRESS_STEP + 1e-6 for one in reported

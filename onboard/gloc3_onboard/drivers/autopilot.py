@@ -245,8 +245,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             north, east, down = (
                 mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, pose.velocity_ned_m_s, strict=True)
             )
-            self._mean_ned_m_s = (north, east, down)
-        self._rest_seen_s = now_s
+            self._mean_ned_m_s, self._rest_seen_s = (north, east, down), now_s
         if pose is None or math.hypot(*self._mean_ned_m_s) > self._settings.at_rest_m_s:
             self._rests_since_s = None
         elif self._rests_since_s is None:

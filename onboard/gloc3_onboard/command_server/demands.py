@@ -12,10 +12,10 @@ from gloc3.errors import Refused
 from gloc3.messages import Envelope, Severity
 from gloc3.teleoperation import EXPIRES_S, VelocityDemand
 from gloc3_onboard.command_server.component_requests import Say
-from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.control import MOST_HEARD, ControlAuthority
 
 AGAIN_S: Final = 10.0
-"""Why demands are not taken is told so often."""
+"""Why demands of a station are not taken is told so often."""
 DRIFT: Final = 1e-3
 """Two clocks run apart by less than this share of the time."""
 
@@ -45,7 +45,7 @@ class Demands:
                 if self._counts(envelope, now_s):
                     taken = [envelope.payload]
             except Refused as refusal:
-                self._tell(f"velocities of station {envelope.payload.sender} are not taken: {refusal}", now_s)
+                self._tell(envelope.payload.sender, str(refusal), now_s)
         return taken
 
     def _counts(self, envelope: Envelope[VelocityDemand], now_s: float) -> bool:
@@ -71,11 +71,10 @@ class Demands:
             raise Refused(f"they come {late_s:.1f} s late; take to the keys anew if the link stays so slow")
         return True
 
-    def _tell(self, text: str, now_s: float) -> None:
-        kind = text.partition(" late")[0].rstrip("0123456789. s")
-        if now_s - self._told_s.get(kind, float("-inf")) < AGAIN_S:
+    def _tell(self, sender: str, text: str, now_s: float) -> None:
+        if now_s - self._told_s.get(sender, float("-inf")) < AGAIN_S:
             return
-        if len(self._told_s) > 8:
+        if len(self._told_s) > MOST_HEARD:
             self._told_s.clear()
-        self._told_s[kind] = now_s
-        self._say(Severity.WARNING, text)
+        self._told_s[sender] = now_s
+        self._say(Severity.WARNING, f"velocities of station {sender} are not taken: {text}")

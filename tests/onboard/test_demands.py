@@ -67,6 +67,15 @@ def test_what_the_link_held_up_is_not_carried_out_whatever_the_clocks_say() -> N
     assert desk.take(30, sent_s=3.0, now_s=1003.1) == [30]
 
 
+def test_what_comes_late_of_a_session_that_is_over_counts_no_more() -> None:
+    desk = Desk()
+    assert desk.take(0, 1, 2) == [2]
+    assert desk.take(0, session=8) == [0]
+    assert desk.take(3, 4, now_s=1009.0) == [], "by a slower way"
+    assert desk.take(1, session=8) == [1]
+    assert desk.take(0, session=9, sent_s=float("nan")) == []
+
+
 def test_clocks_that_run_apart_make_nothing_late() -> None:
     desk = Desk()
     for n in range(20_000):

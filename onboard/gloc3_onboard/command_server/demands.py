@@ -4,6 +4,7 @@ A demand that is late says what an operator wanted before the link stood still. 
 vehicle have nothing in common, so its lateness is what it was longer on its way than the quickest one of its session.
 """
 
+from collections import OrderedDict, deque
 from collections.abc import Sequence
 from typing import Final
 
@@ -18,6 +19,20 @@ AGAIN_S: Final = 10.0
 """Why demands of a station are not taken is told so often."""
 DRIFT: Final = 1e-3
 """Two clocks run apart by less than this share of the time."""
+MOST_SENDERS: Final = 16
+MOST_PAST: Final = 64
+"""Sessions that are over and remembered: what comes of them late, by a slower way, counts no more."""
+
+
+class _Session:
+    """What came of one time at the keys."""
+
+    def __init__(self, number: int, way_s: float) -> None:
+        self.number: Final = number
+        self.sequence = -1
+        self.quickest_s = way_s
+        """The difference of the clocks and the shortest way."""
+        self.heard_s = 0.0
 
 
 class Demands:
@@ -30,11 +45,9 @@ class Demands:
 
     def __init__(self, authority: ControlAuthority, say: Say) -> None:
         self._authority, self._say = authority, say
-        self._session = ("", -1)
-        self._sequence = -1
-        self._quickest_s = 0.0
-        """The difference of the clocks and the shortest way."""
-        self._heard_s = 0.0
+        self._sessions: OrderedDict[str, _Session] = OrderedDict()
+        """By sender: the one that goes on."""
+        self._past: deque[tuple[str, int]] = deque(maxlen=MOST_PAST)
         self._told_s: dict[str, float] = {}
 
     def take(self, demands: Sequence[Envelope[VelocityDemand]], now_s: float) -> list[VelocityDemand]:
@@ -58,18 +71,32 @@ class Demands:
         if demand.role is not StationRole.OPERATOR:
             raise Refused("it is an observer")
         self._authority.require(demand.sender)
-        session, way_s = (demand.sender, demand.session), now_s - envelope.t_s
-        if session != self._session:
-            self._session, self._sequence, self._quickest_s = session, -1, way_s
-        elif demand.sequence <= self._sequence:
+        way_s = now_s - envelope.t_s
+        session = self._session_of(demand, way_s)
+        if session is None or demand.sequence <= session.sequence:
             return False
-        self._sequence = demand.sequence
-        self._quickest_s = min(way_s, self._quickest_s + DRIFT * (now_s - self._heard_s))
-        self._heard_s = now_s
-        late_s = way_s - self._quickest_s
-        if late_s > EXPIRES_S:
+        session.sequence = demand.sequence
+        session.quickest_s = min(way_s, session.quickest_s + DRIFT * (now_s - session.heard_s))
+        session.heard_s = now_s
+        late_s = way_s - session.quickest_s
+        if not late_s <= EXPIRES_S:
             raise Refused(f"they come {late_s:.1f} s late; take to the keys anew if the link stays so slow")
         return True
+
+    def _session_of(self, demand: VelocityDemand, way_s: float) -> _Session | None:
+        """The session of a demand; None where its sender has begun another since."""
+        session = self._sessions.get(demand.sender)
+        if session is not None and session.number == demand.session:
+            return session
+        if (demand.sender, demand.session) in self._past:
+            return None
+        if session is not None:
+            self._past.append((demand.sender, session.number))
+        session = self._sessions[demand.sender] = _Session(demand.session, way_s)
+        self._sessions.move_to_end(demand.sender)
+        if len(self._sessions) > MOST_SENDERS:
+            self._sessions.popitem(last=False)
+        return session
 
     def _tell(self, sender: str, text: str, now_s: float) -> None:
         if now_s - self._told_s.get(sender, float("-inf")) < AGAIN_S:

@@ -52,6 +52,8 @@ class AcousticWay:
         self._platform, self._loop, self._send = platform, loop, send
         self._is_silent, self._told, self._now_utc_s = is_silent, told, now_utc_s
         self._publisher = Publisher(exchange, platform, "acoustic", boot)
+        self._number = 0
+        """Of the last order."""
         self._order: tuple[Order, float] | None = None
         """What waits for its receipt, and until when."""
         self._timer: asyncio.TimerHandle | None = None
@@ -77,7 +79,8 @@ class AcousticWay:
 
     def order(self, verb: Verb) -> None:
         """Orders something, in place of what was ordered before."""
-        self._order = Order(int(self._now_utc_s()) & 0xFFFF_FFFF, verb), self._loop.time() + PATIENCE_S
+        self._number = max(self._number + 1, int(self._now_utc_s())) & 0xFFFF_FFFF
+        self._order = Order(self._number, verb), self._loop.time() + PATIENCE_S
         self._told(f"the order goes to {self._platform} by sound: {verb.name.lower()}; wait for its receipt")
         self._say()
 

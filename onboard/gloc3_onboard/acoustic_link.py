@@ -28,6 +28,10 @@ PERIOD_S: Final = 60.0
 IN_CONTACT_S: Final = 5.0
 """While a station is heard otherwise, nothing is told by sound."""
 _VERBS: Final = {Verb.HOLD: EmergencyVerb.HOLD, Verb.SURFACE: EmergencyVerb.LAND}
+_LIFE: Final = 0
+"""Orders are of one life over all starts of this process: an order that is played again later is known to the journal."""
+_KINDS: Final = 16
+"""Orders of one number, one of each kind, count as several requests."""
 
 
 class AcousticLink:
@@ -54,7 +58,7 @@ class AcousticLink:
         period_s: float = PERIOD_S,
     ) -> None:
         self.code: Final = AcousticCode(platform, key)
-        self._platform, self._loop, self._boot, self._send, self._period_s = platform, loop, boot, send, period_s
+        self._platform, self._loop, self._send, self._period_s = platform, loop, send, period_s
         self._publisher = Publisher(exchange, platform, "acoustic_link", boot)
         self._vehicle: VehicleSummary | None = None
         self._mission: MissionSummary | None = None
@@ -62,8 +66,9 @@ class AcousticLink:
         self._worst = 7
         self._heard_s = float("-inf")
         self._newest = -1
+        """The sequence of the last order that was taken."""
         self._outcomes: dict[int, bool] = {}
-        """By the number of an order: whether it was accepted."""
+        """By the sequence of an order: whether it was accepted."""
         topics: dict[str, Callable[[Envelope[Any]], None]] = {
             "ci/vehicle": self._take_vehicle,
             "ci/mission": self._take_mission,
@@ -82,17 +87,23 @@ class AcousticLink:
             undo()
 
     def receive(self, data: bytes) -> None:
-        """Takes a frame from the modem; an order that has come already is answered again, and not carried out."""
+        """Takes a frame from the modem; an order that has come already is answered again, and not carried out.
+
+        One that is older than the last is refused, so that its sender learns of a clock that has been set back.
+        """
         order = self.code.decode(data)
         if not isinstance(order, Order):
             return
-        if order.number in self._outcomes:
-            self._send(self.code.encode(Receipt(order.number, self._outcomes[order.number])))
-        elif order.number > self._newest:
-            self._newest = order.number
+        sequence = order.number * _KINDS + order.verb
+        if sequence in self._outcomes:
+            self._send(self.code.encode(Receipt(order.number, self._outcomes[sequence])))
+        elif order.number >= self._newest // _KINDS and sequence != self._newest:
+            self._newest = sequence
             body = Emergency(verb=_VERBS[order.verb], author="an operator, by acoustic modem")
-            request = CiRequest(sender=SENDER, boot=self._boot, sequence=order.number, body=body, way=SENDER)
+            request = CiRequest(sender=SENDER, boot=_LIFE, sequence=sequence, body=body, way=SENDER)
             self._publisher.publish(f"{self._platform}/ci/request", request, self._loop.time())
+        elif sequence != self._newest:
+            self._send(self.code.encode(Receipt(order.number, False)))
 
     def _tell(self) -> None:
         self._timer = self._loop.call_later(self._period_s, self._tell)
@@ -121,6 +132,6 @@ class AcousticLink:
 
     def _take_reply(self, envelope: Envelope[CiReply]) -> None:
         reply = envelope.payload
-        if reply.sender == SENDER and reply.boot == self._boot:
+        if reply.sender == SENDER:
             accepted = self._outcomes[reply.sequence] = reply.outcome is Outcome.ACCEPTED
-            self._send(self.code.encode(Receipt(reply.sequence, accepted)))
+            self._send(self.code.encode(Receipt(reply.sequence // _KINDS, accepted)))

@@ -30,6 +30,14 @@ def write_speed_mb_s(folder: Path, size: int = MEASURED_BYTES) -> float:
         return size / MEGABYTE / max(1e-6, Clock.cost_s() - began_s)
 
 
+def start_of_computer(of: Path = Path("/proc/sys/kernel/random/boot_id")) -> str:
+    """What tells this start of the computer from every other; empty where the kernel does not say."""
+    try:
+        return of.read_text().strip()
+    except OSError:
+        return ""
+
+
 class HostComputer:
     """The computer of this process.
 

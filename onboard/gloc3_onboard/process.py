@@ -41,7 +41,7 @@ from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.files import shared_files
 from gloc3_onboard.companion.own_parameters import own_parameters
-from gloc3_onboard.computer import HostComputer
+from gloc3_onboard.computer import HostComputer, start_of_computer
 from gloc3_onboard.herald import Herald
 from gloc3_onboard.log_files import LogFiles, log_stem
 from gloc3_onboard.nodes.host_clock import ClockServer
@@ -503,6 +503,7 @@ class OnboardProcess:
                 RecordFile(self._out / "events.store"),
                 self._random.getrandbits(31),
                 LogShelf(self._logs, self._unfinished_logs, self._cut_log, self._readers),
+                start_of_computer(),
             ),
             "taps": ExchangeTaps(self.exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),

@@ -5,6 +5,7 @@ import json
 import os
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -40,7 +41,8 @@ class RecordFile:
             records.append(record)
             at += _HEADER.size + length
         if at < len(data):
-            self.rewrite(records)
+            with suppress(OSError):  # where that cannot be, nothing can be added behind it either
+                os.truncate(self._path, at)
         return records
 
     def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:

@@ -1,8 +1,12 @@
 """The command interface server itself crashes or hangs in flight: its heartbeat says so, and it comes back."""
 
+from errno import ENOSPC
+
 import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission
+
+from gloc3_onboard.storage import MemoryRecords
 
 HOME_M = 0.3
 ACTIVE, CRITICAL = 4, 5
@@ -74,3 +78,28 @@ def test_the_heartbeat_is_critical_while_a_required_component_is_faulty(flight: 
     assert all(message.system_status == ACTIVE for t_s, message in heartbeats if 4.0 < t_s <= begin_s)
     assert all(message.system_status == CRITICAL for t_s, message in heartbeats if t_s > begin_s + 0.6)
     flight.await_state("mission", "done", 40.0)  # the standby flies
+
+
+def test_a_disk_that_is_full_ends_no_flight_and_is_told(flight: Card, monkeypatch: pytest.MonkeyPatch) -> None:
+    sweep(flight, on_restart="continue")
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MemoryRecords, "append", full)
+        patch.setattr(MemoryRecords, "rewrite", full)
+        flight.command("pause")
+        flight.wait(2.0)
+        flight.command("resume")
+        flight.wait(1.0)
+    assert flight.lci("command_server") == "working"
+    for what in ("progress", "journal of requests"):
+        told = f"the {what} cannot be kept: No space left on device; a restart would know an older state"
+        assert flight.was_told(told), what
+    assert flight.was_told("events cannot be kept: No space left on device")
+    flight.wait(1.5)
+    assert flight.was_told("everything is kept on disk again")
+    flight.fault("crash:command_server", for_s=0.4)
+    flight.await_state("mission", "done", 40.0)
+    assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)

@@ -136,3 +136,18 @@ def test_the_store_outlives_its_process_and_stays_bounded() -> None:
     assert len(records.load()) <= MOST_KEPT + SPARE + 2
     assert again.after(again.last - 2, 10)[0].text == f"event {again.last - 1}"
     assert again.add(CiEvent(severity=Severity.INFO, source="s", text="x", t_s=0.0)).number == again.last
+
+
+def test_numbers_that_a_power_cut_took_back_are_not_given_again_to_other_events() -> None:
+    records = MemoryRecords()
+    store = ReportStore(records, STORE, "first start")
+    for number in range(3):
+        store.add(CiEvent(severity=Severity.INFO, source="s", text="told", t_s=float(number)))
+    assert ReportStore(records, 98, "first start").id == STORE, "the process alone had ended"
+    records.rewrite(records.load()[:-1])
+    after = ReportStore(records, 99, "second start")
+    assert (after.id, after.last) == (99, 2)
+    again = after.add(CiEvent(severity=Severity.INFO, source="s", text="another", t_s=9.0))
+    assert (again.store, again.number) == (99, 3)
+    records.append(b"\xc1 of another version")
+    assert ReportStore(records, 100, "second start").id == 100, "it counts anew"

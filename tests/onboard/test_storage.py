@@ -85,6 +85,24 @@ def test_a_record_that_does_not_fit_is_told_and_leaves_no_torn_end(
     assert file.load() == [b"first", b"third"]
 
 
+def test_a_torn_end_is_cut_off_though_there_is_no_room_for_another_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "journal.bin"
+    RecordFile(path).append(b"first")
+    with path.open("ab") as file:
+        file.write(b"\x20\x00")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", full)
+        assert RecordFile(path).load() == [b"first"]
+    RecordFile(path).append(b"second")
+    assert RecordFile(path).load() == [b"first", b"second"]
+
+
 def test_records_in_memory_are_those_of_the_process_before() -> None:
     records = MemoryRecords()
     records.append(b"a")

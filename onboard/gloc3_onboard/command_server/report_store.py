@@ -38,24 +38,32 @@ class _Head(msgspec.Struct, frozen=True, array_like=True):
     """The highest number that was given when this was written."""
     delivered: int
     """Up to here some station has been told; -1 before the first was ever heard."""
+    computer: str = ""
+    """The computer's own start in which this was written."""
 
 
 class ReportStore:
     """The events of a platform over all lives of its onboard process; numbers count from 1 and are never used twice.
 
+    A power cut takes the last events with it, of which stations may have been told: when the computer has started anew the
+    store has another id, under which their numbers mean other events.
+
     Args:
         records: the file.
         fresh_id: a random number for a store that is begun anew.
+        computer: tells this start of the computer from every other.
     """
 
-    def __init__(self, records: Records, fresh_id: int) -> None:
-        self._records = records
+    def __init__(self, records: Records, fresh_id: int, computer: str = "") -> None:
+        self._records, self._computer = records, computer
         self._encode = msgspec.msgpack.Encoder().encode
         self.problem = ""
         """Why what was kept could not be read, or nothing can be kept any more; empty where all is well."""
         self._events: list[CiEvent] = []
-        self._head = _Head(fresh_id & 0x7FFFFFFF, 0, -1)
+        self._head = _Head(fresh_id & 0x7FFFFFFF, 0, -1, computer)
         self._appended = 0
+        self._is_behind = False
+        """Something that should be on disk is not."""
         self._load()
 
     @property
@@ -78,14 +86,14 @@ class ReportStore:
         kept = replace(event, number=self.last + 1, store=self.id, text=event.text[:MOST_TEXT])
         self._events.append(kept)
         try:
-            if self._appended >= SPARE + MOST_KEPT:
+            if self._appended >= SPARE + MOST_KEPT or self._is_behind:
                 self._rewrite()
             else:
                 record = self._encode(kept)
                 self._records.append(record, outlives_power_cut=event.severity <= Severity.WARNING)
                 self._appended += 1
         except OSError as error:
-            self.problem = f"events cannot be kept: {error.strerror or error}"
+            self._fail(error)
             del self._events[:-MOST_KEPT]
         return replace(event, number=kept.number, store=self.id)
 
@@ -110,22 +118,39 @@ class ReportStore:
         return self.after(self.delivered, MOST_KEPT)
 
     def _set_delivered(self, number: int) -> None:
-        self._head = _Head(self.id, self.last, number)
+        self._head = _Head(self.id, self.last, number, self._computer)
         try:
             self._records.append(self._encode(self._head), outlives_power_cut=False)
             self._appended += 1
         except OSError as error:
-            self.problem = f"events cannot be kept: {error.strerror or error}"
+            self._fail(error)
+
+    def try_again(self) -> None:
+        """Writes everything that should be on disk, if something of it is not."""
+        if self._is_behind:
+            try:
+                self._rewrite()
+            except OSError as error:
+                self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self._is_behind = True
+        self.problem = f"events cannot be kept: {error.strerror or error}"
 
     def _rewrite(self) -> None:
         self._events = self._events[-MOST_KEPT:]
-        self._head = _Head(self.id, self.last, self._head.delivered)
+        self._head = _Head(self.id, self.last, self._head.delivered, self._computer)
         self._records.rewrite([self._encode(self._head), *map(self._encode, self._events)])
         self._appended = len(self._events)
+        if self._is_behind:
+            self._is_behind, self.problem = False, ""
 
     def _load(self) -> None:
-        records = self._records.load()
-        head = msgspec.msgpack.Decoder(_Head)
+        try:
+            records = self._records.load()
+        except OSError as error:
+            self.problem, records = f"the kept events cannot be read: {error.strerror or error}", []
+        head, fresh_id = msgspec.msgpack.Decoder(_Head), self._head.store
         event = msgspec.msgpack.Decoder(CiEvent)
         try:
             for data in records:
@@ -139,9 +164,11 @@ class ReportStore:
             self._events.clear()
             records = []
         if not records:
-            self._head = _Head(self.id, 0, -1)
+            self._head = _Head(fresh_id, 0, -1, self._computer)
+        if self._head.computer != self._computer:
+            self._head = replace(self._head, store=fresh_id)
         self._events = self._events[-MOST_KEPT:]
         try:
             self._rewrite()
         except OSError as error:
-            self.problem = f"events cannot be kept: {error.strerror or error}"
+            self._fail(error)

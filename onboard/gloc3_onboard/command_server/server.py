@@ -185,7 +185,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._compared_s = float("-inf")
         self._due = dict.fromkeys(("summary", "motion", "site", "grant", "slow"), float("-inf"))
         self._now_s = 0.0
-        for problem in filter(None, (self._site.problem, self._site.reports.problem)):
+        self._unkept = self._site.problems()
+        """Why something is not kept, as it was told last."""
+        for problem in filter(None, (self._site.problem, *self._unkept)):
             self._say(Severity.ERROR, problem)
 
     # --- the cycle ---
@@ -473,6 +475,8 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._due["site"] = float("-inf")
         self._authority.tick(now_s)
         is_slow = self._is_due("slow", 1.0, now_s)
+        if is_slow:
+            self._tell_what_is_not_kept()
         if is_slow or is_eventful or now_s - self._compared_s >= COMPARE_S - 1e-6:
             self._compared_s = now_s
             results += self._changes(is_slow)
@@ -489,6 +493,16 @@ class CommandServer(CommandInterface[ServerSettings]):
             whereabouts = site_summary(self._site.platform, self._facts)
             results += [] if whereabouts is None else [whereabouts]
         return results
+
+    def _tell_what_is_not_kept(self) -> None:
+        """A full or broken disk ends no flight, but a restart would know an older state: that is told."""
+        problems = self._site.problems()
+        for problem in problems:
+            if problem not in self._unkept:
+                self._say(Severity.ERROR, f"{problem}; a restart would know an older state")
+        if self._unkept and not problems:
+            self._say(Severity.NOTICE, "everything is kept on disk again")
+        self._unkept = problems
 
     def _contact(self, now_s: float) -> list[ContactSummary]:
         """What is told first to who is heard after a silence; while nobody is heard, the state is kept now and then."""

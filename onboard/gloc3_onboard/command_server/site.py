@@ -6,6 +6,7 @@ import msgspec
 
 from gloc3.mission.snapshot import Snapshot
 from gloc3.platform import Platform
+from gloc3_onboard.command_server.enduring import EnduringStore
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.journal import Store
 from gloc3_onboard.command_server.log_shelf import NoShelf, Shelf
@@ -31,6 +32,7 @@ class Site:
         reports: for what stations have been told.
         fresh_id: a random number, for reports that begin anew.
         shelf: the logs that stations may fetch.
+        computer: tells this start of the computer from every other.
     """
 
     def __init__(
@@ -41,14 +43,15 @@ class Site:
         reports: Records,
         fresh_id: int = 1,
         shelf: Shelf | None = None,
+        computer: str = "",
     ) -> None:
         self.platform: Final = platform
-        self.journal: Final = journal
-        self.reports: Final = ReportStore(reports, fresh_id)
+        self.journal: Final = EnduringStore(journal, "journal of requests")
+        self.reports: Final = ReportStore(reports, fresh_id, computer)
         self.shelf: Final = shelf or NoShelf()
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
-        self._progress = progress
+        self._progress: Final = EnduringStore(progress, "progress")
         self._snapshot: Snapshot | None = None
         self._home: KeptHome | None = None
         self.holder = ""
@@ -65,6 +68,13 @@ class Site:
             else:
                 self._snapshot, self._home, self.holder = kept.snapshot, kept.home, kept.holder
         return self._snapshot, self._home
+
+    def problems(self) -> list[str]:
+        """Why something is not kept now, after another attempt."""
+        stores = self._progress, self.journal, self.reports
+        for store in stores:
+            store.try_again()
+        return [store.problem for store in stores if store.problem]
 
     def keep_snapshot(self, snapshot: Snapshot) -> None:
         """Puts the executor's progress on disk."""

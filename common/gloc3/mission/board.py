@@ -85,6 +85,8 @@ class Board:
         """The other platforms of the mission that is under way."""
         self.silence: PlannedSilence | None = None
         """The planned silence that has begun, and is not over."""
+        self.kept_s = float("-inf")
+        """When this was put on disk last."""
         self.missing: Mapping[str, tuple[str, ...]] = {}
         """Capabilities that are not available, with what they lack."""
         self.missing_since_s: Final[dict[str, float]] = {}
@@ -206,4 +208,5 @@ class Board:
             has_pilot=self.has_pilot,
             silence=self.silence,
             contingency=self.manoeuvre.contingency if self.manoeuvre is not None else None,
+            kept_s=now_s,
         )

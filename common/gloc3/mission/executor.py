@@ -293,7 +293,7 @@ class MissionExecutor:
         board = self.board
         requests: list[Request] = []
         if board.is_changed:
-            board.is_changed = False
+            board.is_changed, board.kept_s = False, now_s
             requests.append(Persist(snapshot=board.snapshot(now_s)))
             runs = (run for program in board.programs.values() for run in program.actions())
             self._kept_progress = {run.target: run.progress for run in runs}

@@ -1,9 +1,14 @@
 """Planned silence: from the start of a task or action on, a lost link is no fault until the stated time has passed."""
 
+from typing import Final
+
 from gloc3.messages import Severity
 from gloc3.mission import reactions
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.snapshot import PlannedSilence
+
+KEEP_S: Final = 30.0
+"""While a silence is planned it is kept on disk so often how far it has come, for restarts of the computer."""
 
 
 def look(board: Board, silent_s: float, now_s: float) -> None:
@@ -14,6 +19,8 @@ def look(board: Board, silent_s: float, now_s: float) -> None:
     """
     after_s = board.policies.link_loss_after_s
     is_silent, planned = silent_s >= after_s, board.silence
+    if planned is not None and now_s - board.kept_s >= KEEP_S:
+        board.is_changed = True
     if planned is None:
         _set(board, Condition.LINK_LOST, is_silent, f"nothing heard for {after_s:g} s", now_s)
     elif not is_silent:

@@ -1,6 +1,7 @@
 """What of the executor survives its process: the missions' texts and how far everything is."""
 
 import msgspec
+from msgspec.structs import replace
 
 from gloc3.mission.model import Contingency
 from gloc3.mission.policy import Policy
@@ -70,3 +71,18 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The planned silence that had begun; its times are those of the process that kept it."""
     contingency: Contingency | None = None
     """The contingency that was under way; `policy` is what it ends in."""
+    kept_s: float = 0.0
+    """When this was kept, by the clock of the process that kept it."""
+
+    def of_earlier_start(self) -> "Snapshot":
+        """As it is after a restart of the computer, whose clock counts from then on: what was left is left still.
+
+        So a computer that is started again and again does not put off what is due.
+        """
+        silence, land_at_s = self.silence, self.land_at_s
+        if silence is not None:
+            began_s, until_s = silence.began_s - self.kept_s, silence.until_s - self.kept_s
+            silence = replace(silence, began_s=began_s, until_s=until_s)
+        return replace(
+            self, silence=silence, land_at_s=None if land_at_s is None else land_at_s - self.kept_s, kept_s=0.0
+        )

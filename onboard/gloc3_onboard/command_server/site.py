@@ -20,6 +20,8 @@ class _Kept(msgspec.Struct, frozen=True):
     home: KeptHome | None
     holder: str = ""
     """The station that holds control."""
+    computer: str = ""
+    """The computer's own start in which this was kept."""
 
 
 class Site:
@@ -52,6 +54,7 @@ class Site:
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
         self._progress: Final = EnduringStore(progress, "progress")
+        self._computer: Final = computer
         self._snapshot: Snapshot | None = None
         self._home: KeptHome | None = None
         self.holder = ""
@@ -67,6 +70,8 @@ class Site:
                 self.problem = f"the kept progress cannot be read: {error}"
             else:
                 self._snapshot, self._home, self.holder = kept.snapshot, kept.home, kept.holder
+                if self._snapshot is not None and kept.computer != self._computer:
+                    self._snapshot = self._snapshot.of_earlier_start()
         return self._snapshot, self._home
 
     def problems(self) -> list[str]:
@@ -92,4 +97,4 @@ class Site:
         self._write()
 
     def _write(self) -> None:
-        self._progress.rewrite([msgspec.msgpack.encode(_Kept(self._snapshot, self._home, self.holder))])
+        self._progress.rewrite([msgspec.msgpack.encode(_Kept(self._snapshot, self._home, self.holder, self._computer))])

@@ -5,6 +5,8 @@ from msgspec.structs import replace
 
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.platform import Failsafes, LinkLossFailsafe, Platform
+from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.storage import MemoryRecords
 
 from .executor_rig import MISSION, Rig, flying
 
@@ -96,6 +98,22 @@ def test_after_a_reboot_the_stated_time_is_never_exceeded(pelican: Platform) -> 
     rig = rig.restart(is_airborne=False)
     assert rig.executor.board.silence is not None
     assert rig.executor.board.silence.until_s == -4900.0
+
+
+def test_a_computer_that_starts_again_and_again_does_not_put_off_the_time(pelican: Platform) -> None:
+    rig = flying(pelican, DIVE.replace("on_failure: hold", "on_restart: continue\non_failure: hold"))
+    silent(rig, 61.0)
+    files = MemoryRecords()
+    for boot, left_s in enumerate((39.0, 31.0, 23.0)):
+        assert rig.kept is not None
+        Site(pelican, MemoryRecords(), files, MemoryRecords(), computer=f"start {boot}").keep_snapshot(rig.kept)
+        rig.kept, _ = Site(pelican, MemoryRecords(), files, MemoryRecords(), computer=f"start {boot + 1}").load()
+        rig.now_s = 8.0
+        rig = rig.restart(is_airborne=True)
+        assert rig.executor.board.silence is not None
+        assert rig.executor.board.silence.until_s == pytest.approx(left_s, abs=1.0), boot
+    silent(rig, 16.0, already_s=70.0)
+    assert rig.executor.policy == "return"
 
 
 def findings(text: str, platform: Platform) -> str:

@@ -117,6 +117,11 @@ class Modem:
         self.way: Final = way
         self._endpoint = endpoint
 
+    @property
+    def local_port(self) -> int | None:
+        """Where it listens; None for a serial line."""
+        return self._endpoint.local_port
+
     async def close(self) -> None:
         """Closes both."""
         self.way.close()

@@ -162,7 +162,7 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
         if platform.is_doubled(now_s):
             yield Cause(platform.name, "name", Severity.ERROR, TWO_OF_ONE_NAME)
         if platform.is_quiet_link(now_s):
-            if platform.is_silent_as_planned(now_s):
+            if platform.is_silent_as_planned(now_s) or (not platform.is_met and platform.silence is None):
                 continue
             text = _silence(
                 is_flying=platform.is_armed, has_companion=platform.has_companion, is_overdue=platform.is_overdue(now_s)

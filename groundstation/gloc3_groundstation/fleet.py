@@ -25,6 +25,7 @@ from gloc3.standard_topics import TOPICS
 from gloc3.teleoperation import TeleoperationState
 from gloc3.vehicle import ObstacleScan
 from gloc3_groundstation.snapshots import (
+    QUIET_LINK_S,
     Fleet,
     FleetEvent,
     LinkStatistics,
@@ -79,6 +80,10 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     if known is None:
         platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s, began_s=now_s)
         fleet = note(fleet, name, Severity.INFO, "is heard", now_s)
+    elif not known.is_met:
+        platform = replace(known, boot=boot, began_s=now_s)
+        text = "is heard" + (f" again after {_silent(known, now_s)}" if known.silence is not None else "")
+        fleet = note(fleet, name, Severity.NOTICE, text, now_s)
     elif known.boot != boot and boot in known.former and not known.is_quiet_link(now_s):
         return with_platform(fleet, _spoken_by_another(known, boot, now_s))
     elif known.boot != boot:
@@ -87,8 +92,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     else:
         platform = known
         if known.is_quiet_link(now_s):
-            text = f"is heard again after {known.age_s(now_s):.0f} s of silence{_judged(known, now_s)}"
-            fleet = note(fleet, name, Severity.NOTICE, text, now_s)
+            fleet = note(fleet, name, Severity.NOTICE, f"is heard again after {_silent(known, now_s)}", now_s)
     if topic in _COUNTED:
         link = _counted(platform.link, topic, envelope.sequence)
         if link is None:
@@ -106,7 +110,21 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
 def by_sound(fleet: Fleet, name: str, summary: AcousticSummary, now_s: float) -> Fleet:
     """The fleet with what an acoustic modem has brought of a platform; it stays silent otherwise."""
     known = fleet.get(name)
-    return fleet if known is None else with_platform(fleet, replace(known, acoustic=Timed(summary, now_s)))
+    if known is None:
+        known = PlatformSnapshot(name=name, boot=0, first_heard_s=now_s, heard_s=now_s - QUIET_LINK_S, began_s=now_s)
+        fleet = note(fleet, name, Severity.NOTICE, "is heard by sound, and not otherwise", now_s)
+    return with_platform(fleet, replace(known, acoustic=Timed(summary, now_s)))
+
+
+def remembered(fleet: Fleet, name: str, silence: PlannedSilence, heard_s: float, now_s: float) -> Fleet:
+    """The fleet with a platform whose planned silence had begun before the station was started."""
+    known = PlatformSnapshot(
+        name=name, boot=0, first_heard_s=now_s, heard_s=min(heard_s, now_s - QUIET_LINK_S), silence=silence
+    )
+    fleet = note(
+        fleet, name, Severity.NOTICE, f"was silent as planned ({silence.target}), due {silence.due_text}", now_s
+    )
+    return with_platform(fleet, known)
 
 
 def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "") -> Fleet:
@@ -126,12 +144,13 @@ def without(fleet: Fleet, name: str) -> Fleet:
     return replace(fleet, platforms={key: platform for key, platform in fleet.platforms.items() if key != name})
 
 
-def _judged(platform: PlatformSnapshot, now_s: float) -> str:
-    """Whether a silence that has just ended was planned."""
+def _silent(platform: PlatformSnapshot, now_s: float) -> str:
+    """How long a silence was that has just ended, and whether it was planned."""
+    text = f"{platform.age_s(now_s):.0f} s of silence"
     if platform.silence is None:
-        return ""
+        return text
     late_s = now_s - platform.silence.due_s
-    return f", {late_s:.0f} s overdue" if late_s > 0.0 else ", as planned"
+    return text + (f", {late_s:.0f} s overdue" if late_s > 0.0 else ", as planned")
 
 
 def _planned(

@@ -62,7 +62,9 @@ async def await_platform(station: Station, name: str | None) -> str:
 
     def is_heard() -> bool:
         found[:] = [
-            platform.name for platform in station.fleet if platform.has_companion and name in (None, platform.name)
+            platform.name
+            for platform in station.fleet
+            if platform.has_companion and platform.is_met and name in (None, platform.name)
         ]
         return bool(found)
 

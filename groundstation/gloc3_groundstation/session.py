@@ -34,6 +34,8 @@ from gloc3_groundstation.network_way import role_of
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.recording import Recording
 from gloc3_groundstation.services_desk import ServicesDesk
+from gloc3_groundstation.silence_file import FILE as SILENCES
+from gloc3_groundstation.silence_file import SilenceFile
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.vehicles import Vehicles
 from gloc3_groundstation.web import Told, WebOptions, WebServer, Window, exposure
@@ -235,6 +237,7 @@ class Session:
         name = str(self._system) if self._network is None else self._network.file.member
         shown = None if self._record is None else FeedFile(self._record / f"{name}-{FILE}", loop)
         station = Station(exchange, loop, name, boot, None if shown is None else shown.feed)
+        silences = None if self._record is None else SilenceFile(self._record / f"{name}-{SILENCES}", station, loop)
         if self._network is not None:
             station.client.role = role_of(self._network)
         station.round_trip_s = self._links.round_trip_s
@@ -274,6 +277,8 @@ class Session:
             for modem in modems:
                 await modem.close()
             await self._services.close()
+            if silences is not None:
+                silences.close()
             station.close()
             if shown is not None:
                 shown.close()

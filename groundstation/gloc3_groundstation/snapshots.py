@@ -140,7 +140,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     boot: int
-    """Of its command interface server."""
+    """Of its command interface server; 0 while that has not been heard."""
     first_heard_s: float
     heard_s: float
     """When anything came from it last."""
@@ -179,6 +179,11 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Boots of former lives, the last one last, to how often each has spoken since: a life that is over does not."""
     doubled_s: float = float("-inf")
     """When a life that should be over spoke last."""
+
+    @property
+    def is_met(self) -> bool:
+        """Whether this station has heard it; otherwise it knows of it by sound alone, or from before its restart."""
+        return bool(self.boot) or not self.has_companion
 
     @property
     def is_incomplete(self) -> bool:

@@ -144,20 +144,27 @@ def silence(platform: PlatformSnapshot, now_s: float) -> str:
 
 def by_sound(platform: PlatformSnapshot, now_s: float) -> str:
     """`; by sound 40 s ago: x 12.0  y 3.5  h -8.2 m, dive.out, battery 84 %` where it came after all else; else empty."""
+    parts = told_by_sound(platform)
+    if platform.acoustic is None or not parts:
+        return ""
+    return f"; by sound {duration(platform.acoustic.age_s(now_s))} ago: {', '.join(parts)}"
+
+
+def told_by_sound(platform: PlatformSnapshot) -> list[str]:
+    """Place, action and what else the last summary by sound tells, where it came after all else; empty otherwise."""
     timed = platform.acoustic
     if timed is None or timed.heard_s < platform.heard_s:
-        return ""
+        return []
     told = timed.value
     x_m, y_m, height_m = told.position_m
     doing = action_of(told, platform.mission.value if platform.mission is not None else None)
-    parts = [
+    return [
         f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m" if told.is_pose_valid else "position unknown",
         *filter(None, (f"policy {told.policy}" if told.policy else "", doing or told.state)),
         *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
         *([f"components {told.health}"] if told.health is not Health.WORKING else []),
         *(["trouble below"] if told.worst <= Severity.WARNING else []),
     ]
-    return f"; by sound {duration(timed.age_s(now_s))} ago: {', '.join(parts)}"
 
 
 def contact(told: ContactSummary, missed: int) -> str:

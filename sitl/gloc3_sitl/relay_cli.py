@@ -79,7 +79,7 @@ async def _relay(one: str, other: str, conditions: Conditions, seed: int, *, is_
         loop.add_signal_handler(number, over.set)
     way = MemoryLink(loop, Random(seed), conditions, is_half_duplex=is_half_duplex)
     endpoints = [await _joined(one, way.a, loop), await _joined(other, way.b, loop)]
-    narrate(f"relaying between {one} and {other}")
+    narrate(f"relaying between {' and '.join(map(_address, endpoints))}")
     try:
         await over.wait()
     finally:
@@ -88,6 +88,11 @@ async def _relay(one: str, other: str, conditions: Conditions, seed: int, *, is_
     passed = f"{way.a.sent + way.b.sent} datagrams; {way.a.lost + way.b.lost} lost on the way"
     narrate(f"{passed}, {way.a.dropped + way.b.dropped} had no room")
     return 0
+
+
+def _address(endpoint: Endpoint) -> str:
+    """Where it is, also where the URL asked for any free port."""
+    return endpoint.url.replace(":0", f":{endpoint.local_port}") if endpoint.url.endswith(":0") else endpoint.url
 
 
 async def _joined(url: str, end: MemoryEnd, loop: asyncio.AbstractEventLoop) -> Endpoint:

@@ -82,6 +82,8 @@ def link(view: View) -> Span:
         return Span(f"silent as planned, due {planned.due_text}", Tone.WARN)
     if planned is not None and platform.is_overdue(view.now_s):
         return Span(f"OVERDUE {wording.duration(view.now_s - planned.due_s)}", Tone.ALARM)
+    if not platform.is_met:
+        return Span("by sound alone", Tone.WARN)
     if platform.is_quiet_link(view.now_s):
         return Span(f"SILENT {wording.duration(platform.age_s(view.now_s))}", Tone.ALARM)
     if platform.link.loss >= wording.LOSS_WORTH_TELLING:

@@ -74,6 +74,7 @@ def detail_lines(view: View) -> list[Line]:
     facts: list[tuple[str, Span]] = [
         ("control", _control(view, platform)),
         ("link", link_detail(view, platform)),
+        *_silence_facts(platform, now_s),
         ("health", worst_span(platform, now_s)),
     ]
     timed = platform.vehicle
@@ -155,6 +156,8 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
         return Span(f"due {platform.silence.due_text.removesuffix(' UTC')}", Tone.WARN)
     if platform.is_overdue(now_s):
         return Span("OVERDUE", Tone.BAD)
+    if not platform.is_met:
+        return Span("by sound", Tone.WARN)
     if platform.is_quiet_link(now_s):
         return Span(f"silent {wording.roughly(platform.age_s(now_s))}", Tone.BAD)
     if platform.link.loss >= wording.LOSS_WORTH_TELLING:
@@ -164,10 +167,13 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
 
 def link_detail(view: View, platform: PlatformSnapshot) -> Span:
     """`98 % arrives, 320 ms there and back`, or for how long it has been silent."""
-    if platform.is_silent_as_planned(view.now_s):
-        return Span(wording.silence(platform, view.now_s), Tone.WARN)
-    if platform.is_overdue(view.now_s):
-        return Span(wording.silence(platform, view.now_s), Tone.BAD)
+    planned = platform.silence
+    if planned is not None and platform.is_silent_as_planned(view.now_s):
+        return Span(f"silent as planned ({planned.target})", Tone.WARN)
+    if planned is not None and platform.is_overdue(view.now_s):
+        return Span(f"OVERDUE by {wording.duration(view.now_s - planned.due_s)} ({planned.target})", Tone.BAD)
+    if not platform.is_met:
+        return Span("nothing is heard but by sound", Tone.WARN)
     if platform.is_quiet_link(view.now_s):
         return Span(f"silent for {wording.duration(platform.age_s(view.now_s))}", Tone.BAD)
     loss, trip_s = platform.link.loss, view.round_trip_s
@@ -175,6 +181,24 @@ def link_detail(view: View, platform: PlatformSnapshot) -> Span:
     trip = f", {trip_s * 1000.0:.0f} ms round" if trip_s is not None else ""
     tone = Tone.WARN if loss >= wording.LOSS_WORTH_TELLING or is_slow else Tone.TEXT
     return Span(f"{(1.0 - loss) * 100.0:.0f} % arrives{trip}", tone)
+
+
+def _silence_facts(platform: PlatformSnapshot, now_s: float) -> list[tuple[str, Span]]:
+    """When contact is due, and what came by sound meanwhile."""
+    facts = []
+    planned = platform.silence
+    if planned is not None and platform.is_quiet_link(now_s):
+        left_s = planned.due_s - now_s
+        when = f", in {wording.duration(left_s)}" if left_s > 0.0 else ""
+        facts.append(("due", Span(f"{planned.due_text}{when}", Tone.WARN if left_s > 0.0 else Tone.BAD)))
+    told = wording.told_by_sound(platform) if platform.is_quiet_link(now_s) else []
+    if platform.acoustic is not None and told:
+        place, *more = told
+        facts += [
+            ("by sound", Span(f"{wording.duration(platform.acoustic.age_s(now_s))} ago: {place}", Tone.TEXT)),
+            ("", Span(", ".join(more), Tone.TEXT)),
+        ]
+    return facts
 
 
 def worst_span(platform: PlatformSnapshot, now_s: float, *, is_brief: bool = False) -> Span:

@@ -18,7 +18,7 @@ from gloc3.link.ftp_client import FtpClient
 from gloc3.link.message import Address
 from gloc3.messages import Envelope
 from gloc3_groundstation import flights
-from gloc3_groundstation.command_client import Unanswered
+from gloc3_groundstation.command_client import Declined, Unanswered
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines, Wire
 from gloc3_groundstation.services.saving import PartFile
@@ -227,9 +227,11 @@ class LogPuller:
                 raise Refused(f"{log.name} has the digest {wanted} onboard, and what came had {found}")
         is_deleted = False
         if not is_kept:
-            reply = await self._ask(ConfirmLog(name=log.name, sha256=wanted))
-            is_deleted = True
-            self._told(reply.reason)
+            try:
+                await self._ask(ConfirmLog(name=log.name, sha256=wanted))
+                is_deleted = True
+            except Declined as error:
+                self._told(f"{log.name} is here, and stays onboard: {error}")
         return Pulled(path=path, sha256=wanted, size=log.size, drops=drops, is_deleted=is_deleted)
 
     async def _digest(self, log: LogOnboard) -> str:
@@ -249,7 +251,7 @@ class LogPuller:
                 )
             except Refused as error:
                 if part.problem is not None or not self._has_been_silent():
-                    await self._stat(log, error)
+                    await self._refuse_if_gone(log, error)
                 drops += 1
                 self._told(f"{error}; it goes on when {self._platform} is heard again")
                 await self._heard_again()
@@ -260,7 +262,7 @@ class LogPuller:
             if part.problem is not None:
                 raise part.problem
 
-    async def _stat(self, log: LogOnboard, error: Refused) -> None:
+    async def _refuse_if_gone(self, log: LogOnboard, error: Refused) -> None:
         """Whether a log is still there: if not, it makes no sense to go on."""
         try:
             logs = await self.list()

@@ -4,12 +4,21 @@ import asyncio
 import secrets
 from contextlib import AsyncExitStack
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
+import msgspec
 from cyclopts import Parameter
 
+from gloc3.ci import LogOnboard
+from gloc3.counting import counted
 from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages import Severity
 from gloc3.narrate import ERROR, narrate
+from gloc3_groundstation.pace import Pace, amount
+from gloc3_groundstation.services.saving import part_of
+
+if TYPE_CHECKING:
+    from gloc3_groundstation.log_pull import LogPuller
 
 TELL_EVERY_S: Final = 2.0
 TRAFFIC: Final = ".tlog"
@@ -26,6 +35,7 @@ def pull(
     keep: Annotated[bool, Parameter(negative="")] = False,
     frames: Annotated[bool, Parameter(negative="")] = False,
     no_cut: Annotated[bool, Parameter(negative="")] = False,
+    list_only: Annotated[bool, Parameter(name="--list", negative="")] = False,
     wait: float = 60.0,
     station_id: int = STATION_ID,
     signing_key: Path | None = None,
@@ -33,10 +43,13 @@ def pull(
     """Fetch logs from a vehicle; what has come is kept, and the same command goes on after a break or Ctrl-C.
 
     The vehicle calculates the SHA-256 digest of each log. When what has come has the same, the log takes its name in
-    OUT/PLATFORM, and is deleted on the vehicle.
+    OUT/PLATFORM, and is deleted on the vehicle; until then it is OUT/PLATFORM/LOG.BYTES.part. While the link is lost the
+    command waits, and goes on by itself when the vehicle is heard again. A station that may only look fetches, and
+    deletes nothing.
 
     For example:
 
+    - `gloc3 log pull udpin://0.0.0.0:14550 --list`: which logs the vehicle has, and how much of them is here
     - `gloc3 log pull udpin://0.0.0.0:14550`: all logs of the first vehicle that is heard, over MAVLink FTP
     - `gloc3 log pull network-ops.yaml --platform auv`: over the network, as the station of that file
     - `gloc3 log pull serial:///dev/ttyUSB0:57600 log-3.mcap --keep`: one log, by radio, and it stays there
@@ -49,6 +62,7 @@ def pull(
         keep: Leave them on the vehicle.
         frames: Fetch the MAVLink frames of the runs (.tlog), too.
         no_cut: Leave the log alone that is being written; otherwise it is ended, and the next begun.
+        list_only: List the logs and fetch none.
         wait: Give up when the vehicle is not heard within so many seconds.
         station_id: The MAVLink system of this station.
         signing_key: A file with the MAVLink signing key of the link.
@@ -57,20 +71,29 @@ def pull(
         raise Refused("--wait must be above 0 seconds")
     if not 200 <= station_id <= 255:
         raise Refused("--station-id must be from 200 to 255")
-    return asyncio.run(_pull(source, logs, platform, out, keep, frames, no_cut, wait, station_id, signing_key))
+    if "://" not in source and not Path(source).expanduser().is_file():
+        raise Refused(
+            f"{source!r} is no link, such as udpin://0.0.0.0:14550 or serial:///dev/ttyUSB0:57600, and no network file"
+        )
+    if list_only and (logs or keep):
+        raise Refused("--list names all logs and fetches none; leave it out to fetch")
+    wanted = _Wanted(logs, is_kept=keep, has_frames=frames, is_uncut=no_cut or list_only, is_list=list_only, out=out)
+    return asyncio.run(_pull(source, platform, wanted, wait, station_id, signing_key))
+
+
+class _Wanted(msgspec.Struct, frozen=True):
+    """What is to be done with the logs."""
+
+    names: tuple[str, ...]
+    is_kept: bool
+    has_frames: bool
+    is_uncut: bool
+    is_list: bool
+    out: Path
 
 
 async def _pull(
-    source: str,
-    names: tuple[str, ...],
-    wanted: str | None,
-    out: Path,
-    is_kept: bool,
-    has_frames: bool,
-    is_uncut: bool,
-    wait_s: float,
-    system: int,
-    key_file: Path | None,
+    source: str, platform: str | None, wanted: _Wanted, wait_s: float, system: int, key_file: Path | None
 ) -> int:
     from gloc3.clock import utc_now
     from gloc3.exchange import LocalExchange
@@ -108,49 +131,87 @@ async def _pull(
         )
         try:
             async with asyncio.timeout(wait_s):
-                name = await flights.await_platform(station, wanted)
+                name = await flights.await_platform(station, platform)
         except TimeoutError:
-            raise Gloc3Error(
-                f"{wanted or 'a vehicle'} was not heard within {wait_s:g} s at {links.describe()}"
-            ) from None
+            who, others = platform or "a vehicle", ", ".join(known.name for known in station.fleet)
+            hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
+            raise Gloc3Error(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
         found = [(link, at) for _, link in links.ways() for each, at in link.platforms() if each == name]
         progress = _Progress(loop)
         carrier = (
             await stack.enter_async_context(ftp_carrier(*found[0])) if found else ChunkCarrier(station, exchange, name)
         )
-        puller = LogPuller(station, name, carrier, progress.tell, narrate)
-        if not is_uncut:
+        return await _fetch(LogPuller(station, name, carrier, progress.tell, progress.pause), name, wanted, progress)
+
+
+async def _fetch(puller: "LogPuller", name: str, wanted: _Wanted, progress: "_Progress") -> int:
+    """Fetches what is wanted of a vehicle that is heard."""
+    from gloc3_groundstation.command_client import Declined
+
+    if not wanted.is_uncut:
+        try:
             await puller.cut()
-        listed = await puller.list()
-        missing = [one for one in names if one not in [log.name for log in listed]]
-        if missing:
-            here = ", ".join(log.name for log in listed) or "none"
-            raise Gloc3Error(f"{name} has no log {missing[0]!r}; it has {here}")
-        chosen = [
-            log
-            for log in listed
-            if (log.name in names if names else has_frames or not log.name.endswith(TRAFFIC)) and not log.is_open
-        ]
-        folder = out / name
-        folder.mkdir(parents=True, exist_ok=True)
-        failed = 0
-        for log in chosen:
-            try:
-                pulled = await puller.pull(log, folder, is_kept=is_kept)
-            except asyncio.CancelledError:
-                narrate(f"{log.name}: what has come is kept; the same command goes on there")
-                raise
-            except Gloc3Error as error:
-                failed += 1
-                narrate(f"{log.name}: {error}", ERROR)
-                continue
-            drops = f", the way was lost {pulled.drops} times" if pulled.drops else ""
-            left = "deleted onboard" if pulled.is_deleted else "left onboard"
-            narrate(f"{log.name}: {pulled.size} bytes, digest equal, {left}{drops}")
-            print(pulled.path)  # noqa: T201
-        if not chosen:
-            narrate(f"{name} has no finished logs")
-        return 1 if failed else 0
+        except Declined as error:
+            narrate(f"the log that is being written is not ended: {error}", Severity.WARNING)
+    listed, folder = await puller.list(), wanted.out / name
+    if wanted.is_list:
+        for log in listed:
+            print(_listed(log, folder))  # noqa: T201
+        return 0
+    chosen = _chosen(name, listed, wanted)
+    folder.mkdir(parents=True, exist_ok=True)
+    failed = 0
+    for number, log in enumerate(chosen, 1):
+        progress.begin(f"{log.name} ({number} of {len(chosen)})" if len(chosen) > 1 else log.name)
+        try:
+            pulled = await puller.pull(log, folder, is_kept=wanted.is_kept)
+        except asyncio.CancelledError:
+            share = _share(log, folder)
+            here = f"{share:.0f} % of it is here, and kept; " if share else ""
+            narrate(f"{log.name}: {here}the same command goes on with it")
+            raise
+        except Gloc3Error as error:
+            failed += 1
+            narrate(f"{log.name}: {error}", ERROR)
+            continue
+        drops = f", the way was lost {counted(pulled.drops, 'time')}" if pulled.drops else ""
+        left = "deleted onboard" if pulled.is_deleted else "left onboard"
+        narrate(f"{log.name}: {amount(pulled.size)}, digest equal, {left}{drops}")
+        print(pulled.path)  # noqa: T201
+    if not chosen:
+        narrate(f"{name} has no finished logs")
+    return 1 if failed else 0
+
+
+def _chosen(platform: str, listed: list[LogOnboard], wanted: _Wanted) -> list[LogOnboard]:
+    """The logs that are fetched.
+
+    Raises:
+        Gloc3Error: one was named that is not there, or still being written.
+    """
+    known = {log.name: log for log in listed}
+    for name in wanted.names:
+        if name not in known:
+            raise Gloc3Error(f"{platform} has no log {name!r}; it has {', '.join(known) or 'none'}")
+        if known[name].is_open:
+            raise Gloc3Error(f"{name} is still being written; without --no-cut it is ended first")
+    finished = [log for log in listed if not log.is_open]
+    if wanted.names:
+        return [log for log in finished if log.name in wanted.names]
+    return [log for log in finished if wanted.has_frames or not log.name.endswith(TRAFFIC)]
+
+
+def _listed(log: LogOnboard, folder: Path) -> str:
+    """A line of the list."""
+    share = _share(log, folder)
+    state = "is being written" if log.is_open else f"{share:.0f} % here" if share else ""
+    return f"{log.name:24} {amount(log.size):>10}  {state}".rstrip()
+
+
+def _share(log: LogOnboard, folder: Path) -> float:
+    """How much of a log an attempt has left here, in percent."""
+    part = part_of(folder / log.name, log.size)
+    return 100.0 * part.stat().st_size / log.size if log.size and part.exists() else 0.0
 
 
 class _Progress:
@@ -158,10 +219,25 @@ class _Progress:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._told_s = float("-inf")
+        self._title = ""
+        self.begin("")
 
-    def tell(self, name: str, here: int, size: int) -> None:
+    def begin(self, title: str) -> None:
+        """The next log."""
+        self._title, self._pace, self._told_s, self._is_first = title, Pace(), float("-inf"), True
+
+    def tell(self, _: str, here: int, size: int) -> None:
         """Some of it has come."""
-        if self._loop.time() - self._told_s >= TELL_EVERY_S and size:
-            self._told_s = self._loop.time()
-            narrate(f"{name}: {100.0 * here / size:.0f} % of {size / 1e6:.1f} MB")
+        words = self._pace.words(here, size, self._loop.time())
+        if self._is_first and here:
+            narrate(f"{self._title}: goes on from {words}")
+        elif self._loop.time() - self._told_s >= TELL_EVERY_S and here:
+            narrate(f"{self._title}: {words}")
+        else:
+            return
+        self._is_first, self._told_s = False, self._loop.time()
+
+    def pause(self, text: str) -> None:
+        """Something is told meanwhile, as that the way is lost."""
+        self._pace.forget()
+        narrate(text)

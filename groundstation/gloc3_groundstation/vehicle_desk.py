@@ -12,6 +12,7 @@ from gloc3.link.message import Address
 from gloc3.link.plan import PlanType
 from gloc3.messages import Severity
 from gloc3_groundstation.log_pull import FtpCarrier, LogPuller
+from gloc3_groundstation.pace import Pace
 from gloc3_groundstation.parameter_desk import ParameterDesk
 from gloc3_groundstation.plan_desk import PlanDesk
 from gloc3_groundstation.service_jobs import Job, Jobs, Outcome, Service, Work, attempt
@@ -120,20 +121,30 @@ class VehicleDesk:
         async def work(tell: OnProgress) -> str:
             services, folder = self._services, self.folder / self.name
 
+            pace = Pace()
+
             def came(name: str, here: int, size: int) -> None:
-                fraction = here / size if size else 1.0
-                tell(Progress(what=f"fetching {name}", fraction=fraction, detail=f"{size / 1e6:.1f} MB"))
+                words, fraction = pace.words(here, size, self.now_s), here / size if size else 1.0
+                tell(Progress(what=f"fetching {name}", fraction=fraction, detail=words.partition(" % of ")[2]))
+
+            def told(text: str) -> None:
+                pace.forget()
+                tell(Progress(what="fetching the onboard computer's logs", detail=text))
 
             carrier = FtpCarrier(services.machines, services.ftp, Address(services.target.system, COMPANION))
-            puller = LogPuller(self._station, self.name, carrier, came)
+            puller = LogPuller(self._station, self.name, carrier, came, told)
             folder.mkdir(parents=True, exist_ok=True)
             await puller.cut()
-            pulled = [
-                await puller.pull(log, folder)
-                for log in await puller.list()
-                if not log.is_open and log.name.endswith(".mcap")
-            ]
-            return f"{counted(len(pulled), 'log')} of the onboard computer are in {folder}, digests equal"
+            pulled = []
+            for log in await puller.list():
+                if not log.is_open and log.name.endswith(".mcap"):
+                    pace.forget()
+                    pulled.append(await puller.pull(log, folder))
+            if not pulled:
+                return f"the onboard computer of {self.name} has no finished logs"
+            left = sum(not one.is_deleted for one in pulled)
+            there = f"{left} stay onboard" if left else "deleted onboard"
+            return f"{counted(len(pulled), 'log')} of the onboard computer: in {folder}, digests equal, {there}"
 
         self.begin(Service.LOGS, "fetching the onboard computer's logs", work, is_change=True)
 

@@ -92,7 +92,7 @@ class PartFile:
 
     def opened(self, size: int) -> int:
         """Goes on with what an attempt at a file of the same size has left; gives how much that is."""
-        self._part = self.path.with_name(f"{self.path.name}.{size}{PART_SUFFIX}")
+        self._part = part_of(self.path, size)
         try:
             self._file = self._part.open("ab")
             if self._file.tell() > size:
@@ -148,6 +148,11 @@ class PartFile:
 
     def _fail(self, error: OSError) -> None:
         self.problem = Refused(f"{self._part} cannot be written: {error.strerror or error}")
+
+
+def part_of(path: Path, size: int) -> Path:
+    """Where what has come is kept of a file that will have so many bytes."""
+    return path.with_name(f"{path.name}.{size}{PART_SUFFIX}")
 
 
 def _check(path: Path) -> None:

@@ -24,7 +24,7 @@ class FixedWing(JsbsimBody):
 
     Args:
         model: the aircraft.
-        situation: where it begins; its wind and turbulence are JSBSim's.
+        situation: where it begins; its wind and its gusts too.
     """
 
     near_ground_m = 3.0

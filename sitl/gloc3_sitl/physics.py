@@ -20,6 +20,7 @@ from gloc3.frames import (
     from_yaw,
     to_euler,
 )
+from gloc3_sitl.gusts import Gusts
 from gloc3_sitl.truth import Motion, Truth
 from gloc3_sitl.vehicles import MULTIROTORS, MultirotorModel
 from gloc3_sitl.wind import CALM, Wind
@@ -37,10 +38,9 @@ _SEA_LEVEL_KG_M3: Final = 1.225
 _SPECIFIC_FORCE_MAX_M_S2: Final = 16.0 * GRAVITY_M_S2
 
 _UNUSED_MODELS: Final = ("Propulsion", "Aerodynamics", "BuoyantForces", "FCS", "Atmosphere", "Input", "Output")
-_SEVERITY: Final = 3.0
-_TUSTIN: Final = 4.0
 _LOOK_STEPS: Final = 5
-"""Steps from one look at the height to the next; falling from 100 m the vehicle comes 0.9 m nearer meanwhile."""
+"""Steps from one look at the height to the next; falling from 100 m the vehicle comes 0.9 m nearer meanwhile. Gusts change as
+often."""
 
 _AIR: Final = tuple(f"velocities/{name}" for name in ("u-aero-fps", "v-aero-fps", "w-aero-fps"))
 _RATES: Final = tuple(f"velocities/{axis}-rad_sec" for axis in "pqr")
@@ -50,6 +50,7 @@ _PLACE: Final = ("position/ecef-x-ft", "position/ecef-y-ft", "position/ecef-z-ft
 _GEODETIC: Final = ("position/lat-geod-deg", "position/long-gc-deg", "position/geod-alt-ft", "position/h-agl-ft")
 _VELOCITY: Final = tuple(f"velocities/v-{axis}-fps" for axis in ("north", "east", "down"))
 _ATTITUDE: Final = ("attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad")
+_GUST: Final = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down"))
 _WIND: Final = tuple(f"atmosphere/total-wind-{axis}-fps" for axis in ("north", "east", "down"))
 
 
@@ -94,7 +95,6 @@ class JsbsimBody:
         self._plane = TangentPlane(self.home)
         self._fdm = fdm = _load(aircraft)
         fdm.set_dt(1.0 / rate_hz)
-        fdm["simulation/randomseed"] = seed
         # With Euler steps what the IMU feels adds up to the velocity exactly, and a vehicle that stands in wind stays put;
         # the default multi-step integrator misses the friction of the step, so that it creeps by 2 mm/s.
         fdm["simulation/integrator/rate/translational"] = 1.0
@@ -111,6 +111,7 @@ class JsbsimBody:
         for name in _UNUSED_MODELS:
             fdm[f"simulation/models/FG{name}/enabled"] = 0.0
         self._wire()
+        self._gusts = Gusts(seed)
         self._wind = wind
         self.place((0.0, 0.0, 0.0), from_yaw(heading_deg * pi / 180.0))
         for _ in range(rate_hz // 4):
@@ -121,6 +122,7 @@ class JsbsimBody:
         fdm = self._fdm
         self._motion = tuple(_node(fdm, name).get_double_value for name in (*_AIR, *_RATES))
         self._forces = tuple(_node(fdm, name).set_double_value for name in _FORCES)
+        self._gust = tuple(_node(fdm, name).set_double_value for name in _GUST)
         self._feel = tuple(_node(fdm, name).get_double_value for name in (*_FEEL, *_RATES))
         names = (*_PLACE, *_GEODETIC, *_VELOCITY, *_ATTITUDE, *_WIND)
         self._state = tuple(_node(fdm, name).get_double_value for name in names)
@@ -143,9 +145,10 @@ class JsbsimBody:
         fdm = self._fdm
         for axis, velocity_m_s in zip(("north", "east", "down"), wind.velocity_ned_m_s, strict=True):
             fdm[f"atmosphere/wind-{axis}-fps"] = velocity_m_s * _PER_FOOT
-        fdm["atmosphere/turb-type"] = _TUSTIN if wind.gust_m_s > 0.0 else 0.0
-        fdm["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = wind.gust_m_s * _PER_FOOT
-        fdm["atmosphere/turbulence/milspec/severity"] = _SEVERITY
+        fdm["atmosphere/turb-type"] = 0.0  # JSBSim's goes by the height over the sea, ours by that over the ground
+        if not wind.gust_m_s:
+            for put in self._gust:
+                put(0.0)
 
     def set_ground(self, altitude_m: float) -> None:
         """Raise or lower the ground under the vehicle to this altitude above mean sea level."""
@@ -197,7 +200,14 @@ class JsbsimBody:
 
     def _look_down(self) -> None:
         """Switches contacts on near the ground and off higher up, where the step before has found that there are none."""
-        is_near = self._above_ground() < self.near_ground_m * _PER_FOOT
+        above_ft = self._above_ground()
+        if self._wind.gust_m_s > 0.0:
+            u, v, w, *_ = [get() for get in self._motion]
+            airspeed_m_s = sqrt(u * u + v * v + w * w) * FOOT_M
+            gust = self._gusts.step(self._wind, above_ft * FOOT_M, airspeed_m_s, _LOOK_STEPS / self.rate_hz)
+            for put, value in zip(self._gust, gust, strict=True):
+                put(value * _PER_FOOT)
+        is_near = above_ft < self.near_ground_m * _PER_FOOT
         if is_near != self._has_contacts:
             self._has_contacts = is_near
             self._enable_contacts(1.0 if is_near else 0.0)

@@ -11,20 +11,21 @@ from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
 from gloc3_sitl.autopilot.estimator.sources import ExternalOdometry
 from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.simulator import Simulator
+from gloc3_sitl.water import rough
 from gloc3_sitl.world import World
 
 GUIDED, SURFACE, ALT_HOLD, POSHOLD, MANUAL = 4, 9, 2, 16, 19
 
 
 class Dive:
-    """A submarine in the bay, told its place as a companion would, by the truth."""
+    """A submarine in the bay, told its place as a companion would: by the truth, with the climb that it has told itself."""
 
-    def __init__(self, vehicle: str, current_ned_m_s: Vector3 = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, vehicle: str, current_ned_m_s: Vector3 = (0.0, 0.0, 0.0), waves_m: float = 0.0) -> None:
         world = World.load("bay")
-        world.water = replace(world.water, current_ned_m_s=current_ned_m_s)
+        world.water = rough(replace(world.water, current_ned_m_s=current_ned_m_s), waves_m=waves_m)
         self.simulator = Simulator(world, vehicle=vehicle, seed=4)
         self.autopilot = self.simulator.autopilot
-        self.simulator.advance(12.0)
+        self.simulator.advance(24.0 if waves_m else 12.0)  # in waves the level is found from several of them
         self.autopilot.source_set = 2
         self.autopilot.choose_sources()
 
@@ -34,11 +35,11 @@ class Dive:
         end_s = simulator.now_s + seconds
         while simulator.now_s < end_s - 1e-6:
             simulator.advance(simulator.now_s + 0.1)
-            truth = simulator.truth()
+            truth, climb = simulator.truth(), self.autopilot.estimator.velocity_ned_m_s[2]
             pose = ExternalOdometry(
                 t_s=simulator.now_s,
                 position_ned_m=truth.position_ned_m,
-                velocity_ned_m_s=truth.velocity_ned_m_s,
+                velocity_ned_m_s=(*truth.velocity_ned_m_s[:2], climb),
                 yaw_rad=None,
                 position_deviation_m=0.1,
                 velocity_deviation_m_s=0.05,
@@ -75,6 +76,17 @@ def test_it_keeps_its_place_in_a_current_from_the_side(vehicle: str) -> None:
     dive = Dive(vehicle, (0.0, 0.08, 0.0))
     dive.arm()
     assert dive.go_to((10.0, 0.0, 3.0), 70.0) < 0.5
+
+
+def test_a_start_in_waves_does_not_lead_it_astray_in_depth() -> None:
+    dive = Dive("rov", waves_m=0.3)
+    dive.arm()
+    dive.go_to((2.0, 0.0, 5.0), 10.0)
+    off_m = []
+    for _ in range(25):
+        dive.run(1.0)
+        off_m.append(dive.simulator.truth().position_ned_m[2] - dive.autopilot.estimator.position_ned_m[2])
+    assert max(off_m) - min(off_m) < 0.1, "its pressure sensor knows the depth to centimetres"
 
 
 def test_the_auv_meets_a_current_across_its_way_with_a_crab_angle() -> None:

@@ -16,6 +16,8 @@ _FIRST_MEASUREMENTS: Final = 10
 _STUCK: Final = 10
 """So many equal readings of a magnetometer in a row: a working one has noise."""
 _FIX_LOST_S: Final = 0.5
+_BAROMETER_M2, _DEPTH_M2 = 0.25, 0.0025
+"""Variance of a height by the pressure of air, and of a depth by that of water, which is a thousand times steeper."""
 _GYRO_ALONE_S: Final = 3.0
 """So long the gyro alone keeps the attitude better than a level found from gravity and the vehicle's own accelerations."""
 _BIAS_SHARE: Final = 0.04
@@ -156,7 +158,8 @@ class Estimator:
             variance = max(pose.velocity_deviation_m_s, 0.02) ** 2
             vn, ve, vd = believed.velocity_ned_m_s
             self._correct_horizontal(self._horizontal.measure_velocity(variance), velocity[0] - vn, velocity[1] - ve)
-            self._correct_vertical(self._vertical.measure_velocity(variance), velocity[2] - vd)
+            if not self.sources & Source.DEPTH:  # what dives is told its own climb
+                self._correct_vertical(self._vertical.measure_velocity(variance), velocity[2] - vd)
         if pose.yaw_rad is not None and self.sources & Source.EXTERNAL_YAW:
             self._take_heading(wrap_pi(pose.yaw_rad - self.yaw_rad), 0.05, now_s)
 
@@ -192,7 +195,7 @@ class Estimator:
             self.barometer_state.accepted_s = now_s
             return
         self._grow_vertical(now_s)
-        variance = 0.25
+        variance = _DEPTH_M2 if self.sources & Source.DEPTH else _BAROMETER_M2
         ratio = innovation * innovation / (_GATE_SIGMA**2 * (self._vertical.position_variance_m2 + variance))
         if self.barometer_state.judge(ratio, now_s):
             self._correct_vertical(self._vertical.measure_position(variance), innovation)

@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
 from gloc3 import __version__
-from gloc3.errors import Gloc3Error, InputError, nearest
+from gloc3.errors import Gloc3Error, InputError, NotHeard, nearest
 from gloc3.narrate import ERROR, narrate
 
 SUMMARIES: Final = {
@@ -41,6 +41,7 @@ EXTRAS: Final = {
 }
 """Libraries that only some of the installs have, and the extra that brings each."""
 
+EXIT_FAILED: Final = 1
 EXIT_WRONG_USE: Final = 2
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
 EXIT_NOBODY_READS: Final = 128 + signal.SIGPIPE
@@ -61,6 +62,9 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
     except InputError as error:
         narrate(str(error), ERROR)
+    except NotHeard as error:
+        narrate(f"{name}: {error}", ERROR)
+        return EXIT_FAILED
     except Gloc3Error as error:
         narrate(f"{name}: {error}", ERROR)
     except KeyboardInterrupt:

@@ -102,6 +102,8 @@ def find_class(name: str) -> type[Component[Any]]:
         raise Gloc3Error(f"cannot load {path!r}: {error}") from error
     if not (isinstance(found, type) and issubclass(found, Component)):
         raise Gloc3Error(f"{path!r} is not a component class")
+    if inspect.isabstract(found) or not hasattr(found, "settings_type"):
+        raise Gloc3Error(f"{path!r} is a base of components, not one itself")
     return found
 
 

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar, cast
 import yaml
 
 from gloc3 import schema
-from gloc3.errors import Finding, InputError
+from gloc3.errors import Finding, InputError, NotThere
 from gloc3.yaml_nodes import Node, build, place_of, stays_text
 
 T = TypeVar("T")
@@ -71,8 +71,8 @@ def load_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     """The content of a file.
 
     Raises:
-        InputError: it cannot be opened, or is larger than allowed; in that case it is not read at all, or, if its size
-            is not known before (a pipe, a device), no further than that.
+        NotThere: it cannot be opened.
+        InputError: it is larger than allowed; in that case it is not read at all, or, if its size is not known before (a pipe, a device), no further than that.
     """
     try:
         size = path.stat().st_size
@@ -85,7 +85,7 @@ def load_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
         return data
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise InputError([Finding(file=str(path), message=f"cannot be read: {reason}")]) from error
+        raise NotThere([Finding(file=str(path), message=f"cannot be read: {reason}")]) from error
 
 
 def load(path: Path, kind: type[T]) -> T:

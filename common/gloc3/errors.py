@@ -52,10 +52,19 @@ class InputError(Gloc3Error):
         self.findings = tuple(findings)
 
 
-def nearest(name: str, known: Sequence[str]) -> str:
-    """A hint that names the known word nearest to `name`, or lists what is known."""
-    begun = [word for word in known if len(name) >= LEAST_BEGINNING and word.startswith(name)]
-    close = begun if len(begun) == 1 else get_close_matches(name, known, n=1, cutoff=0.65)
+class NotThere(InputError):
+    """A file or a name that was asked for is not there, or cannot be read: nothing in it is wrong."""
+
+
+class NotHeard(Gloc3Error):
+    """Whom a command speaks to is not heard: the command is right, and fails."""
+
+
+def nearest(name: str, known: Sequence[str], also: Sequence[str] = ()) -> str:
+    """A hint that names the known word nearest to `name`, or lists what is known; words in `also` are not listed."""
+    words = [*known, *also]
+    begun = [word for word in words if len(name) >= LEAST_BEGINNING and word.startswith(name)]
+    close = begun if len(begun) == 1 else get_close_matches(name, words, n=1, cutoff=0.65)
     if close:
         return f"did you mean {close[0]!r}?"
     if not known:

@@ -11,7 +11,7 @@ from gloc3 import schema
 from gloc3.camera_model import CameraModel
 from gloc3.deployment import ComponentRow, FaultPolicy
 from gloc3.document import load_bytes, parse
-from gloc3.errors import Finding, Gloc3Error, InputError, nearest
+from gloc3.errors import Finding, Gloc3Error, InputError, NotThere, nearest
 from gloc3.frames import GeoPoint, LocalFrame
 
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
@@ -236,14 +236,15 @@ def find_platform(name: str) -> Path:
     """The file of a platform; plain names are looked up in the folders of the entry points `gloc3.platforms`.
 
     Raises:
-        InputError: there is none of that name.
+        NotThere: there is none of that name.
     """
-    path = Path(name)
+    path, known = Path(name), platform_files()
+    if path.is_dir() and name not in known:
+        raise NotThere([Finding(file=name, message="is a folder, not a platform file")])
     if path.suffix or path.is_file():
         return path
-    known = platform_files()
     if name not in known:
-        raise InputError([Finding(file=name, message="no such platform", hint=nearest(name, sorted(known)))])
+        raise NotThere([Finding(file=name, message="no such platform", hint=nearest(name, sorted(known)))])
     return known[name]
 
 

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Final
 
-from gloc3.errors import Gloc3Error
+from gloc3.errors import NotHeard
 from gloc3.exchange.base import Unsubscribe
 from gloc3_groundstation import flights
 from gloc3_groundstation.flights import End
@@ -115,7 +115,7 @@ class Headless:
             who = wanted or "a platform"
             others = ", ".join(platform.name for platform in self._station.fleet)
             hint = f"heard: {others}" if others else "is it running, and does its link lead here?"
-            raise Gloc3Error(f"{who} was not heard within {duration(wait_s)}; {hint}") from None
+            raise NotHeard(f"{who} was not heard within {duration(wait_s)}; {hint}") from None
 
     def _changed(self, before: Fleet, after: Fleet, now_s: float) -> None:
         for line in self._narrator.changes(before, after, now_s):

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from gloc3.ci import LogOnboard
 from gloc3.counting import counted
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import Gloc3Error, NotHeard, Refused
 from gloc3.messages import Severity
 from gloc3.narrate import ERROR, narrate
 from gloc3_groundstation.pace import Pace, amount
@@ -75,6 +75,8 @@ def pull(
         raise Refused(
             f"{source!r} is no link, such as udpin://0.0.0.0:14550 or serial:///dev/ttyUSB0:57600, and no network file"
         )
+    if out.exists() and not out.is_dir():
+        raise Refused(f"--out {out} is a file, not a folder")
     if list_only and (logs or keep):
         raise Refused("--list names all logs and fetches none; leave it out to fetch")
     wanted = _Wanted(logs, is_kept=keep, has_frames=frames, is_uncut=no_cut or list_only, is_list=list_only, out=out)
@@ -135,7 +137,7 @@ async def _pull(
         except TimeoutError:
             who, others = platform or "a vehicle", ", ".join(known.name for known in station.fleet)
             hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
-            raise Gloc3Error(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
+            raise NotHeard(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
         found = [(link, at) for _, link in links.ways() for each, at in link.platforms() if each == name]
         progress = _Progress(loop)
         carrier = (

@@ -92,7 +92,10 @@ def schema(*, out: Path | None = None) -> int:
     if out is None:
         sys.stdout.write(text)
     else:
-        out.write_text(text, encoding="utf-8")
+        try:
+            out.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise Refused(f"{out} cannot be written: {error.strerror or error}") from error
     return 0
 
 

@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import Final, NamedTuple
 
 from gloc3.clock import Clock
-from gloc3.errors import Gloc3Error
+from gloc3.errors import NotHeard
 from gloc3.link.endpoints import open_endpoint
 from gloc3.readiness import AutopilotSetup
 from gloc3.vehicle import Style, VehicleClass
@@ -97,7 +97,7 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
 
     Raises:
         Refused: the link cannot be opened.
-        Gloc3Error: no autopilot is heard.
+        NotHeard: no autopilot is heard.
     """
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
@@ -117,7 +117,7 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
         link.close()
         await endpoint.close()
     if setup.style is None or setup.vehicle is None:
-        raise Gloc3Error(
+        raise NotHeard(
             f"no autopilot is heard at {autopilot} within {wait_s:g} s{f'; {endpoint.problem}' if endpoint.problem else ''}"
         )
     return Found(setup, stamped.pose.origin_geo if stamped is not None else None)

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from gloc3.document import Document, load_bytes, parse
-from gloc3.errors import Finding, InputError, Refused
+from gloc3.errors import Finding, InputError, NotThere, Refused
 from gloc3.places import host_names, place_of
 from gloc3.platform import Platform, find_platform, read_platform
 from gloc3_onboard.process import DEVICES
@@ -39,12 +39,17 @@ def report_on(name: str) -> PlatformReport:
     """Checks a platform file, or an installed one by its name; never raises for what is in it.
 
     What depends on this computer (a camera that is not plugged in, say) is a warning.
+
+    Raises:
+        NotThere: there is no such file or platform, or it cannot be read.
     """
     findings: list[Finding] = []
     try:
         path = find_platform(name)
         data = load_bytes(path)
         platform = read_platform(data, str(path), is_loading_classes=True, devices=DEVICES, warn=findings.append)
+    except NotThere:
+        raise
     except InputError as error:
         return PlatformReport(file=name, findings=sorted([*findings, *error.findings]))
     document = parse(data, str(path))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from cyclopts import App, Parameter
 
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import Gloc3Error, NotHeard, Refused
 from gloc3.narrate import narrate
 from gloc3_onboard.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 
@@ -141,9 +141,9 @@ async def _converse(
         begin_s = loop.time()
         while session.stage not in (stage, Stage.FAILED):
             if session.stage is Stage.LISTENING and loop.time() > begin_s + HEAR_S:
-                raise Gloc3Error(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat comes'}")
+                raise NotHeard(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat comes'}")
             if loop.time() > begin_s + PATIENCE_S:
-                raise Gloc3Error(f"{autopilot}: nothing more is heard of the autopilot, while {session.stage}")
+                raise NotHeard(f"{autopilot}: nothing more is heard of the autopilot, while {session.stage}")
             node.tick(loop.time())
             for message in node.outgoing():
                 endpoint.send(encoder.encode(message))

@@ -384,6 +384,9 @@ class OnboardProcess:
 
     def _open_log(self) -> Path:
         """Begins the next log of the folder; its file."""
+        for folder in (self._out, self._logs):
+            if folder.is_file():
+                raise Refused(f"{folder} is a file, not a folder")
         try:
             for folder in (self._out, self._logs):
                 folder.mkdir(parents=True, exist_ok=True)

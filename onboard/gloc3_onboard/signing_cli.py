@@ -13,7 +13,7 @@ from typing import Annotated, Final
 from cyclopts import App, Parameter
 
 from gloc3.clock import Clock
-from gloc3.errors import Refused
+from gloc3.errors import NotHeard, Refused
 from gloc3.link.endpoints import SERIAL_SCHEMES, open_endpoint, parse_url
 from gloc3.link.signing import KEY_BYTES, timestamp
 from gloc3.link.signing_key import read_signing_key
@@ -127,7 +127,7 @@ async def _heard(url: str, key: bytes, present: bytes | None) -> AsyncIterator[S
     """The autopilot behind a link, once it has been heard, and how it signs.
 
     Raises:
-        Refused: it is not heard, or is armed.
+        NotHeard: it is not heard.
     """
     loop = asyncio.get_running_loop()
     made: list[Setup] = []
@@ -141,7 +141,7 @@ async def _heard(url: str, key: bytes, present: bytes | None) -> AsyncIterator[S
                 break
         if setup.autopilot is None:
             why = endpoint.problem if not endpoint.is_connected and endpoint.problem else "no heartbeat comes"
-            raise Refused(f"{url}: no autopilot is heard: {why}")
+            raise NotHeard(f"{url}: no autopilot is heard: {why}")
         yield setup
     finally:
         await endpoint.close()

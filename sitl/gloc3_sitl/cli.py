@@ -20,7 +20,7 @@ from gloc3_sitl.record_cli import record
 from gloc3_sitl.sensor_server import SensorServer
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.truth_log import TruthLog
-from gloc3_sitl.vehicles.table import style_of
+from gloc3_sitl.vehicles.table import check_sea, style_of, vehicle_named
 from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, gusty
 from gloc3_sitl.world import World
@@ -31,8 +31,9 @@ ARDUPILOTS_LINK: Final = "station=tcpin://127.0.0.1:5760"
 """Where ArduPilot's own simulation listens, too: MAVProxy, dronekit and pymavlink look for it there."""
 
 MOST_PORT: Final = 65535
-MOST_WAVES_M: Final = 5.0
-MOST_CURRENT_M_S: Final = 3.0
+PELICAN: Final = "pelican"
+INDOORS: Final = "hold"
+"""The world of the paper's vehicle; the others are in that of missions on Earth."""
 _COMPANION_PORTS: Final = range(14540, 14550)
 _KINDS: Final = {"station": LinkKind.GROUND, "companion": LinkKind.COMPANION}
 
@@ -49,7 +50,7 @@ app = App(
 
     - `gloc3 sitl`: the Pelican in a cargo hold, as `gloc3 onboard pelican_rtk` and `gloc3 station` look for it
     - `gloc3 sitl --autopilot ardupilot --world open --home 47.3977,8.5456,488,90 --wind 6`: for ground stations of others
-    - `gloc3 sitl --vehicle boat --world open --home 63.4396,10.399,0,0 --waves 0.3`: the Otter in the fjord, for `gloc3
+    - `gloc3 sitl --vehicle boat --home 63.4396,10.399,0,0 --waves 0.3`: the Otter in the fjord, for `gloc3
       onboard boat`; `--vehicle rover` is a Jackal, `plane` an Aerosonde
     - `gloc3 sitl --no-gps --sensors 7010`: with cameras and laser scanner, for `gloc3 onboard pelican --device`
     - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world, see docs/firmware.md""",
@@ -127,9 +128,9 @@ def read_parameter(text: str) -> tuple[str, float]:
 @app.default
 def sitl(
     *,
-    vehicle: str = "pelican",
+    vehicle: str = PELICAN,
     autopilot: str | None = None,
-    world: str = "hold",
+    world: str | None = None,
     home: str | None = None,
     speed: float = 1.0,
     seed: int = 0,
@@ -155,7 +156,8 @@ def sitl(
     Args:
         vehicle: Model of the vehicle.
         autopilot: Style of the autopilot: px4 or ardupilot; else the usual one of the vehicle.
-        world: World to fly in: the name of one of ours, or a world file.
+        world: World to be in: the name of one of ours, or a world file; else hold for the Pelican, bay for what dives,
+            and open for the others.
         home: Place of departure as LAT,LON,ALT,HEADING; for worlds that can be moved.
         speed: How many times faster than real time.
         seed: Seed of sensor noise and turbulence.
@@ -184,10 +186,7 @@ def sitl(
         raise Refused("--speed must be above 0, and 1000 at most")
     if not 0.0 <= wind <= 30.0:
         raise Refused("--wind must be from 0 to 30 m/s")
-    if not 0.0 <= waves <= MOST_WAVES_M or not abs(current) <= MOST_CURRENT_M_S:
-        raise Refused(
-            f"--waves must be from 0 to {MOST_WAVES_M:g} m, --current from -{MOST_CURRENT_M_S:g} to {MOST_CURRENT_M_S:g} m/s"
-        )
+    check_sea(vehicle, waves, current)
     if not 0.0 <= battery <= 1.0:
         raise Refused("--battery must be from 0 to 1")
     if seed < 0:
@@ -200,7 +199,7 @@ def sitl(
         raise Refused(f"--firmware-port must be a port from 0 to {MOST_PORT}")
     place, heading = (None, None) if home is None else read_home(home)
     air = gusty(wind, wind_from) if wind > 0.0 else CALM
-    there = World.load(world, place, heading)
+    there = World.load(world or (INDOORS if vehicle == PELICAN else vehicle_named(vehicle).world), place, heading)
     there.water = rough(there.water, waves_m=waves, waves_from_deg=wind_from, current_m_s=current)
     parameters = dict(read_parameter(text) for text in param or ())
     if firmware is not None:

@@ -14,8 +14,6 @@ from gloc3_sitl.wind import CALM, gusty
 EXIT_DONE: Final = 0
 EXIT_FAILED: Final = 1
 MOST_WIND_M_S: Final = 30.0
-MOST_WAVES_M: Final = 5.0
-MOST_CURRENT_M_S: Final = 3.0
 
 app = App(
     name="gloc3 fly",
@@ -90,10 +88,6 @@ def fly(
     begin_s = Clock.cost_s()
     if not 0.0 <= wind <= MOST_WIND_M_S:
         raise Refused(f"--wind must be from 0 to {MOST_WIND_M_S:g} m/s")
-    if not 0.0 <= waves <= MOST_WAVES_M:
-        raise Refused(f"--waves must be from 0 to {MOST_WAVES_M:g} m")
-    if not abs(current) <= MOST_CURRENT_M_S:
-        raise Refused(f"--current must be from -{MOST_CURRENT_M_S:g} to {MOST_CURRENT_M_S:g} m/s")
     if seed < 0:
         raise Refused("--seed must be 0 or more")
     from gloc3.platform import load_platform
@@ -103,12 +97,14 @@ def fly(
     from gloc3_sitl.fly import FlyOptions, fly_mission
     from gloc3_sitl.mission_file import find_file, platform_for
     from gloc3_sitl.outputs import make_anew
+    from gloc3_sitl.vehicles.table import check_sea, vehicle_of_type
     from gloc3_sitl.world import World
 
     path = find_file(mission)
     platform = platform or platform_for(path)
     warn = None if quiet else lambda found: narrate(str(found))
     known = load_platform(platform, is_loading_classes=True, devices=DEVICES, warn=warn)
+    check_sea(vehicle_of_type(known.vehicle.type), waves, current)
     for text in fault or ():
         read_fault(text)
     if world:

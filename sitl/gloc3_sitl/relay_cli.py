@@ -55,7 +55,7 @@ def relay(
         other: The other one.
         link: What lies between them: perfect, radio (57,600 baud, 30 ms, 2 % lost) or acoustic (80 bit/s, 2 to 3 s, 10 %
             lost); in the last two both directions share the line.
-        rate: Bits per second, in place of the link's.
+        rate: Bits per second, in place of the link's; 0 for no limit.
         latency: Seconds on the way, in place of the link's.
         loss: Share of the datagrams that is lost, 0 to 1, in place of the link's.
         seed: Of chance.

@@ -10,7 +10,7 @@ from typing import Annotated, Final
 from cyclopts import App, Parameter
 
 from gloc3.counting import counted
-from gloc3.errors import Finding, InputError
+from gloc3.errors import Finding, InputError, NotThere
 from gloc3.mission.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import (
@@ -85,6 +85,8 @@ def check(
         return _fail(error, WRONG_USE)
     try:
         report = _report(path, on[0] if len(on) == 1 else None, on)
+    except NotThere as error:
+        return _fail(error, WRONG_USE)
     except InputError as error:
         report = Report(file=mission, findings=error.findings)
     if json_output:
@@ -121,7 +123,7 @@ def show(
         report = _report(path, on)
         found = report.flyable()
     except InputError as error:
-        return _fail(error)
+        return _fail(error, WRONG_USE if isinstance(error, NotThere) else FAILED)
     if svg is not None:
         return _write(svg, picture(report))
     _print(mermaid(found) if mermaid_output else drawing(report, Circumstances(platform=on).capabilities(), on), end="")
@@ -238,7 +240,7 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
     try:
         text, warnings = _converted(path, target.suffix, on)
     except InputError as error:
-        return _fail(error)
+        return _fail(error, WRONG_USE if isinstance(error, NotThere) else FAILED)
     code = _write(target, text)
     for warning in warnings if code == OK else ():
         _complain(str(warning))

@@ -316,10 +316,9 @@ def _capability(
         findings.append(document.finding(where, "no capability is given", "known: " + ", ".join(known)))
     for key in others:
         if key not in known:
-            what, words = ("key", list(_ACTION_KEYS)) if named else ("capability", [*known, *_ACTION_KEYS])
-            findings.append(
-                document.finding((*where, key), f"unknown {what} {key!r}", nearest(key, words), at_key=True)
-            )
+            what = "key" if named else "capability"
+            hint = nearest(key, _ACTION_KEYS) if named else nearest(key, known, also=_ACTION_KEYS)
+            findings.append(document.finding((*where, key), f"unknown {what} {key!r}", hint, at_key=True))
         elif key != named[0]:
             message = f"a second capability {key!r} beside {named[0]!r}"
             findings.append(document.finding((*where, key), message, "make it an action of its own", at_key=True))

@@ -12,6 +12,7 @@ import msgspec
 from cyclopts import App, Parameter
 
 from gloc3.clock import utc_now
+from gloc3.errors import Refused
 from gloc3.narrate import narrate
 from gloc3.network import register
 from gloc3.network.access import Role, access_control, grants
@@ -38,9 +39,10 @@ app = App(
     version_flags=[],
 )
 
-Days = Annotated[int, Parameter(help="How long the certificate is valid.")]
+Days = Annotated[int, Parameter(help="How long the certificate is valid, in days.")]
 AUTHORITY_DAYS = 3650
 MEMBER_DAYS = 365
+MOST_DAYS = 36500
 
 
 @app.command
@@ -53,6 +55,7 @@ def init(folder: Path, /, *, name: str | None = None, days: Days = AUTHORITY_DAY
         days: How long the authority is valid.
     """
     folder = folder.expanduser()
+    _check(days)
     register.found(folder, name or folder.absolute().name, utc_now(), timedelta(days=days))
     narrate(f"{folder} holds a network; keep authority.key secret: who has it can make members")
     return 0
@@ -89,6 +92,7 @@ def add(
     entry = register.Member(
         role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
     )
+    _check(days)
     changed = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew)
     narrate(f"{folder / member} is for {member} alone; its certificate is valid for {days} days")
     if not entry.listen and not register.read_register(folder).connections(member):
@@ -163,3 +167,8 @@ def _tell(changed: Iterable[str]) -> None:
     names = ", ".join(changed)
     if names:
         narrate(f"network.yaml is new for {names}: copy it there, and send SIGHUP to what runs with it")
+
+
+def _check(days: int) -> None:
+    if not 1 <= days <= MOST_DAYS:
+        raise Refused(f"--days must be from 1 to {MOST_DAYS}")

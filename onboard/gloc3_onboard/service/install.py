@@ -3,6 +3,7 @@
 import grp
 import os
 import pwd
+import re
 import shutil
 import subprocess
 import sys
@@ -26,6 +27,8 @@ from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, m
 from gloc3_onboard.service.udev import FOLDER, SYS, advice, rules, usb_device
 from gloc3_onboard.service.unit import Unit
 
+USER: Final = re.compile(r"[a-z_][a-z0-9_-]{0,31}")
+"""Of useradd."""
 UNITS: Final = Path("etc/systemd/system")
 RULES: Final = Path("etc/udev/rules.d")
 ROOT: Final = Path("/")
@@ -72,6 +75,8 @@ def make_plan(
         Refused: an option cannot be, or a file is where a service cannot read it.
     """
     options.check()
+    if not USER.fullmatch(user):
+        raise Refused(f"--user {user!r} is no name of a user: small letters, digits, _ and -, a letter or _ first")
     for option, value in (("--out", options.out), ("--logs", options.logs)):
         if value is not None:
             raise Refused(f"{option}: a service has its folders below /var/lib/gloc3 and /var/log/gloc3")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
-from gloc3.errors import Misuse, nearest
+from gloc3.errors import Misuse, Refused, nearest
 from gloc3.frames import GeoPoint
 from gloc3_sitl.autopilot.control.underwater import UnderwaterControl
 from gloc3_sitl.autopilot.modes import Style
@@ -41,6 +41,8 @@ from gloc3_sitl.vehicles.rov import ROV
 from gloc3_sitl.vehicles.underwater import UnderwaterModel
 from gloc3_sitl.vessel import Vessel
 
+MOST_WAVES_M: Final = 5.0
+MOST_CURRENT_M_S: Final = 3.0
 MakeSensors = Callable[[int, GeoPoint], Sequence[Sensor[Any]]]
 """Makes sensors from a seed and the home."""
 
@@ -67,6 +69,8 @@ class VehicleRow:
     """Autopilots that can steer it, by name; the first is the usual one."""
     world: str = "open"
     """The world of missions on Earth that name none: one that may lie anywhere."""
+    swims: bool = False
+    """Whether waves and current reach it."""
     imu_bias_share: float = 1.0
     """Biases of its inertial unit, as a share of those of a multirotor's."""
     sensors: MakeSensors = _none
@@ -138,6 +142,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         vehicle_class=_submarine(AUV),
         styles={"ardupilot": ARDUSUB},
         world="bay",
+        swims=True,
         imu_bias_share=_TACTICAL,
         sensors=_diving_sensors,
     ),
@@ -148,6 +153,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         vehicle_class=_submarine(ROV),
         styles={"ardupilot": ARDUSUB},
         world="bay",
+        swims=True,
         imu_bias_share=_TACTICAL,
         sensors=_diving_sensors,
     ),
@@ -165,6 +171,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=OTTER,
         vehicle_class=BOAT_CLASS,
         styles={"ardupilot": BOAT},
+        swims=True,
     ),
     "plane": VehicleRow(
         types=("aircraft",),
@@ -194,6 +201,26 @@ def vehicle_named(name: str) -> VehicleRow:
     if name not in VEHICLES:
         raise Misuse(f"no vehicle {name!r}; {nearest(name, list(VEHICLES))}")
     return VEHICLES[name]
+
+
+def check_sea(vehicle: str, waves_m: float, current_m_s: float) -> None:
+    """Checks the sea that is asked for.
+
+    Args:
+        vehicle: which is in it.
+        waves_m: significant height.
+        current_m_s: of the water.
+
+    Raises:
+        Refused: it is out of range, or does not reach the vehicle.
+    """
+    if not 0.0 <= waves_m <= MOST_WAVES_M:
+        raise Refused(f"--waves must be from 0 to {MOST_WAVES_M:g} m")
+    if not abs(current_m_s) <= MOST_CURRENT_M_S:
+        raise Refused(f"--current must be from -{MOST_CURRENT_M_S:g} to {MOST_CURRENT_M_S:g} m/s")
+    if (waves_m or current_m_s) and not vehicle_named(vehicle).swims:
+        swimmers = ", ".join(name for name, row in VEHICLES.items() if row.swims)
+        raise Refused(f"--waves and --current are for what swims ({swimmers}), not for {vehicle!r}")
 
 
 def style_of(vehicle: str, wanted: str | None) -> str:

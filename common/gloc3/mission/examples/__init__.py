@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gloc3.errors import Finding, InputError, nearest
+from gloc3.errors import Finding, NotThere, nearest
 
 
 def example_missions() -> dict[str, Path]:
@@ -14,11 +14,13 @@ def find_mission(name: str) -> Path:
     """The file of a mission: a path, or the name of an example.
 
     Raises:
-        InputError: there is none of that name.
+        NotThere: there is none of that name.
     """
     path, known = Path(name), example_missions()
     if name in known and not path.is_file():
         return known[name]
+    if path.is_dir():
+        raise NotThere([Finding(file=name, message="is a folder, not a mission file")])
     if path.suffix or path.is_file():
         return path
-    raise InputError([Finding(file=name, message="no such mission", hint=nearest(name, list(known)))])
+    raise NotThere([Finding(file=name, message="no such mission", hint=nearest(name, list(known)))])

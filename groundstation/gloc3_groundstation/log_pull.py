@@ -2,6 +2,7 @@
 
 import asyncio
 import hashlib
+import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import partial
@@ -38,6 +39,9 @@ CHUNK_S: Final = 1.0
 LOST_S: Final = 10.0
 """When nothing has come for so long, the way is lost."""
 
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*(\.[A-Za-z0-9]+)+")
+"""Of a log: the platform tells it, and it becomes that of a file here."""
+DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 OnFraction = Callable[[str, int, int], None]
 """Is told a log's name, how many of its bytes are here, and how many it has."""
 
@@ -194,7 +198,14 @@ class LogPuller:
             Gloc3Error: the platform refuses.
         """
         reply = await self._ask(ListLogs())
-        return msgspec.convert(reply.result.get("logs", []), list[LogOnboard])
+        try:
+            logs = msgspec.convert(reply.result.get("logs", []), list[LogOnboard])
+        except msgspec.ValidationError as error:
+            raise Refused(f"what {self._platform} tells of its logs cannot be read: {error}") from error
+        for log in logs:
+            if not NAME.fullmatch(log.name):
+                raise Refused(f"{self._platform} tells of a log whose name is none: {log.name!r}")
+        return logs
 
     async def pull(self, log: LogOnboard, folder: Path, *, is_kept: bool = False) -> Pulled:
         """Fetches a log into a folder; goes on whenever the way is lost, until it is whole or this is cancelled.
@@ -237,7 +248,7 @@ class LogPuller:
     async def _digest(self, log: LogOnboard) -> str:
         reply = await self._ask(DigestLog(name=log.name), DIGEST_S)
         digest, size = reply.result.get("sha256"), reply.result.get("size")
-        if not isinstance(digest, str) or size != log.size:
+        if not isinstance(digest, str) or not DIGEST.fullmatch(digest) or size != log.size:
             raise Refused(f"{log.name} has changed since it was listed")
         return digest
 

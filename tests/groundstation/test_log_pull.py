@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gloc3.ci import AboutLogs, CiRequest, ConfirmLog, LogChunk, LogOnboard
+from gloc3.ci import AboutLogs, CiReply, CiRequest, ConfirmLog, ListLogs, LogChunk, LogOnboard, ReadLog
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import LocalExchange, Publisher
@@ -17,6 +17,7 @@ from gloc3.messages import Envelope
 from gloc3.topics import TopicTable
 from gloc3_groundstation.log_pull import ChunkCarrier, LogPuller, Pulled
 from gloc3_groundstation.station import Station
+from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf
 
 from .scripted_platform import VEHICLE
@@ -62,6 +63,9 @@ class Vessel:
         if not self.is_cut_off:
             topic = "log_chunk" if isinstance(told, LogChunk) else "ci/reply"
             self._publisher.publish(f"auv/{topic}", told, self._loop.time())
+
+    def answer(self, reply: CiReply) -> None:
+        self._publisher.publish("auv/ci/reply", reply, self._loop.time())
 
     def close(self) -> None:
         self._timer.cancel()
@@ -184,3 +188,36 @@ def test_only_logs_can_be_fetched_and_only_with_the_right_digest_be_deleted(ther
 
     assert not in_virtual_time(steps()).is_deleted
     assert (there / "log.mcap").exists()
+
+
+def test_a_piece_beyond_the_end_of_a_log_is_empty(there: Path) -> None:
+    shelf = LogShelf(there, set, lambda: None, AtOnce())
+    for sequence, offset in enumerate((-1, 1_000_003, 1 << 63)):
+        shelf.ask(
+            CiRequest(sender="255", boot=1, sequence=sequence, body=ReadLog(name="log.mcap", offset=offset, size=9))
+        )
+    assert [len(chunk.data) for chunk in shelf.take() if isinstance(chunk, LogChunk)] == [9, 0, 0]
+
+
+@pytest.mark.parametrize("name", ["../here/log.mcap", "/tmp/log.mcap", ".ssh", "log.mcap/..", 7])
+def test_a_platform_cannot_have_a_file_written_elsewhere_by_what_it_calls_its_logs(there: Path, name: object) -> None:
+    async def steps() -> list[LogOnboard]:
+        vessel = Vessel(there)
+
+        def lie(envelope: Envelope[CiRequest]) -> None:
+            assert isinstance(envelope.payload.body, ListLogs)
+            logs = [[name, 6, False]]
+            vessel.answer(answer(envelope.payload, result={"logs": logs}))
+
+        vessel.is_cut_off = True
+        vessel.exchange.subscribe("auv/ci/request", lie)
+        try:
+            return await vessel.puller().list()
+        finally:
+            vessel.close()
+
+    with (
+        pytest.raises(Refused, match=r"a log whose name is none|cannot be read"),
+        asyncio.Runner(loop_factory=VirtualLoop) as runner,
+    ):
+        runner.run(steps())

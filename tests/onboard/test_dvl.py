@@ -71,12 +71,28 @@ def test_pd6_says_ship_velocities_in_millimetres() -> None:
         b"[1]\n",
         b":BS,1\n",
         b":BS,a,b,c,A\n",
+        VELOCITY % int("1" * 400),
+        VELOCITY.replace(b"%d", b"1e300"),
+        VELOCITY.replace(b"%d", b"-1"),
+        b"[" * 30_000 + b"\n",
     ],
+    ids=lambda line: line.decode("latin1")[:40],
 )
 def test_damaged_lines_are_counted_or_passed_over_and_the_next_one_is_read(line: bytes) -> None:
     for decoder, good in ((A50Decoder(), VELOCITY % 7), (Pd6Decoder(), PD6)):
         assert decoder.receive(line) == []
         assert len(decoder.receive(good)) == 1
+
+
+@pytest.mark.parametrize("fom", [b'"nan"', b'"inf"', b"-0.1"])
+def test_an_accuracy_that_is_none_is_not_taken_for_a_good_one(fom: bytes) -> None:
+    (report,) = A50Decoder().receive(VELOCITY.replace(b"0.0016", fom) % 7)
+    assert not report.bottom.is_valid
+
+
+def test_no_distance_and_no_velocity_is_beyond_all_numbers() -> None:
+    (report,) = Pd6Decoder().receive(PD6.replace(b"0012.34", b"inf").replace(b"+00512", b"nan"))
+    assert (report.bottom.altitude_m, report.bottom.is_valid) == (0.0, False)
 
 
 def test_a_line_without_an_end_is_not_kept_for_ever() -> None:

@@ -126,8 +126,9 @@ class LogShelf:
         return answer(request, result={"logs": msgspec.to_builtins(logs)})
 
     def _read(self, request: CiRequest, body: ReadLog) -> LogChunk:
-        with self._path(body.name).open("rb") as file:
-            file.seek(max(0, body.offset))
+        path = self._path(body.name)
+        with path.open("rb") as file:
+            file.seek(min(max(0, body.offset), path.stat().st_size))
             data = file.read(min(max(0, body.size), LARGEST_CHUNK_BYTES))
         return LogChunk(station=request.sender, name=body.name, offset=body.offset, data=data)
 

@@ -64,21 +64,21 @@ class A50Decoder:
                 said = msgspec.json.decode(line)
                 if isinstance(said, dict) and said.get("type") == "velocity":
                     found.append(self._report(said))
-            except (msgspec.DecodeError, KeyError, TypeError, ValueError):
+            except (msgspec.DecodeError, KeyError, TypeError, ValueError, OverflowError, RecursionError):
                 self.damaged += 1
         return found
 
     def _report(self, said: dict[str, Any]) -> Report:
         velocity = float(said["vx"]), float(said["vy"]), float(said["vz"])
-        is_valid = bool(said["velocity_valid"]) and all(map(isfinite, velocity))
-        altitude_m = float(said.get("altitude", 0.0))
+        std_m_s, altitude_m = float(said.get("fom", PD6_STD_M_S)), float(said.get("altitude", 0.0))
+        is_valid = said["velocity_valid"] is True and all(map(isfinite, (*velocity, std_m_s))) and std_m_s >= 0.0
         stamp_us = said.get("time_of_validity")
         return Report(
-            int(stamp_us) if stamp_us else None,
+            _stamp(stamp_us) if stamp_us else None,
             BottomVelocity(
                 velocity_frd_m_s=_turned(velocity, self._yaw_deg) if is_valid else (0.0, 0.0, 0.0),
-                std_m_s=max(1e-3, float(said.get("fom", PD6_STD_M_S))) if is_valid else 0.0,
-                altitude_m=max(0.0, altitude_m),
+                std_m_s=max(1e-3, std_m_s) if is_valid else 0.0,
+                altitude_m=_distance(altitude_m),
                 is_valid=is_valid,
                 reason="" if is_valid else "no bottom lock",
             ),
@@ -103,7 +103,7 @@ class Pd6Decoder:
                 if name == ":BS":
                     found.append(self._report(fields))
                 elif name == ":BD":
-                    self._altitude_m = max(0.0, float(fields[3]))
+                    self._altitude_m = _distance(float(fields[3]))
             except (IndexError, ValueError):
                 self.damaged += 1
         return found
@@ -112,7 +112,7 @@ class Pd6Decoder:
         starboard, forward, up = (1e-3 * float(text) for text in fields[:3])
         if fields[3] not in ("A", "V"):
             raise ValueError(fields[3])
-        is_valid = fields[3] == "A"
+        is_valid = fields[3] == "A" and all(map(isfinite, (starboard, forward, up)))
         return Report(
             None,
             BottomVelocity(
@@ -123,6 +123,19 @@ class Pd6Decoder:
                 reason="" if is_valid else "no bottom lock",
             ),
         )
+
+
+def _stamp(stamp_us: Any) -> int:
+    """A device's own time; raises `ValueError` where it is none."""
+    found = int(stamp_us)
+    if not 0 < found < 1 << 64:
+        raise ValueError("no time")
+    return found
+
+
+def _distance(told_m: float) -> float:
+    """The distance to the floor; 0 for none."""
+    return told_m if isfinite(told_m) and told_m > 0.0 else 0.0
 
 
 def _turned(velocity: tuple[float, float, float], yaw_deg: float) -> tuple[float, float, float]:

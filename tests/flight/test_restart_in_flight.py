@@ -257,3 +257,19 @@ def test_after_a_restart_only_the_pictures_that_are_left_are_taken(flight: Card)
     flight.fault("restart")
     flight.await_state("sweep.photos", "done", 20.0)
     assert len(flight.heard["image_recorded"]) == 8
+
+
+def test_an_emergency_is_obeyed_while_the_components_are_still_coming_up(flight: Card) -> None:
+    flight.begin(mission())
+    flight.await_state("sweep", "running")
+    flight.wait(2.0)
+    flight.fault("crash:waypoints")
+    flight.fault("restart")
+    flight.wait(0.1)
+    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+    back_s = flight.now_s
+    flight.wait(0.3)
+    flight.emergency("land")
+    assert flight.now_s - back_s < 4.0, "nobody waits for what may never come up"
+    flight.await_landed(20.0)
+    assert flight.was_told("emergency land by station 255", back_s)

@@ -36,7 +36,7 @@ from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
-from gloc3_onboard.command_server.requests import RequestHandler
+from gloc3_onboard.command_server.requests import MOST_FINDINGS, RequestHandler
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.storage import MemoryRecords
 
@@ -157,6 +157,19 @@ def test_a_mission_with_errors_is_refused_with_the_findings_and_the_one_before_s
     assert "bad:7:" in reply.text
     assert "take_off" in reply.text
     assert desk.told(ReadMission()).text == HOP
+
+
+def test_of_too_many_findings_the_first_are_told_and_a_mission_under_way_is_not_checked_against(desk: Desk) -> None:
+    tasks = "".join(f"  t{number}: {{actions: {{up: {{take_off: {{height_m: 1}}}}}}}}\n" for number in range(30))
+    reply = desk.told(LoadMission(name="bad", text=f"mission: bad\nframe: hold\ntasks:\n{tasks}"))
+    lines = reply.text.splitlines()
+    assert len(lines) == MOST_FINDINGS + 1
+    assert lines[-1].endswith(" more")
+    desk.told(LoadMission(name="hop", text=HOP))
+    assert desk.executor.mission is not None
+    desk.executor.steer("start", "", 0.0, (0.0, 0.0, 0.0))
+    reply = desk.told(LoadMission(name="bad", text="no mission"))
+    assert reply.reason == "the mission 'hop' is running; abort it first"
 
 
 def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice(desk: Desk) -> None:

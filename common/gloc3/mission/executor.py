@@ -50,12 +50,16 @@ class MissionExecutor:
         Raises:
             Refused: the one before is under way.
         """
-        loaded = self.board.mission
-        if loaded is not None and loaded.is_open:
-            raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
+        self.refuse_under_way()
         self._refuse_taken(mission, [program for name, program in self.board.programs.items() if name != MISSION])
         self.board.program(MISSION, mission)
         self.settle(now_s)
+
+    def refuse_under_way(self) -> None:
+        """Refuses what would take the place of a mission that is under way."""
+        loaded = self.board.mission
+        if loaded is not None and loaded.is_open:
+            raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
 
     def clear(self, now_s: float) -> None:
         """Forgets the loaded mission.
@@ -63,9 +67,7 @@ class MissionExecutor:
         Raises:
             Refused: it is under way.
         """
-        loaded = self.board.mission
-        if loaded is not None and loaded.is_open:
-            raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
+        self.refuse_under_way()
         if self.board.programs.pop(MISSION, None) is not None:
             self.board.is_changed = True
         self.settle(now_s)

@@ -9,7 +9,7 @@ from gloc3.document import Document, Where, load_bytes, parse
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.frames import GeoPoint, LocalFrame
 from gloc3.mission.abilities import abilities
-from gloc3.mission.arguments import Arguments, argument_kinds
+from gloc3.mission.arguments import Arguments, FollowWaypointsOrder, argument_kinds
 from gloc3.mission.definitions import expanded
 from gloc3.mission.fence_reader import read_fence
 from gloc3.mission.library import bundled
@@ -26,7 +26,7 @@ from gloc3.mission.model import (
     TaskOptions,
     where_of,
 )
-from gloc3.mission.patterns import height_is_known
+from gloc3.mission.patterns import MAX_WAYPOINTS, height_is_known
 from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
 from gloc3.mission.plan_check import may_be_planned
 from gloc3.platform import Limits, Platform
@@ -179,6 +179,7 @@ def _tasks(
 ) -> Tasks:
     """The tasks of a document, each with its actions as far as they can be used."""
     found = Tasks(document=document, read={}, skeleton={}, actions={})
+    waypoints = 0
     for name, node in _entries(document.root, "tasks"):
         options = _options(node, TaskOptions, document.file, [], name)
         platforms = (options.platform, surroundings.platform)
@@ -192,11 +193,18 @@ def _tasks(
             if not isinstance(action_node.value, dict):
                 found.actions[target] = ActionFile()
                 continue
-            if is_elsewhere:
+            if is_elsewhere or waypoints > MAX_WAYPOINTS:
                 found.actions[target] = _options(action_node, ActionFile, document.file, findings, action_name)
                 continue
             action = _action(action_name, action_node, where, document, surroundings, placement, findings)
             found.actions[target] = action if isinstance(action, ActionFile) else action.options
+            if isinstance(action, Action) and isinstance(action.order, FollowWaypointsOrder):
+                waypoints += len(action.order.waypoints_ned_m)
+                if waypoints > MAX_WAYPOINTS:
+                    message = (
+                        f"up to here the mission has {waypoints:,} waypoints; at most {MAX_WAYPOINTS:,} are possible"
+                    )
+                    findings.append(document.finding(where, message, "make it several missions"))
             if isinstance(action, Action):
                 is_planned = options.flown_by == "autopilot" and may_be_planned(action.order, surroundings.capabilities)
                 actions[action_name] = replace(action, is_planned=is_planned)

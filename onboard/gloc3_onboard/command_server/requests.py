@@ -1,7 +1,7 @@
 """Carries out what stations ask for: authority and checks here, the work in the executor and the components."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -34,7 +34,7 @@ from gloc3.ci import (
     Verb,
     Watch,
 )
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import Finding, Gloc3Error, Refused
 from gloc3.frames import GeoPoint
 from gloc3.messages import CommandReply, FunctionReply, Severity
 from gloc3.mission.abilities import abilities
@@ -60,6 +60,8 @@ from gloc3_onboard.command_server.summaries import geofence_of
 
 THERE_S: Final = 30.0
 """A station of which nothing was heard for so long is not there."""
+URGENT_S: Final = 8.0
+"""So long an emergency waits for a platform that is only just starting."""
 FENCE_S: Final = 12.0
 """So long the loading of a mission waits for its fence to be in the autopilot."""
 OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
@@ -67,6 +69,8 @@ OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 
 MOTION: Final = "motion"
 """The resource of what moves the vehicle."""
+MOST_FINDINGS: Final = 100
+"""Of a mission: more would go over no radio."""
 BEGINS: Final = (Verb.START, Verb.RETRY)
 """What may lead to a take-off."""
 
@@ -74,6 +78,11 @@ BEGINS: Final = (Verb.START, Verb.RETRY)
 class _FenceWait(NamedTuple):
     request: CiRequest
     findings: str
+    until_s: float
+
+
+class _Urgent(NamedTuple):
+    request: CiRequest
     until_s: float
 
 
@@ -100,6 +109,8 @@ class RequestHandler:
         self._senders = Senders()
         self._journal = Journal(site.journal)
         self._fence_wait: _FenceWait | None = None
+        self._urgent: list[_Urgent] = []
+        """Emergencies for which there is no executor yet."""
         self._emergencies: dict[tuple[str, int], int] = {}
         self._software: dict[str, Software] = {}
         """Of the stations that have said hello."""
@@ -110,6 +121,11 @@ class RequestHandler:
         """A station asked for the full state."""
 
     # --- requests ---
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether an emergency waits for what was kept to be taken up."""
+        return bool(self._urgent)
 
     def handle(self, request: CiRequest, now_s: float) -> CiReply | None:
         """Carries out a request that has not been carried out yet; None if the answer comes later."""
@@ -139,6 +155,9 @@ class RequestHandler:
         known = self._journal.begin(request)
         if not known.is_new:
             return known.reply
+        if self.executor is None and isinstance(request.body, Emergency):
+            self._urgent.append(_Urgent(request, now_s + URGENT_S))
+            return None
         return self._try(request, lambda: self._carry_out(request, now_s))
 
     def _try(self, request: CiRequest, carry_out: Callable[[], CiReply | None]) -> CiReply | None:
@@ -238,8 +257,9 @@ class RequestHandler:
         return read_mission(text, "kept mission", surroundings)
 
     def _load(self, request: CiRequest, body: LoadMission, executor: MissionExecutor, now_s: float) -> CiReply | None:
+        executor.refuse_under_way()  # before the check, which takes its time, and the vehicle is on its way
         report = check_text(body.text, body.name, self.circumstances())
-        findings = "\n".join(str(finding) for finding in report.findings)
+        findings = _lines(report.findings)
         if not report.is_ok:
             count = sum(not finding.is_warning for finding in report.findings)
             return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
@@ -329,8 +349,7 @@ class RequestHandler:
         report = check_text(text, "command", self.circumstances())
         if not report.is_ok:
             first = next(finding for finding in report.findings if not finding.is_warning)
-            findings = "\n".join(str(finding) for finding in report.findings)
-            return answer(request, Outcome.REFUSED, first.message, text=findings)
+            return answer(request, Outcome.REFUSED, first.message, text=_lines(report.findings))
         mission, rows = report.flyable(), abilities(self._site.platform)
 
         def begin(at_s: float) -> CiReply:
@@ -380,6 +399,11 @@ class RequestHandler:
     def expire(self, now_s: float) -> list[CiReply]:
         """The answers to requests that have waited: for a fence, or for a component that has not answered."""
         answers = self._fence_answer(now_s)
+        for urgent in list(self._urgent):
+            if self.executor is not None or now_s >= urgent.until_s:
+                self._urgent.remove(urgent)
+                reply = self._try(urgent.request, partial(self._carry_out, urgent.request, now_s))
+                answers += [] if reply is None else [reply]
         for held in self.gate.due(now_s):
             judged = self._try(held.request, partial(held.answer, now_s))
             answers += [] if judged is None else [judged]
@@ -389,3 +413,12 @@ class RequestHandler:
         if found.is_kept:
             self._journal.end(found.reply)
         return found.reply
+
+
+def _lines(findings: Sequence[Finding]) -> str:
+    """Findings as they are told to a station, errors first where they are too many."""
+    told = findings
+    if len(findings) > MOST_FINDINGS:
+        told = sorted(findings, key=lambda finding: finding.is_warning)[:MOST_FINDINGS]
+    more = len(findings) - len(told)
+    return "\n".join([*map(str, told), *([f"and {more:,} more"] if more else [])])

@@ -333,7 +333,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             return []
         elif waited_s < TAKE_OVER_S and self._flies_for_us(kept):
             return [TakeOver(is_resumed=True)]
-        elif waited_s < COME_UP_S and self._is_still_coming(now_s):
+        elif waited_s < COME_UP_S and not self._requests.is_urgent and self._is_still_coming(now_s):
             return []
         else:
             read = self._requests.read_again

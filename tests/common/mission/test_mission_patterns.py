@@ -127,6 +127,17 @@ def test_patterns_that_cannot_be_laid_say_why(pattern: str, expected: str) -> No
     assert expected in findings(pattern)
 
 
+def test_a_mission_of_many_patterns_is_refused_before_it_takes_long_to_check(pelican: Platform) -> None:
+    area = "{survey: {area_m: [[0, 0], [300, 0], [300, 300], [0, 300]], spacing_m: 0.1, height_m: 5}}"
+    tasks = "".join(f"  t{number}: {{actions: {{lines: {area}}}}}\n" for number in range(400))
+    text = f"mission: many\nframe: hold\ntasks:\n{tasks}"
+    found = [str(finding) for finding in check_text(text, "m", Circumstances(platform=pelican)).findings]
+    wanted = (
+        "m:5:25: up to here the mission has 12,004 waypoints; at most 10,000 are possible (make it several missions)"
+    )
+    assert [line for line in found if "waypoints; at most" in line] == [wanted]
+
+
 SAME = """\
 mission: the same for all
 frame: hold

@@ -22,8 +22,8 @@ from gloc3_sitl.autopilot.verdict import Verdict
 from gloc3_sitl.body import Situation
 from gloc3_sitl.ground import PERIOD_STEPS, raise_ground
 from gloc3_sitl.injection import inject
-from gloc3_sitl.sensors.height import level_ground
 from gloc3_sitl.sensors.magnetic_field import declination_deg
+from gloc3_sitl.sensors.range_finder import level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
 from gloc3_sitl.truth import Truth

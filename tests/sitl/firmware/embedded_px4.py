@@ -16,7 +16,7 @@ from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Send
 from gloc3_sitl.autopilot.styles.px4 import PX4
-from gloc3_sitl.sensors.height import MOUNT_HEIGHT_M
+from gloc3_sitl.sensors.height import HeightSensor
 from gloc3_sitl.sensors.magnetic_field import declination_deg
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
@@ -110,5 +110,5 @@ def range_reading(told: MavlinkMessage) -> RangeReading:
         is_valid=told.signal_quality != 1,
         min_m=told.min_distance * 1e-2,
         max_m=told.max_distance * 1e-2,
-        mount_height_m=MOUNT_HEIGHT_M,
+        mount_height_m=HeightSensor.mount_height_m,
     )

@@ -1,0 +1,76 @@
+"""What range finders that look along the body's down axis have in common: their readings, and their faults."""
+
+from collections.abc import Callable
+from typing import ClassVar, Final
+
+from gloc3.frames import Vector3
+from gloc3_sitl.sensors.readings import RangeReading
+from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.truth import Truth
+
+COSINE_MIN: Final = 0.5
+"""There is no echo from a floor that is tilted by more than 60 degrees."""
+NO_ECHO_M: Final = -1.0
+"""A distance that no device tells."""
+
+Probe = Callable[[Truth, float], float]
+"""Distance along the body's down axis to what it meets, from so far below the centre of gravity; infinity for nothing."""
+
+
+def upright(truth: Truth) -> float:
+    """Cosine of the angle between the body's down axis and the vertical."""
+    _, x, y, _ = truth.attitude_wxyz
+    return 1.0 - 2.0 * (x * x + y * y)
+
+
+def level_ground(truth: Truth, below_m: float) -> float:
+    """The distance over level ground."""
+    return (truth.height_above_ground_m + truth.standing_height_m) / upright(truth) - below_m
+
+
+class RangeFinder(Sensor[RangeReading]):
+    """One beam; how far it is off is its subclass's.
+
+    Args:
+        seed: of the noise.
+        rate_hz: readings per second.
+        probe: measures the true distance: slopes and boxes tell where the vehicle is over them, not below the centre.
+    """
+
+    name = "height"
+    fault_unit = "m"
+    bias_size = 1.0
+    noise_size = 0.5
+    min_m: ClassVar[float]
+    """Shortest range."""
+    max_m: ClassVar[float]
+    """Longest range."""
+    mount_height_m: ClassVar[float] = 0.0
+    """Height over the ground when the vehicle stands level."""
+
+    def __init__(self, seed: int, rate_hz: float, probe: Probe) -> None:
+        super().__init__(seed, rate_hz)
+        self._probe = probe
+
+    def shift(self, reading: RangeReading, offset: Vector3) -> RangeReading:
+        """Add metres, if there is an echo."""
+        return self._reading(reading.t_s, reading.distance_m + offset[0]) if reading.is_valid else reading
+
+    def scale(self, reading: RangeReading, factor: float) -> RangeReading:
+        """Times a factor, if there is an echo: a speed of sound that is wrong."""
+        return self._reading(reading.t_s, reading.distance_m * factor) if reading.is_valid else reading
+
+    def without_signal(self, reading: RangeReading) -> RangeReading:
+        """No echo."""
+        return self._reading(reading.t_s, NO_ECHO_M)
+
+    def _reading(self, t_s: float, distance_m: float) -> RangeReading:
+        is_valid = self.min_m <= distance_m <= self.max_m
+        return RangeReading(
+            t_s=t_s,
+            distance_m=distance_m if is_valid else 0.0,
+            is_valid=is_valid,
+            min_m=self.min_m,
+            max_m=self.max_m,
+            mount_height_m=self.mount_height_m,
+        )

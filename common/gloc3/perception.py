@@ -148,6 +148,15 @@ class BottomVelocity(Message, frozen=True):
     reason: str = ""
 
 
+class WheelDistances(Message, frozen=True):
+    """How far wheels have turned since their encoders began to count."""
+
+    distances_m: tuple[float, ...] = ()
+    """Way of each wheel's rim, in the order of its encoders; backwards counts down."""
+    is_valid: bool = True
+    reason: str = ""
+
+
 class SatelliteFix(Message, frozen=True):
     """Where a satellite receiver says that it is."""
 

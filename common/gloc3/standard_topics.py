@@ -30,6 +30,7 @@ from gloc3.perception import (
     Odometry,
     PositionFix,
     SatelliteFix,
+    WheelDistances,
 )
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
@@ -68,6 +69,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "imu": TopicRow(ImuSample, 100.0, is_logged=False),
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     "dvl": TopicRow(BottomVelocity, 8.0),
+    "wheels": TopicRow(WheelDistances, 10.0),
     "satellites": TopicRow(SatelliteFix, 2.0),
     # processors
     "features/*": TopicRow(Features, 15.0, is_logged=False),

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_UNKNOWN_M_S: Final = 2.0
+"""Deviation of a velocity of which nothing is known."""
 _N, _E, _VN, _VE, _TURN, _SCALE = range(6)
 
 
@@ -20,7 +22,9 @@ class Errors(msgspec.Struct, frozen=True, kw_only=True):
     deviation_rad: float = 0.004
     """Of the part of it that depends on the heading, as a compass's deviation does: turning round leaves nothing of it."""
     scale: float = 0.003
-    """Of the DVL's scale: salinity and temperature make most of it."""
+    """Of the DVL's scale: salinity and temperature make most of it. Of the radius of wheels."""
+    scale_walk: float = 0.0
+    """Growth of the scale's error in one second's root: wheels slip more on some ground."""
     heading_walk_rad: float = 0.0003
     """Growth of the heading's error in one second's root."""
     acceleration_m_s2: float = 0.12
@@ -35,7 +39,7 @@ class DeadReckoner:
     """A Kalman filter of the errors of dead reckoning in the horizontal plane.
 
     State: position (north, east), velocity over ground (north, east), error of the heading with the mounting angle of the
-    DVL, and error of the DVL's scale. A measured velocity is `(1 + scale) * turned(error) * true`, so the two errors are
+    DVL, and error of its scale, or of that of wheels. A measured velocity is `(1 + scale) * turned(error) * true`, so the two errors are
     found while satellites tell the truth, and their part in the position's covariance grows with the distance after that. Where
     no velocity is measured, the vehicle is believed to do what it is asked to, and the covariance says how far that may be wrong
     (a constant error that is learnt of by nobody).
@@ -62,6 +66,12 @@ class DeadReckoner:
         self.covariance[:, :2] = 0.0
         self.covariance[_N, _N] = self.covariance[_E, _E] = std_m**2
 
+    def doubt_velocity(self) -> None:
+        """Forgets what is known of the velocity: what has measured it was wrong."""
+        self.covariance[_VN : _VE + 1, :] = 0.0
+        self.covariance[:, _VN : _VE + 1] = 0.0
+        self.covariance[_VN, _VN] = self.covariance[_VE, _VE] = _UNKNOWN_M_S**2
+
     def predict(self, dt_s: float, *, is_measured: bool, asked_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
         """Goes on by a time.
 
@@ -84,6 +94,7 @@ class DeadReckoner:
             for axis in (_VN, _VE):
                 noise[axis] = change * max(0.0, errors.adrift_m_s**2 - self.covariance[axis, axis])
         noise[_TURN] = errors.heading_walk_rad**2 * dt_s
+        noise[_SCALE] = errors.scale_walk**2 * dt_s
         self.x = step @ self.x
         self.covariance = step @ self.covariance @ step.T + np.diag(noise)
 
@@ -91,8 +102,17 @@ class DeadReckoner:
         """The vehicle has turned by an angle: a part of the heading's error is another one now."""
         self.covariance[_TURN, _TURN] += 2.0 * self.errors.deviation_rad**2 * min(1.0, abs(angle_rad) / pi)
 
-    def take_velocity(self, forward_m_s: float, right_m_s: float, yaw_rad: float, std_m_s: float) -> float:
-        """Takes in a velocity in the level plane of the body, by the DVL.
+    def take_velocity(
+        self, forward_m_s: float, right_m_s: float, yaw_rad: float, std_m_s: float, side_std_m_s: float | None = None
+    ) -> float:
+        """Takes in a velocity in the level plane of the body, by the DVL or by wheels.
+
+        Args:
+            forward_m_s: ahead.
+            right_m_s: to the right.
+            yaw_rad: the heading.
+            std_m_s: deviation of the one ahead, and of the other one where that is not told.
+            side_std_m_s: deviation of the one to the right.
 
         Returns:
             The squared innovation over its gate (5 deviations); above 1 it was left out.
@@ -107,23 +127,24 @@ class DeadReckoner:
         h[1, _VN], h[1, _VE] = -(1.0 + scale) * sine, (1.0 + scale) * cosine
         h[0, _TURN], h[1, _TURN] = (1.0 + scale) * across, -(1.0 + scale) * along
         h[0, _SCALE], h[1, _SCALE] = along, across
-        return self._update(np.array([forward_m_s, right_m_s]) - expected, h, std_m_s**2)
+        side = std_m_s if side_std_m_s is None else side_std_m_s
+        return self._update(np.array([forward_m_s, right_m_s]) - expected, h, (std_m_s**2, side**2))
 
     def take_fix(self, north_m: float, east_m: float, std_m: float) -> float:
         """Takes in a place, by satellites; returns as `take_velocity` does."""
         h = np.zeros((2, 6))
         h[0, _N] = h[1, _E] = 1.0
-        return self._update(np.array([north_m, east_m]) - self.x[:2], h, std_m**2)
+        return self._update(np.array([north_m, east_m]) - self.x[:2], h, (std_m**2, std_m**2))
 
-    def _update(self, innovation: Array, h: Array, variance: float) -> float:
-        spread = h @ self.covariance @ h.T + variance * np.eye(2)
+    def _update(self, innovation: Array, h: Array, variances: tuple[float, float]) -> float:
+        spread = h @ self.covariance @ h.T + np.diag(variances)
         ratio = float(innovation @ np.linalg.solve(spread, innovation)) / 25.0
         if ratio > 1.0:
             return ratio
         gain = self.covariance @ h.T @ np.linalg.inv(spread)
         rest = np.eye(6) - gain @ h
         self.x = self.x + gain @ innovation
-        self.covariance = rest @ self.covariance @ rest.T + variance * gain @ gain.T
+        self.covariance = rest @ self.covariance @ rest.T + (np.array(variances) * gain) @ gain.T
         return ratio
 
     @property

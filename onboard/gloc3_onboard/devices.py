@@ -7,7 +7,7 @@ from gloc3.camera_model import CameraModel
 from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, Vector3
 from gloc3.messages import Envelope
-from gloc3.perception import BottomVelocity, ImuSample, LaserScan, SatelliteFix
+from gloc3.perception import BottomVelocity, ImuSample, LaserScan, SatelliteFix, WheelDistances
 from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image, VehicleClass
 
 
@@ -59,6 +59,13 @@ class StampedBottomVelocity(NamedTuple):
 
     t_s: float
     bottom: BottomVelocity
+
+
+class StampedWheels(NamedTuple):
+    """The ways of wheels with their time of validity."""
+
+    t_s: float
+    wheels: WheelDistances
 
 
 class StampedFix(NamedTuple):
@@ -176,6 +183,16 @@ class Dvl(Source, Protocol):
 
     def bottom_velocity(self) -> StampedBottomVelocity | None:
         """The latest velocity over the floor; None before the first."""
+
+
+class Wheels(Protocol):
+    """The encoders of wheels."""
+
+    def wheels(self) -> StampedWheels | None:
+        """How far they have turned; None before the first."""
+
+    def on_wheels(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when they have told."""
 
 
 class Satellites(Protocol):

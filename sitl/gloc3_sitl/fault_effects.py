@@ -19,7 +19,9 @@ from gloc3_sitl.sim_rig import SimDevice
 from gloc3_sitl.topic_faults import TOPIC_WORDS, check_topic, spoil_topic
 from gloc3_sitl.wind import gusty
 
-SENSORS: Final = ("imu", "barometer", "magnetometer", "height", "fix", "battery")
+SCALED: Final = ("height", "wheels")
+"""Those that can be wrong by a share."""
+SENSORS: Final = ("imu", "barometer", "magnetometer", "height", "fix", "battery", "wheels", "leak")
 AWAY_S: Final = 2.0
 """How long a restarted onboard process is away."""
 
@@ -84,8 +86,10 @@ def _check_sensor(flight: Flight, given: Parsed) -> None:
     if given.target not in SENSORS:
         raise Refused(f"there is no sensor {given.target!r}; {nearest(given.target, SENSORS)}")
     _check_ours(flight, given.target)
-    if given.word == FaultMode.SCALED and given.target != "height":
-        raise Refused("only the height can be scaled")
+    if not flight.plan.is_firmware and given.target not in flight.simulator.sensors.names:
+        raise Refused(f"the {flight.vehicle} has no {given.target}")
+    if given.word == FaultMode.SCALED and given.target not in SCALED:
+        raise Refused("only the height and the ways of wheels can be scaled")
 
 
 def _check_battery(flight: Flight, _: Parsed) -> None:

@@ -32,7 +32,8 @@ FROM_ELSEWHERE: Final = {
     "fusion/*": "the pose fusion of a platform that moves by its own sensors",
     "position_fix/*": "the optical follower of a platform that is looked at",
     "dvl": "the Doppler velocity log of a platform that dives",
-    "satellites": "the receiver of a platform that dives",
+    "satellites": "the receiver of a platform that dives or drives",
+    "wheels": "the encoders of a platform that drives",
     "obstacles": "the range scanner of a platform that has one",
 }
 

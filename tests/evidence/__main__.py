@@ -41,6 +41,7 @@ from tests.evidence import (
     tui,
     vehicle_accuracy,
     vehicles,
+    wheels,
     world,
 )
 from tests.evidence.page import Bar, Progress, commit, write
@@ -85,6 +86,7 @@ BARS: tuple[Bar, ...] = (
     *tui.BARS,
     *vehicle_accuracy.BARS,
     *vehicles.BARS,
+    *wheels.BARS,
 )
 
 

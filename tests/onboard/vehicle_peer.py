@@ -8,7 +8,7 @@ import math
 from typing import Any, Final
 
 from gloc3.clock import VirtualLoop
-from gloc3.frames import from_yaw, wrap_pi
+from gloc3.frames import GeoPoint, TangentPlane, from_yaw, wrap_pi
 from gloc3.link import codec
 from gloc3.link.command import CommandResult
 from gloc3.link.command_server import CommandRequest, CommandServer
@@ -33,6 +33,7 @@ IGNORES_ACCELERATION: Final = 0x1C0
 STREAMS: Final = (
     "HEARTBEAT", "SYS_STATUS", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "GPS_GLOBAL_ORIGIN",
     "DISTANCE_SENSOR", "EXTENDED_SYS_STATE", "HOME_POSITION", "EKF_STATUS_REPORT", "SYSTEM_TIME",
+    "GPS_RAW_INT",
 )  # fmt: skip
 
 
@@ -169,6 +170,10 @@ class VehiclePeer:
                 return codec.message(name, **place)
             case "GLOBAL_POSITION_INT":
                 return codec.message(name, time_boot_ms=boot_ms, alt=round((altitude - d) * 1e3))
+            case "GPS_RAW_INT":
+                at = TangentPlane(GeoPoint(*self._origin)).geo_from_ned((n, e, d))
+                fix = {"lat": round(at[0] * 1e7), "lon": round(at[1] * 1e7), "alt": round(at[2] * 1e3)}
+                return codec.message(name, time_usec=boot_ms * 1000, fix_type=6, h_acc=20, satellites_visible=20, **fix)
             case "EKF_STATUS_REPORT":
                 return codec.message(name, flags=0x3F)
             case "EXTENDED_SYS_STATE":

@@ -81,7 +81,7 @@ def test_ranges_become_nothing_the_greatest_no_number_too_long_or_garbage() -> N
         ("device:laser=lost/3", "/3 is not expected"),
         ("device:laser=late/-1", "negative"),
         ("device:imu=black", "'black' is none of imu's"),
-        ("sensor:fix=scaled", "only the height can be scaled"),
+        ("sensor:fix=scaled", "only the height and the ways of wheels can be scaled"),
     ],
 )
 def test_what_does_not_fit_a_device_is_refused(text: str, says: str) -> None:

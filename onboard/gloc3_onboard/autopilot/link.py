@@ -37,14 +37,14 @@ from gloc3_onboard.autopilot.lead import Lead
 from gloc3_onboard.autopilot.plan_upload import PlanUpload
 from gloc3_onboard.autopilot.prearm import PrearmQuestions
 from gloc3_onboard.autopilot.px4 import Px4
-from gloc3_onboard.autopilot.sensors import FIX_HZ, AutopilotSensors
+from gloc3_onboard.autopilot.sensors import FIX_HZ, WHEELS_HZ, AutopilotSensors
 from gloc3_onboard.autopilot.setpoints import Wanted
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedFix, StampedHeight, Unwatch, Way
+from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedFix, StampedHeight, StampedWheels, Unwatch, Way
 
 FORCE: Final = 21196.0
 """What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
@@ -509,6 +509,10 @@ class AutopilotLink:
         """What the satellite receiver said last; None before the first."""
         return self.sensors.satellites
 
+    def wheels(self) -> StampedWheels | None:
+        """How far the wheels have turned; None before the first."""
+        return self.sensors.wheels
+
     def setup(self) -> AutopilotSetup:
         """Firmware, parameters that matter, and sensors' health, as known now."""
         return self._inspection.setup
@@ -537,3 +541,8 @@ class AutopilotLink:
         """Asks for satellite fixes, and has `ready` called when there is a new one."""
         self.sensors.want("satellites", FIX_HZ)
         return self.sensors.fix_bell.listen(ready)
+
+    def on_wheels(self, ready: Callable[[], None]) -> Unwatch:
+        """Asks for the encoders of the wheels, and has `ready` called when they have told."""
+        self.sensors.want("wheels", WHEELS_HZ)
+        return self.sensors.wheels_bell.listen(ready)

@@ -1,7 +1,7 @@
-"""The sensors that are wired to an autopilot and told over MAVLink: inertial unit, ranges, scans, satellites.
+"""The sensors that are wired to an autopilot and told over MAVLink: inertial unit, ranges, scans, wheels, satellites.
 
-MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE, GPS_RAW_INT. Messages are asked for once
-somebody uses them.
+MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE, WHEEL_DISTANCE, GPS_RAW_INT. Messages are
+asked for once somebody uses them.
 """
 
 import math
@@ -11,18 +11,19 @@ from typing import ClassVar, Final, Protocol
 
 from gloc3.frames import GRAVITY_M_S2, Vector3
 from gloc3.link.codec import MavlinkMessage
-from gloc3.perception import ImuSample, SatelliteFix
+from gloc3.perception import ImuSample, SatelliteFix, WheelDistances
 from gloc3.vehicle import Style
 from gloc3_onboard.autopilot.ranges import FAR_S, RangeRing, scan_of_obstacles
 from gloc3_onboard.autopilot.style import DISTANCE_SENSOR, Stream
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.devices import Bell, StampedFix, StampedImu, StampedScan
+from gloc3_onboard.devices import Bell, StampedFix, StampedImu, StampedScan, StampedWheels
 
-HIGHRES_IMU, SCALED_IMU, OBSTACLE_DISTANCE, GPS_RAW_INT = 105, 26, 330, 24
+HIGHRES_IMU, SCALED_IMU, OBSTACLE_DISTANCE, GPS_RAW_INT, WHEEL_DISTANCE = 105, 26, 330, 24, 9000
 IMU_OF: Final = {Style.PX4: HIGHRES_IMU, Style.ARDUPILOT: SCALED_IMU}
 IMU_HZ: Final = 100.0
 SCAN_HZ: Final = 10.0
 FIX_HZ: Final = 2.0
+WHEELS_HZ: Final = 10.0
 THREE_D: Final = 3
 """GPS_FIX_TYPE from which there is a place."""
 USUAL_STD_M: Final = 2.5
@@ -52,7 +53,15 @@ class AutopilotSensors:
         changed: called when other messages are wanted than before.
     """
 
-    HANDLES: ClassVar = ("HIGHRES_IMU", "SCALED_IMU", "RAW_IMU", "OBSTACLE_DISTANCE", "DISTANCE_SENSOR", "GPS_RAW_INT")
+    HANDLES: ClassVar = (
+        "HIGHRES_IMU",
+        "SCALED_IMU",
+        "RAW_IMU",
+        "OBSTACLE_DISTANCE",
+        "DISTANCE_SENSOR",
+        "WHEEL_DISTANCE",
+        "GPS_RAW_INT",
+    )
 
     def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
         self.obstacles: StampedScan | None = None
@@ -61,7 +70,10 @@ class AutopilotSensors:
         """By range finders that look level, DISTANCE_SENSOR each."""
         self.satellites: StampedFix | None = None
         """By GPS_RAW_INT."""
-        self.imu_bell, self.obstacles_bell, self.ranges_bell, self.fix_bell = Bell(), Bell(), Bell(), Bell()
+        self.wheels: StampedWheels | None = None
+        """By WHEEL_DISTANCE."""
+        self.imu_bell, self.obstacles_bell, self.ranges_bell = Bell(), Bell(), Bell()
+        self.fix_bell, self.wheels_bell = Bell(), Bell()
         self._changed = changed
         self._samples: deque[StampedImu] = deque(maxlen=KEPT)
         self._imu_kind, self._imu_s = "", -math.inf
@@ -72,7 +84,7 @@ class AutopilotSensors:
     # --- what is wanted ---
 
     def want(self, what: str, rate_hz: float) -> None:
-        """Has the messages of *imu*, *obstacles*, *ranges* or *satellites* asked for; from any thread."""
+        """Has the messages of *imu*, *obstacles*, *ranges*, *wheels* or *satellites* asked for; from any thread."""
         if self._rates_hz.get(what) != rate_hz:
             self._rates_hz = {**self._rates_hz, what: rate_hz}
             self._changed()
@@ -80,7 +92,7 @@ class AutopilotSensors:
     def streams(self, style: Style) -> list[Stream]:
         """The messages that are wanted of an autopilot of this family."""
         ids = {"imu": IMU_OF[style], "obstacles": OBSTACLE_DISTANCE, "ranges": DISTANCE_SENSOR}
-        ids["satellites"] = GPS_RAW_INT
+        ids |= {"satellites": GPS_RAW_INT, "wheels": WHEEL_DISTANCE}
         return [Stream(ids[what], rate_hz) for what, rate_hz in sorted(self._rates_hz.items())]
 
     def samples(self, after_s: float) -> Sequence[StampedImu]:
@@ -108,6 +120,10 @@ class AutopilotSensors:
                 if scan is not None:
                     self.ranges = StampedScan(clockwork.t_s(message.time_boot_ms, now_s), scan)
                     self.ranges_bell.ring()
+            case "WHEEL_DISTANCE":
+                t_s, count = self._t_s(message.time_usec, now_s, clockwork), min(message.count, len(message.distance))
+                self.wheels = StampedWheels(t_s, WheelDistances(distances_m=tuple(message.distance[:count])))
+                self.wheels_bell.ring()
             case "GPS_RAW_INT":
                 self.satellites = StampedFix(self._t_s(message.time_usec, now_s, clockwork), satellite_fix(message))
                 self.fix_bell.ring()

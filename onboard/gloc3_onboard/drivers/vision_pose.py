@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from math import isfinite, radians
 from typing import Annotated, Any, Final, NamedTuple, Protocol
 
+import msgspec
+
 from gloc3.component import ActuatorDriver
 from gloc3.frames import GeoPoint, TangentPlane
+from gloc3.messages import Envelope
 from gloc3.ports import Actuation, Inbox, Input, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import AutopilotPose, AutopilotState, Pose
@@ -54,6 +57,9 @@ class VisionPoseSettings(Settings, frozen=True):
     """… and the one that is chosen when it has been away for `lost_s`; 0 leaves that as it is."""
     lost_s: Annotated[float, Bounds(0.2, 60.0)] = 1.0
     """See `other_source_set`; as long a pose must have come before `source_set` is chosen."""
+    in_place_of: str = ""
+    """A source of poses, such as *satellites*: while the pose rests on it, the autopilot sees it by itself, and
+    `other_source_set` is chosen; `source_set` is, at once, when it does not. Empty chooses by whether a pose is sent alone."""
 
 
 class SendPose(NamedTuple):
@@ -113,6 +119,8 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         self._since_s: float | None = None
         """Since when poses are sent without a gap."""
         self._begun_s: float | None = None
+        self._is_needed = True
+        """The autopilot lacks what the pose has."""
         self.chosen_set, self._ticket = 0, 0
 
     def initialize(self, settings: VisionPoseSettings) -> None:
@@ -129,15 +137,18 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         for envelope in inbox.new(self.pose):
             pose, t_s = envelope.payload, envelope.t_s
             self.reason = self._why_not(pose, t_s)
+            self._is_needed = not self._settings.in_place_of or self._settings.in_place_of not in pose.sources
+            pose = _from_their_origin(pose, inbox.latest(self.autopilot_pose))
             if self.reason:
                 self.withheld += 1
             elif t_s - self._sent_s >= 1.0 / self._settings.rate_hz - 2e-3:
                 self._sent_s = t_s
                 self.sent += 1
                 results.append(Actuation(SendPose(pose, t_s)))
-            if pose.origin_geo is not None and self._must_tell(pose.origin_geo, inbox, now_s):
+            origin_geo = envelope.payload.origin_geo
+            if origin_geo is not None and self._must_tell(origin_geo, inbox, now_s):
                 self._told_s = now_s
-                results.append(Actuation(SendOrigin(pose.origin_geo)))
+                results.append(Actuation(SendOrigin(origin_geo)))
         latest = inbox.latest(self.pose)
         if latest is not None:
             results += self._home(latest.payload, inbox, now_s)
@@ -172,7 +183,10 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         elif self._since_s is None and self._sent_s > float("-inf"):
             self._since_s = now_s
         steady = self._since_s is not None and now_s - self._since_s >= settings.lost_s
-        wanted = settings.source_set if steady else settings.other_source_set if quiet_s > settings.lost_s else 0
+        if steady:
+            wanted = settings.source_set if self._is_needed else settings.other_source_set
+        else:
+            wanted = settings.other_source_set if quiet_s > settings.lost_s else 0
         if not wanted or wanted == self.chosen_set:
             return []
         self.chosen_set = wanted
@@ -194,11 +208,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         if told is None or now_s - self._told_s < ORIGIN_PERIOD_S:
             return False
         has = told.payload.origin_geo
-        return has is None or not (
-            abs(has[0] - origin_geo[0]) < _SAME_DEG
-            and abs(has[1] - origin_geo[1]) < _SAME_DEG
-            and abs(has[2] - origin_geo[2]) < _SAME_M
-        )
+        return has is None or not (_is_same_place(has, origin_geo) and abs(has[2] - origin_geo[2]) < _SAME_M)
 
     def actuate(self, write: Any) -> None:
         """Sends to the autopilot."""
@@ -215,3 +225,17 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
 
     def make_safe(self) -> None:
         """An autopilot that hears no pose any more does by itself what it is set to do."""
+
+
+def _is_same_place(one: tuple[float, float, float], other: tuple[float, float, float]) -> bool:
+    return abs(one[0] - other[0]) < _SAME_DEG and abs(one[1] - other[1]) < _SAME_DEG
+
+
+def _from_their_origin(pose: Pose, told: Envelope[AutopilotPose] | None) -> Pose:
+    """The pose told from the origin that the autopilot has, where that is another place: one with satellites keeps its own."""
+    theirs = None if told is None else told.payload.origin_geo
+    if theirs is None or pose.origin_geo is None or _is_same_place(theirs, pose.origin_geo):
+        return pose
+    north, east, _ = TangentPlane(GeoPoint(*pose.origin_geo)).ned_from_geo(*theirs)
+    n, e, d = pose.position_ned_m
+    return msgspec.structs.replace(pose, position_ned_m=(n - north, e - east, d))

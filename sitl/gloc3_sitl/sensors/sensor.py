@@ -35,7 +35,7 @@ class FaultMode(StrEnum):
     OLD = "old"
     """So late, and stamped as if they were new."""
     SCALED = "scaled"
-    """All is too much by the size, a share; of the height alone."""
+    """All is too much by the size, a share; of the height and of wheels alone."""
 
 
 SIZED: Final = (FaultMode.BIASED, FaultMode.NOISY, FaultMode.LATE, FaultMode.OLD, FaultMode.SCALED)

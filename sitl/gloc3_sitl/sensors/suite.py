@@ -58,6 +58,11 @@ class SensorSuite:
         self._sensors = {sensor.name: sensor for sensor in (self.imu, *self._slow)}
         self._due_s = 0.0
 
+    @property
+    def names(self) -> list[str]:
+        """Of those that can be made to fail."""
+        return list(self._sensors)
+
     def sample(self, motion: Motion, now_s: float) -> list[Reading]:
         """Readings that arrive now; to be called at least at the rate of the IMU.
 

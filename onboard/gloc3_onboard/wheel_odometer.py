@@ -1,0 +1,103 @@
+"""How a vehicle has moved by what its wheels have turned, and how far that can be believed: a plain algorithm.
+
+Left and right wheels that roll turn the body by the difference of their ways over the track. Those of a skid-steered body slide
+sideways as it turns: they turn it by less, 1/1.5 for the example rover (`turn_factor`; Mandow et al., "Experimental kinematics
+for wheeled skid-steer mobile robots", IROS 2007, call the same an effective track). How much of a motion is slip is seen by
+comparing that turn with the one that gyroscopes have felt.
+"""
+
+from math import cos, hypot, isfinite, sin
+from typing import NamedTuple
+
+import msgspec
+
+
+class Wheelbase(msgspec.Struct, frozen=True, kw_only=True):
+    """What must be known of the vehicle, and of how well its wheels hold."""
+
+    track_m: float = 0.37559
+    """Between the middles of left and right wheels."""
+    turn_factor: float = 1.5
+    """By how many times the difference of the ways must be greater than rolling would need; 1 for wheels that roll."""
+    noise_m_s: float = 0.01
+    """Standard deviation that is always there: ticks, time stamps."""
+    slip_share: float = 0.02
+    """Standard deviation of the way ahead, as a share of it."""
+    side_share: float = 0.02
+    """Standard deviation of the way to the side, as a share of the way ahead."""
+    side_turn_m: float = 0.05
+    """The same for each radian that it turns: how far from its reference point the body turns about."""
+    slip_max_m_s: float = 0.25
+    """With more slip than this the wheels tell nothing."""
+
+
+class Moved(NamedTuple):
+    """One step."""
+
+    ahead_m: float
+    turn_rad: float
+    """To the right, as the wheels say."""
+    ahead_std_m: float
+    side_std_m: float
+    turn_std_rad: float
+    slip_m_s: float
+    """Of the rims, as far as it shows in the turn."""
+    reason: str
+    """Why it says nothing; empty where it does."""
+
+    @property
+    def place_m(self) -> tuple[float, float]:
+        """Ahead and to the right of where it was: along an arc."""
+        half = 0.5 * self.turn_rad
+        chord_m = self.ahead_m * (1.0 - half * half / 6.0)
+        return chord_m * cos(half), chord_m * sin(half)
+
+
+class WheelOdometer:
+    """Turns two ways into steps.
+
+    Args:
+        base: of the vehicle.
+        speed_max_m_s: faster than this the ways do not go on: the encoders have begun to count anew.
+    """
+
+    def __init__(self, base: Wheelbase = Wheelbase(), speed_max_m_s: float = 5.0) -> None:  # noqa: B008 # frozen
+        self._base, self._speed_max_m_s = base, speed_max_m_s
+        self._last: tuple[float, float] | None = None
+
+    def begin(self) -> None:
+        """The next ways are the first."""
+        self._last = None
+
+    def update(self, left_m: float, right_m: float, seconds: float, felt_rad: float | None) -> Moved | None:
+        """The step since the ways that came before; None for the first, and where they do not go on.
+
+        Args:
+            left_m: way of the left rim since the encoders began to count.
+            right_m: of the right one.
+            seconds: since the ways before.
+            felt_rad: how far the body has turned to the right meanwhile, by its gyroscopes; None where that is not known.
+        """
+        before, self._last = self._last, (left_m, right_m)
+        if before is None or seconds <= 0.0 or not isfinite(left_m + right_m):
+            return None
+        left, right = left_m - before[0], right_m - before[1]
+        if max(abs(left), abs(right)) > self._speed_max_m_s * seconds:
+            return None
+        base = self._base
+        ahead, arm_m = 0.5 * (left + right), base.track_m * base.turn_factor
+        turn = (left - right) / arm_m
+        slip_m = 0.0 if felt_rad is None else 0.5 * arm_m * abs(turn - felt_rad)
+        slip_m_s = slip_m / seconds
+        noise_m = base.noise_m_s * seconds
+        turned = abs(turn if felt_rad is None else felt_rad)
+        ahead_std = hypot(noise_m, base.slip_share * ahead, slip_m)
+        return Moved(
+            ahead_m=ahead,
+            turn_rad=turn,
+            ahead_std_m=ahead_std,
+            side_std_m=hypot(noise_m, base.side_share * ahead, base.side_turn_m * turned, slip_m),
+            turn_std_rad=2.0 * ahead_std / arm_m,
+            slip_m_s=slip_m_s,
+            reason=f"the wheels slip by {slip_m_s:.2f} m/s" if slip_m_s > base.slip_max_m_s else "",
+        )

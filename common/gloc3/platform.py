@@ -77,6 +77,10 @@ class Limits(_Row, frozen=True, kw_only=True):
     """Speed of ways that say none; None: 1 m/s, or the greatest where that is less."""
     survey_acceptance_m: Positive = 0.25
     """So near patterns that say nothing come to a waypoint."""
+    speed_min_m_s: NotNegative = 0.0
+    """Slower ways are refused: what flies on wings falls."""
+    turn_radius_m: NotNegative = 0.0
+    """Of what cannot turn on the spot nor stop, such as a plane: ways need room to turn, and it waits in circles."""
 
     def __post_init__(self) -> None:
         if self.height_min_m >= self.height_max_m:
@@ -85,6 +89,8 @@ class Limits(_Row, frozen=True, kw_only=True):
             raise ValueError("survey_height_m must be from height_min_m to height_max_m")
         if self.survey_speed_m_s is not None and self.survey_speed_m_s > self.speed_m_s:
             raise ValueError("survey_speed_m_s must be no more than speed_m_s")
+        if not self.speed_min_m_s <= (self.survey_speed_m_s or self.speed_m_s) <= self.speed_m_s:
+            raise ValueError("speed_min_m_s must be no more than survey_speed_m_s and speed_m_s")
 
 
 class Power(_Row, frozen=True, kw_only=True):

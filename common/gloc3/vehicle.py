@@ -212,7 +212,7 @@ class Manoeuvre(Message, frozen=True):
     height_m: float = 0.0
     """Take-off: height above the place of arming."""
     may_arm: bool = False
-    """Take-off: whether the vehicle may be armed for it."""
+    """Take-off, and a plan that begins with one: whether the vehicle may be armed for it."""
     end_ned_m: Vector3 | None = None
     """Plan: where it ends."""
 

@@ -253,6 +253,10 @@ class Way(NamedTuple):
     hold_s: float
     heading_deg: float | None
     """Clockwise from north; None for along the way."""
+    is_winged: bool = False
+    """For what flies on wings: it waits in circles, at the end, too, and its speed is that in the air."""
+    takes_off: bool = False
+    """With that: the first place tells how high it climbs from the ground."""
 
 
 class Manners(NamedTuple):

@@ -25,6 +25,7 @@ from gloc3.mission.reader import Reading, Surroundings, inspect_mission
 from gloc3.mission.silence_check import silence_findings
 from gloc3.mission.space_check import flight_findings, space_findings
 from gloc3.mission.structure import PartialOrder, structure_findings
+from gloc3.mission.turn_check import turn_findings
 from gloc3.platform import Capability, Limits, Platform
 
 HOME_CLEARANCE_M: Final = 0.5
@@ -152,6 +153,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
         home_ned_m=circumstances.home_ned_m,
         start_ned_m=circumstances.start_ned_m,
     )
+    findings += turn_findings(mission, figures, platform.limits if platform else None)
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
     findings += plan_findings(mission, platform)
@@ -198,6 +200,7 @@ def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budg
     yield from _resources(part, order, circumstances.capabilities())
     yield from (one for one in flight_findings(part, order, is_airborne=True) if not one.is_warning)
     yield from space_findings(part, figures, limits, home_ned_m=None, start_ned_m=None)
+    yield from turn_findings(part, figures, limits)
     yield from time_findings(part, figures)
     yield from guard_findings(part, platform)
     yield from plan_findings(part, platform)

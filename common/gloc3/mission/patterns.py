@@ -45,6 +45,8 @@ _SMALL_M: Final = 1e-6
 SURVEY_ACCEPTANCE_M: Final = 0.25
 _SAME_M: Final = 1e-3
 """Places nearer to each other are one."""
+_STARTS: Final = 20
+"""So many lines are tried to begin with, where lines that follow each other must not be neighbours."""
 
 
 class Depart(SetOff, frozen=True, kw_only=True):
@@ -151,8 +153,17 @@ class Survey(Pattern, frozen=True, kw_only=True):
     """The lines end so far inside the area's edge; less than 0: outside."""
     is_crossed: bool = False
     """Flown a second time, across the first lines."""
+    turn_m: Annotated[float, msgspec.Meta(ge=0.0, le=10_000.0)] | None = None
+    """Lines that follow each other are no nearer to each other; those between come later. None: room for the platform's
+    `turn_radius_m` on both sides."""
     heading: Heading = "along"
     """Where the nose points."""
+
+    def filled(self, limits: Limits | None) -> Arguments:
+        """With the room that the platform needs to turn, too."""
+        turn_m = 2.0 * limits.turn_radius_m if limits is not None and limits.turn_radius_m else None
+        is_told = self.turn_m is not None or turn_m is None
+        return super(Survey, self if is_told else msgspec.structs.replace(self, turn_m=turn_m)).filled(limits)
 
     def way(self, placement: Placement) -> FollowWaypoints:
         """The lines, each by its two ends."""
@@ -161,9 +172,11 @@ class Survey(Pattern, frozen=True, kw_only=True):
         ground = _Ground(placement, corners[0])
         polygon = [ground.ne(corner) for corner in corners]
         bearing = radians(self.lines_deg) if self.lines_deg is not None else _longest_side(polygon)
-        places = _lines(polygon, bearing, self.spacing_m, self.margin_m, polygon[0])
+        turn_m = self.turn_m or 0.0
+        places = _lines(polygon, bearing, self.spacing_m, self.margin_m, polygon[0], turn_m)
         if self.is_crossed:
-            places += _lines(polygon, bearing + radians(90.0), self.spacing_m, self.margin_m, (places or polygon)[-1])
+            last = (places or polygon)[-1]
+            places += _lines(polygon, bearing + radians(90.0), self.spacing_m, self.margin_m, last, turn_m)
         if not places:
             raise Refused("no line fits into the area: its margin or spacing is too large")
         height_m = self._height_m(placement)
@@ -314,10 +327,13 @@ def _longest_side(polygon: Sequence[Point]) -> float:
     return atan2(b[1] - a[1], b[0] - a[0])
 
 
-def _lines(polygon: Sequence[Point], bearing_rad: float, spacing_m: float, margin_m: float, near: Point) -> list[Point]:
+def _lines(
+    polygon: Sequence[Point], bearing_rad: float, spacing_m: float, margin_m: float, near: Point, turn_m: float = 0.0
+) -> list[Point]:
     """Both ends of each line over a polygon, to and fro; the first is the end that is nearest to a place.
 
-    Where a line leaves the polygon and enters it again, as in a bay, it has two ends there more.
+    Where a line leaves the polygon and enters it again, as in a bay, it has two ends there more. Lines that follow each
+    other are `turn_m` from each other or more, where that can be.
     """
     cosine, sine = cos(bearing_rad), sin(bearing_rad)
 
@@ -344,6 +360,7 @@ def _lines(polygon: Sequence[Point], bearing_rad: float, spacing_m: float, margi
         lines += [line] if line else []
     if not lines:
         return []
+    lines = [lines[index] for index in _apart([line[0][0][1] for line in lines], turn_m)]
     begin, end = lines[0][0][0][0], lines[0][-1][1][0]
     is_forward = abs(along[0] - begin) <= abs(along[0] - end)
     places: list[Point] = []
@@ -357,6 +374,25 @@ def _lines(polygon: Sequence[Point], bearing_rad: float, spacing_m: float, margi
         for index, b in enumerate(ends)
         if index == 0 or hypot(b[0] - ends[index - 1][0], b[1] - ends[index - 1][1]) > _SAME_M
     ]
+
+
+def _apart(places_m: Sequence[float], least_m: float) -> list[int]:
+    """An order in which each place is `least_m` or more from the one before, the nearest such first; as they are, if none."""
+    plain = list(range(len(places_m)))
+    if least_m <= 0.0:
+        return plain
+    for first in plain[:_STARTS]:
+        order, left = [first], set(plain) - {first}
+        while left:
+            here = places_m[order[-1]]
+            far = [index for index in left if abs(places_m[index] - here) >= least_m - _SAME_M]
+            if not far:
+                break
+            order.append(min(far, key=lambda index: (abs(places_m[index] - here), index)))
+            left.remove(order[-1])
+        else:
+            return order
+    return plain
 
 
 def _steps(length_m: float, spacing_m: float) -> list[float]:

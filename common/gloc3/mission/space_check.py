@@ -85,7 +85,7 @@ def space_findings(
         where = (*where_of(target), action.capability)
         ends_at_home = isinstance(action.order, ReturnHome)
         for leg in part.legs:
-            place = _place(where, action, leg, document)
+            place = place_of(where, action, leg, document)
             fence = mission.fence
             if fence is not None and home_ned_m is None and isinstance(action.order, ReturnHome | SetOff):
                 fence = Fence(ceiling_m=fence.ceiling_m)
@@ -105,7 +105,7 @@ def space_findings(
     return found
 
 
-def _place(where: Where, action: Action, leg: Leg, document: Document) -> Where:
+def place_of(where: Where, action: Action, leg: Leg, document: Document) -> Where:
     """The place in the file of what a leg leads to."""
     for key in ("waypoints_m", "waypoints"):
         if getattr(action.arguments, key, None) is not None and leg.waypoint is not None:
@@ -122,26 +122,29 @@ def _fence(
     clearance_m = fence.clearance_m(leg.end)
     if clearance_m < margin_m - _TOLERANCE_M:
         if clearance_m < 0.0:
-            message = f"{_name(place)} is {-clearance_m:.1f} m outside the fence"
+            message = f"{name_of(place)} is {-clearance_m:.1f} m outside the fence"
         else:
-            message = f"{_name(place)} is {clearance_m:.2f} m inside the fence, less than the margin of {margin_m:g} m"
+            message = (
+                f"{name_of(place)} is {clearance_m:.2f} m inside the fence, less than the margin of {margin_m:g} m"
+            )
         yield document.finding(place, message, "move it inwards")
     elif is_start_known and fence.clearance_m(leg.start) >= margin_m - _TOLERANCE_M:
         along_m = fence.leg_clearance_m(leg.start, leg.end)
         if along_m < margin_m - _TOLERANCE_M:
-            message = f"the straight way to {_name(place)} leaves the fence or its margin of {margin_m:g} m"
+            message = f"the straight way to {name_of(place)} leaves the fence or its margin of {margin_m:g} m"
             yield document.finding(place, message, "add a waypoint that leads round")
 
 
 def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, place: Where) -> Iterator[Finding]:
     height_m = home[2] - point[2]
     if height_m > limits.height_max_m + _TOLERANCE_M:
-        message = f"{_name(place)} is {height_m:.1f} m above home, more than the platform's {limits.height_max_m:g} m"
+        message = f"{name_of(place)} is {height_m:.1f} m above home, more than the platform's {limits.height_max_m:g} m"
         yield document.finding(place, message, "fly lower")
     elif height_m < limits.height_min_m - _TOLERANCE_M:
-        message = f"{_name(place)} is {height_m:.1f} m above home, less than the platform's {limits.height_min_m:g} m"
+        message = f"{name_of(place)} is {height_m:.1f} m above home, less than the platform's {limits.height_min_m:g} m"
         yield document.finding(place, message, "fly higher")
 
 
-def _name(place: Where) -> str:
+def name_of(place: Where) -> str:
+    """A place for a person: a waypoint, or the end of an action."""
     return f"waypoint {place[-1] + 1}" if isinstance(place[-1], int) else f"{place[3]}'s end"

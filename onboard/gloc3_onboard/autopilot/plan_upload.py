@@ -14,7 +14,8 @@ from gloc3_onboard.devices import Answer, Way
 
 ABSOLUTE: Final = 0
 """MAV_FRAME_GLOBAL: heights above mean sea level."""
-WAYPOINT, CHANGE_SPEED = 16, 178
+WAYPOINT, CIRCLE, CIRCLE_FOR_A_TIME, TAKE_OFF, CHANGE_SPEED = 16, 17, 19, 22, 178
+AIR_SPEED, GROUND_SPEED = 0.0, 1.0
 SAME_HEIGHT_M: Final = 0.02
 """ArduPilot keeps heights in whole centimetres."""
 
@@ -74,7 +75,8 @@ class PlanUpload(Upload):
         super().__init__(client, PlanType.MISSION, "plan")
         self.reached = 0
         """Places of the way that the autopilot has passed."""
-        self._first = 0
+        self._first = self._count = 0
+        """Where its places begin among the items, and how many there are."""
         self._setting: Transfer | None = None
 
     def begin(self, ticket: int, way: Way, style: Style, target: Address, now_s: float) -> None:
@@ -84,7 +86,7 @@ class PlanUpload(Upload):
             Refused: a number does not fit the wire.
         """
         items = way_items(way, style)
-        self._first, self.reached = len(items) - len(way.places), 0
+        self._first, self._count, self.reached = 1 + (style is Style.ARDUPILOT), len(way.places), 0
         self.send(ticket, items, target, now_s)
 
     def heard(self, transfer: Transfer, now_s: float) -> tuple[int, Answer] | None:
@@ -107,7 +109,7 @@ class PlanUpload(Upload):
         """The autopilot tells where it is in its plan; a report that was lost is made up for by the next."""
         passed = event.number - self._first + isinstance(event, ItemReached)
         if self._is_reading:
-            self.reached = max(self.reached, min(passed, len(self._items) - self._first))
+            self.reached = max(self.reached, min(passed, self._count))
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:
         """ArduPilot keeps its own home in the first item, and of a speed the number alone."""
@@ -124,20 +126,35 @@ class PlanUpload(Upload):
 def way_items(way: Way, style: Style) -> tuple[PlanItem, ...]:
     """A way as items of the mission protocol: the speed, then its places; before them ArduPilot's home.
 
+    What flies on wings ends in a circle round its last place, until it is told otherwise.
+
     Raises:
         Refused: a number does not fit the wire.
     """
-    speed = MavItem(command=CHANGE_SPEED, frame=2, params=(1.0, way.speed_m_s, -1.0, 0.0))
+    kind = AIR_SPEED if way.is_winged else GROUND_SPEED
+    speed = MavItem(command=CHANGE_SPEED, frame=2, params=(kind, way.speed_m_s, -1.0, 0.0))
     places = [_waypoint(place, way) for place in way.places]
+    if way.takes_off:
+        places[0] = _at(way.places[0], TAKE_OFF)
+    if way.is_winged:
+        places.append(_at(way.places[-1], CIRCLE))
     items = [places[0], speed, *places] if style is Style.ARDUPILOT else [speed, *places]
     return tuple(to_wire(item, f"plan item {number}") for number, item in enumerate(items))
 
 
 def _waypoint(place: GeoPoint, way: Way) -> MavItem:
+    if way.is_winged and way.hold_s > 0.0:
+        return _at(place, CIRCLE_FOR_A_TIME, way.hold_s)
+    return _at(place, WAYPOINT, way.hold_s, way.acceptance_m, 0.0, way.heading_deg)
+
+
+def _at(
+    place: GeoPoint, command: int, one: float = 0.0, two: float = 0.0, three: float = 0.0, four: float | None = 0.0
+) -> MavItem:
     return MavItem(
-        command=WAYPOINT,
+        command=command,
         frame=ABSOLUTE,
-        params=(way.hold_s, way.acceptance_m, 0.0, way.heading_deg),
+        params=(one, two, three, four),
         x=place.latitude_deg,
         y=place.longitude_deg,
         z=place.altitude_m,

@@ -2,20 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated
 
-from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.frames import Vector3, yaw_of
 from gloc3.messages import Envelope
-from gloc3.mission.arguments import Hold
-from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
 from gloc3.vehicle import MotionGrant, Pose, Setpoint
+from gloc3_onboard.holding import Holding
 
-HOLD_ACTION = "hold"
-"""The id under which this controller owns motion when no action does."""
 STEP_S = 0.1
 """The place moves on by no more than this in one cycle."""
 GAP_S = 0.5
@@ -31,11 +27,10 @@ class HoldSettings(Settings, frozen=True):
     """A pose older than this is lost."""
 
 
-class HoldController(ActionPerformer, Controller[HoldSettings]):
+class HoldController(Holding, Controller[HoldSettings]):
     """Takes the place to keep when it is granted motion, and streams it; performs the action `hold` too."""
 
     settings_type = HoldSettings
-    performs: ClassVar = {"hold": Hold}
 
     pose = Input(Pose)
     grant = Input(MotionGrant)
@@ -47,11 +42,7 @@ class HoldController(ActionPerformer, Controller[HoldSettings]):
         self._velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
         self._moved_s = 0.0
         self._yaw_rad = 0.0
-        self._last_action = ""
-        """Until motion is taken from an action that has ended, its place is kept."""
         self._seen: Envelope[Pose] | None = None
-        self._duration_s: float | None = None
-        self._until_s = 0.0
 
     def initialize(self, settings: HoldSettings) -> None:
         """Adopts the settings."""
@@ -62,33 +53,15 @@ class HoldController(ActionPerformer, Controller[HoldSettings]):
         self.drop_action()
         self._place_ned_m = None
 
-    def begin_action(self, capability: str, arguments: Hold, now_s: float) -> None:
-        """Keeps the present place for a time, or until it is told to end."""
-        self._duration_s = arguments.duration_s
-        self._until_s = now_s + (arguments.duration_s or 0.0) * (1.0 - self.earlier_progress)
-
-    def pause_action(self, now_s: float) -> None:
-        """The time that is left stands still."""
-        self._until_s -= now_s
-
-    def resume_action(self, now_s: float) -> None:
-        """The time that is left runs again."""
-        self._until_s += now_s
-
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Streams the place to keep while motion is this controller's."""
         held = self._keep(now_s, inbox)
-        if self.is_running and self._duration_s is not None:
-            left_s = self._until_s - now_s
-            progress = 1.0 - left_s / self._duration_s if self._duration_s > 0.0 else 1.0
-            self.advance(now_s, progress, ActionState.DONE if left_s <= 0.0 else ActionState.RUNNING)
+        self.tell(now_s)
         return [*held, *self.action_reports(now_s)]
 
     def _keep(self, now_s: float, inbox: Inbox) -> list[Setpoint]:
-        grant, latest = inbox.latest(self.grant), inbox.latest(self.pose)
-        owner = grant.payload.action_id if grant is not None else ""
-        self._last_action = self.action_id or self._last_action
-        if not owner or owner not in (HOLD_ACTION, self._last_action):
+        owner, latest = self.owner(inbox.latest(self.grant)), inbox.latest(self.pose)
+        if not owner:
             self._place_ned_m = None
             return []
         if latest is None or not latest.payload.is_valid or now_s - latest.t_s > self._settings.pose_limit_s:

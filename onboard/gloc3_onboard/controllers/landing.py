@@ -29,6 +29,8 @@ class LandingSettings(Settings, frozen=True):
     """The landing fails after this time."""
     speed_m_s: Annotated[float, Bounds(0.1, 20.0)] = 1.0
     """Speed of the way to a landing place that is elsewhere."""
+    may_approach: bool = True
+    """Whether the vehicle can be led to a landing place that is elsewhere; not what lands on wings, at home."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
     """Longest wait for the vehicle to come to the landing place."""
     repeat_s: Annotated[float, Bounds(0.2, 60.0)] = 2.0
@@ -71,6 +73,8 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         self._since_s, self._asked_s = now_s, -math.inf
         if arguments.at_ned_m is None:
             return
+        if not self._settings.may_approach:
+            raise Refused("the autopilot chooses where this vehicle lands: land without a place")
         pose = self._pose
         if pose is None:
             raise Refused("there is no valid pose to fly to a landing place with")

@@ -132,6 +132,7 @@ class ManoeuvreMachine:
                 self._steps = [SetMode(FlightMode.HOLD)]
             case ManoeuvreKind.PLAN:
                 self._steps = [SetMode(FlightMode.MISSION)]
+                self._steps += [Arm()] if manoeuvre.may_arm else []
 
     def _refuse_what_it_cannot(self, manners: Manners) -> None:
         if self.kind is ManoeuvreKind.SET_OFF and manners.climbs:

@@ -8,6 +8,8 @@ from gloc3.platform import Platform
 
 FRAME: Final = "FRAME"
 CAMERA: Final = "CAMERA"
+WIDE: Final = "mapping"
+"""The one with room for what cannot turn on the spot."""
 
 
 def templates() -> dict[str, str]:
@@ -37,6 +39,10 @@ def mission_from(template: str, platform: Platform, schema: str) -> str:
     depth_m = platform.limits.survey_height_m
     if template == "dive" and (depth_m is None or depth_m >= 0.0):
         raise Refused(f"{platform.platform} does not dive: its limits.survey_height_m is not below 0")
+    if platform.limits.turn_radius_m and template != WIDE:
+        raise Refused(f"{platform.platform} needs more room to turn than {template} has: begin with {WIDE}")
+    if template == WIDE and not platform.limits.turn_radius_m:
+        raise Refused(f"{platform.platform} turns on the spot, or nearly: begin with survey")
     lines = text.replace(FRAME, next(iter(platform.frames))).splitlines()
     if (camera := _camera(platform)) is None:
         lines = [line for line in lines if CAMERA not in line]

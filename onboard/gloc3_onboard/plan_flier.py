@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, Protocol, TypeVar
+from typing import Annotated, Any, Generic, NamedTuple, Protocol, TypeVar
 
 from gloc3.action import ActionPerformer
-from gloc3.component import ActuatorDriver
 from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, TangentPlane, Vector3
 from gloc3.messages import Envelope
@@ -59,14 +58,12 @@ class SendPlan(NamedTuple):
     way: Way
 
 
-class PlanFlier(ActionPerformer, ActuatorDriver[S]):
-    """The base of drivers that fly plans; the autopilot goes on with one by itself, with or without this computer.
+class PlanFlier(ActionPerformer, Generic[S]):
+    """Mix this into a driver that flies plans; the autopilot goes on with one by itself, with or without this computer.
 
     Each begin, after a pause or a restart in flight too, uploads what is left of the way: what the autopilot holds is
     always what was asked for.
     """
-
-    loggable = ("uploads", "waypoint")
 
     pose = Input(Pose)
     autopilot_pose = Input(AutopilotPose)

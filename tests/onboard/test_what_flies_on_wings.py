@@ -6,7 +6,6 @@ import pytest
 from msgspec.structs import replace
 
 from gloc3.errors import Refused
-from gloc3.frames import GeoPoint
 from gloc3.vehicle import AutopilotPose, AutopilotState, FlightMode, Home, LandedState, Manoeuvre, ManoeuvreKind, Style
 from gloc3_onboard.autopilot.plan_upload import way_items
 from gloc3_onboard.controllers.circle import CircleController
@@ -16,7 +15,6 @@ from gloc3_onboard.drivers.winged_plan import WingedPlan, WingedPlanSettings
 from .messages import grant, pose
 from .stage import Stage
 
-HERE = GeoPoint(47.0, 8.0, 500.0)
 FLYING = AutopilotState(
     is_connected=True, is_armed=True, is_armable=True, landed=LandedState.IN_AIR, mode=FlightMode.MISSION
 )
@@ -52,7 +50,7 @@ def see(found: Stage, state: AutopilotState, height_m: float = 60.0) -> None:
         velocity_ned_m_s=(0.0, 0.0, 0.0),
         ned_from_frd=here.ned_from_frd,
         rate_frd_rad_s=(0.0, 0.0, 0.0),
-        origin_geo=tuple(HERE),
+        origin_geo=(47.0, 8.0, 500.0),
     )
     found.step(pose=here, autopilot_pose=own, autopilot=state, home=Home(position_ned_m=(0.0, 0.0, 0.0)))
 

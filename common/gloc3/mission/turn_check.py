@@ -39,10 +39,8 @@ def turn_findings(mission: Mission, figures: Estimate, limits: Limits | None) ->
         if not isinstance(action.order, LandOrder):
             yield from _circles(mission, action, where, ways or part.legs, limits, document)
     if mission.fence is not None and mission.frame != GEO:
-        message = (
-            "the fence of a mission in a local frame is not the autopilot's, and nothing else keeps this vehicle inside"
-        )
-        yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True)
+        message = "the autopilot, which flies its ways, is given no fence in a local frame: a breach is only noticed"
+        yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True, is_warning=True)
 
 
 def _impossible(action: Action, where: Where, limits: Limits, document: Document) -> Iterator[Finding]:

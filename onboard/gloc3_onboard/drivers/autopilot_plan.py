@@ -2,12 +2,14 @@
 
 from typing import ClassVar
 
+from gloc3.component import ActuatorDriver
 from gloc3.mission.arguments import FollowWaypointsOrder
 from gloc3_onboard.plan_flier import PlanFlier, PlanSettings
 
 
-class AutopilotPlan(PlanFlier[PlanSettings]):
+class AutopilotPlan(PlanFlier[PlanSettings], ActuatorDriver[PlanSettings]):
     """Flies `fly_plan`: ways of tasks that say `flown_by: autopilot`."""
 
     settings_type = PlanSettings
     performs: ClassVar = {"fly_plan": FollowWaypointsOrder}
+    loggable = ("uploads", "waypoint")

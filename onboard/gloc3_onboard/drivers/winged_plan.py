@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Final
 
 from msgspec.structs import replace
 
+from gloc3.component import ActuatorDriver
 from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, Vector3
 from gloc3.mission.arguments import FollowWaypointsOrder, ReturnHome, TakeOff
@@ -31,8 +32,8 @@ class WingedPlanSettings(PlanSettings, frozen=True):
     """A take-off to less is refused: it circles there."""
 
 
-class WingedPlan(PlanFlier[WingedPlanSettings]):
-    """Performs `take_off`, `follow_waypoints`, `go_to` and `return_home` for planes; at the end it circles.
+class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSettings]):
+    """Performs `take_off`, `return_home` and all that follows waypoints for planes; at the end it circles.
 
     A plane cannot be led to a point that moves: its autopilot flies lines between places, and passes them.
     """
@@ -42,8 +43,10 @@ class WingedPlan(PlanFlier[WingedPlanSettings]):
         "take_off": TakeOff,
         "follow_waypoints": FollowWaypointsOrder,
         "go_to": FollowWaypointsOrder,
+        "fly_plan": FollowWaypointsOrder,
         "return_home": ReturnHome,
     }
+    loggable = ("uploads", "waypoint")
 
     home = Input(Home)
     autopilot = Input(AutopilotState)

@@ -28,6 +28,8 @@ tasks:
       down:   {land: {}, after: [home]}
 """
 HOME = (0.0, 0.0, 0.0)
+OTHERS = {"survey": "boat", "mapping": "plane"}
+"""Platforms that examples are for, where that is not the Pelican."""
 
 
 def told(report: Report) -> list[str]:
@@ -36,7 +38,7 @@ def told(report: Report) -> list[str]:
 
 @pytest.mark.parametrize("name", sorted(example_missions()))
 def test_the_examples_pass(name: str, pelican: Platform) -> None:
-    platform = load_platform("boat") if name == "survey" else pelican
+    platform = load_platform(OTHERS[name]) if name in OTHERS else pelican
     report = check_file(name, Circumstances(platform=platform, home_ned_m=HOME))
     assert told(report) == []
     assert report.is_ok

@@ -75,7 +75,9 @@ def test_what_it_cannot_fly_is_found_with_a_reason(action: str, what: str) -> No
 def test_it_lands_where_its_autopilot_lands_and_is_kept_inside_by_its_autopilots_fence() -> None:
     away = "go_to: {position_m: [500, 0, 60]}"
     assert "at home, along its runway" in problem(away, end="land: {at_m: [10, 10]}")
-    assert "is not the autopilot's" in problem(away, fence="geofence: {circle_m: {center_m: [0, 0], radius_m: 900}}")
+    fenced = report(away, fence="geofence: {circle_m: {center_m: [0, 0], radius_m: 900}}")
+    assert fenced.is_ok
+    assert "is given no fence in a local frame" in str(fenced.findings[0])
 
 
 def test_where_it_turns_or_circles_there_is_room_to_the_fence() -> None:

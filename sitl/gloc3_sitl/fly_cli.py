@@ -67,7 +67,7 @@ def fly(
     """Fly a mission to its end and report.
 
     Args:
-        mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, patrol, survey.
+        mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, mapping, patrol, survey.
         platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
             Pelican, with a receiver for satellites where the mission is on Earth.
         autopilot: The style of the simulated autopilot; else the usual one of the vehicle.

@@ -22,7 +22,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["mission"], "Usage: gloc3 mission COMMAND"),
     (["mission", "chek", "hop"], "no command 'chek'; did you mean 'check'?"),
     (["mission", "check"], "MISSION is missing"),
-    (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, patrol, survey)"),
+    (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, mapping, patrol, survey)"),
     (["mission", "check", "no/such.yaml"], "no/such.yaml: cannot be read: no such file or directory"),
     (["mission", "show", "."], ".: is a folder, not a mission file"),
     (["mission", "check", "hop", "more"], "nothing was expected after the arguments, but there is 'more'"),
@@ -32,7 +32,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["fly", "no/such.yaml"], "there is no file no/such.yaml"),
     (
         ["fly", "hop", "--platform", "nosuch"],
-        "no such platform (known: auv, boat, copter, hummingbird, pelican, pelican_rtk, rov, rover, submarine)",
+        "no such platform (known: auv, boat, copter, hummingbird, pelican, pelican_rtk, plane, rov, rover, submarine)",
     ),
     (["fly", "hop", "--autopilot", "px5"], "--autopilot must be px4 or ardupilot, not 'px5'"),
     (["fly", "hop", "--seed", "one"], "--seed must be a whole number, not 'one'"),

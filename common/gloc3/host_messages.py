@@ -55,6 +55,8 @@ class HostStatus(Message, frozen=True):
     """The platform's time when the autopilot began to count its own; None where it is not known here."""
     sensors: list[SensorCondition] = []
     """Of all processes of the host."""
+    is_renewing: bool = False
+    """It reads its network file again: it is gone for a moment, and not lost."""
 
 
 class HostState(StrEnum):

@@ -329,6 +329,7 @@ class OnboardProcess:
         network = self._options.network
         if network is None or self._on_network is None:
             return
+        self._host_watch.expect_renewal()
         try:
             member = await renew(self.exchange, self._endpoint, self._platform, self._place.host, network, self._loop)
         except (InputError, Refused) as error:

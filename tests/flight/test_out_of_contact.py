@@ -1,6 +1,7 @@
 """A vehicle out of contact: silent as planned, a summary by sound, an order by sound, and at contact all that happened."""
 
 import contextlib
+import hmac
 
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
@@ -101,3 +102,5 @@ def test_frames_that_are_damaged_old_or_of_somebody_else_are_not_taken() -> None
     assert AcousticCode("rov", b"key").decode(data) is None
     assert all(code.decode(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]) is None for at in range(len(data)))
     assert all(code.decode(data[:size]) is None for size in range(len(data)))
+    long = b"\x12" + data[1:4] + bytes(MOST_BYTES)
+    assert code.decode(long + hmac.digest(b"key", long, "sha256")[:4]) is None

@@ -70,6 +70,7 @@ def test_a_demand_is_good_for_half_a_second_and_then_it_brakes_to_rest_and_stays
     helm = Helm()
     helm.drive(2.0, (100, 0, 0))
     let_go = helm.place
+    assert EXPIRES_S == 0.5
     helm.drive(EXPIRES_S - STEP_S)
     assert helm.velocity[0] == pytest.approx(1.0)
     helm.drive(2.0)

@@ -206,6 +206,8 @@ class HostProcess:
             if network is not None:
                 try:
                     shared = self._shared
+                    self._keeper.announce_renewal()
+                    await asyncio.sleep(LOOK_S)  # so that nobody notices the end before what is said of it
                     await renew(shared.exchange, shared.endpoint, self._platform, self._host, network, self._loop)
                     self._say(Severity.NOTICE, f"{network} is read again")
                 except (InputError, Refused) as error:

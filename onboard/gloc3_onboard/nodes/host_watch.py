@@ -14,6 +14,8 @@ SUMMARY_S: Final = 2.0
 """So often stations are told how the hosts are."""
 NAMES_S: Final = 20.0
 """So often they are told what seldom changes, where it does not: one may have come late."""
+RENEWAL_S: Final = 5.0
+"""So long a host may be gone that has said that it reads its network file again."""
 OFFSET_S: Final = 0.1
 """A clock that has moved by less is no news."""
 
@@ -36,6 +38,9 @@ class HostWatch:
         self._topic = f"{context.platform}/{HOST_PRESENCE}"
         self._here: dict[str, bool] = {}
         """What was told last."""
+        self._renews_until_s: dict[str, float] = {}
+        self._away: set[str] = set()
+        """The hosts that are gone as they have said they would be."""
         self._boots: dict[str, int] = {}
         """Of the processes that spoke for the hosts last."""
         self._sensors: dict[str, list[SensorCondition]] = {}
@@ -54,6 +59,11 @@ class HostWatch:
         for end in self._ends:
             end()
 
+    def expect_renewal(self) -> None:
+        """This host reads its network file again: all others are out of sight for a moment."""
+        until_s = self._context.loop.time() + RENEWAL_S
+        self._renews_until_s = {host: until_s for host, is_here in self._here.items() if is_here}
+
     def sensors(self) -> list[SensorCondition]:
         """How the sensors of the other hosts are, as they told last."""
         return [sensor for sensors in self._sensors.values() for sensor in sensors]
@@ -65,6 +75,8 @@ class HostWatch:
         if isinstance(status, HostStatus) and status.host != self._own:
             self._see_boot(status.host, envelope.source.boot)
             self._sensors[status.host] = status.sensors
+            if status.is_renewing:
+                self._renews_until_s[status.host] = self._context.loop.time() + RENEWAL_S
             if self._here.get(status.host):
                 self._tell(HostPresence(host=status.host, is_here=True, status=status))
 
@@ -76,7 +88,20 @@ class HostWatch:
             self._see(host, is_here=True)
 
     def _changed(self, token: str, is_here: bool) -> None:
-        self._see(token.rpartition("/")[2], is_here=is_here)
+        host, loop = token.rpartition("/")[2], self._context.loop
+        left_s = self._renews_until_s.get(host, 0.0) - loop.time()
+        self._away.discard(host)
+        if is_here or left_s <= 0.0 or not self._here.get(host):
+            self._see(host, is_here=is_here)
+        else:
+            self._away.add(host)
+            loop.call_later(left_s, self._miss, host)
+
+    def _miss(self, host: str) -> None:
+        """A host that meant to be gone for a moment has had its time."""
+        if host in self._away:
+            self._away.discard(host)
+            self._see(host, is_here=False)
 
     def _see(self, host: str, *, is_here: bool) -> None:
         if host == self._own or self._here.get(host, False) == is_here:

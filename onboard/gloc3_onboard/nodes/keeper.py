@@ -121,11 +121,15 @@ class HostKeeper:
         for child in self.children:
             child.tell(offset_s)
 
+    def announce_renewal(self) -> None:
+        """Says that this host will be gone for a moment."""
+        self._tell(is_renewing=True)
+
     def _report(self) -> None:
         self._timer = self._context.loop.call_later(STATUS_S, self._report)
         self._tell()
 
-    def _tell(self) -> None:
+    def _tell(self, *, is_renewing: bool = False) -> None:
         clock = self._clock()
         status = HostStatus(
             host=self._host,
@@ -139,6 +143,7 @@ class HostKeeper:
             load=round(os.getloadavg()[0] / (os.cpu_count() or 1), 2),
             vehicle_boot_s=self._vehicle_boot_s(),
             sensors=[*self._sensors(), *self.child_sensors()],
+            is_renewing=is_renewing,
         )
         self._publisher.publish(self._topic, status, self._context.loop.time())
 

@@ -5,7 +5,7 @@ from gloc3.host_messages import HOST_PRESENCE, HOSTS, HostStatus
 from gloc3.standard_topics import TOPICS
 from gloc3.testing import PLATFORM, Bench
 from gloc3.topics import TopicTable
-from gloc3_onboard.nodes.host_watch import HostWatch
+from gloc3_onboard.nodes.host_watch import RENEWAL_S, HostWatch
 
 TOPIC = f"{PLATFORM}/{HOSTS}/base"
 
@@ -30,3 +30,36 @@ def test_a_host_whose_process_began_anew_before_its_silence_was_noticed_was_lost
         bench.run(1.0)
         watch.close()
     assert told(bench) == [("base", True), ("base", False), ("base", True), ("base", False)]
+
+
+def test_a_host_that_reads_its_network_file_again_is_lost_only_if_it_stays_away() -> None:
+    said: list[str] = []
+    with Bench(topics=TopicTable(TOPICS)) as bench:
+        watch = HostWatch(bench.context, "vehicle", ["vehicle", "base"], lambda _, text: said.append(text))
+        publisher = Publisher(bench.exchange, PLATFORM, "host_base", 7)
+        renewing = HostStatus(host="base", is_clock_host=False, processes=[], is_renewing=True)
+
+        def is_away_for(seconds: float) -> None:
+            withdraw()
+            bench.run(seconds)
+
+        withdraw = bench.exchange.declare_alive(TOPIC)
+        publisher.publish(TOPIC, renewing, bench.loop.time())
+        is_away_for(2.0)
+        withdraw = bench.exchange.declare_alive(TOPIC)
+        bench.run(RENEWAL_S)
+        assert said == ["host base is here"], "of its own accord"
+        watch.expect_renewal()
+        is_away_for(2.0)
+        withdraw = bench.exchange.declare_alive(TOPIC)
+        assert said == ["host base is here"], "while this host does"
+        bench.run(RENEWAL_S)
+        publisher.publish(TOPIC, renewing, bench.loop.time())
+        is_away_for(RENEWAL_S - 0.1)
+        assert said == ["host base is here"]
+        bench.run(0.2)
+        assert said == ["host base is here", "host base is lost"]
+        withdraw = bench.exchange.declare_alive(TOPIC)
+        is_away_for(0.1)
+        assert said[2:] == ["host base is here", "host base is lost"], "that is at once where nothing was said"
+        watch.close()

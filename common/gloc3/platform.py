@@ -69,6 +69,8 @@ class Limits(_Row, frozen=True, kw_only=True):
     """Least height above home of a waypoint; negative for what dives."""
     height_max_m: Height = 30.0
     """Greatest height above home."""
+    altitude_min_m: NotNegative = 0.5
+    """Least height over the ground, or the floor of the water, that a way may be asked to keep."""
     fence_margin_m: NotNegative = 0.5
     """Distance that waypoints and legs keep from the fence."""
     survey_height_m: Height | None = None

@@ -45,9 +45,18 @@ class Leader:
         is_calm = self._calm_since_s is not None and self._last_s - self._calm_since_s >= CALM_S
         return is_calm or self._last_s - self._at_end_s > PATIENCE_S
 
-    def advance(self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float) -> Target:
-        """Where the vehicle shall be now; called in every cycle in which it is known where it is."""
-        target = self._advance(pose, driver, now_s)
+    def advance(
+        self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool = False
+    ) -> Target:
+        """Where the vehicle shall be now; called in every cycle in which it is known where it is.
+
+        Args:
+            pose: where it is.
+            driver: whether the autopilot follows.
+            now_s: the time.
+            is_waiting: the point stays where it is, for something else than the vehicle.
+        """
+        target = self._advance(pose, driver, now_s, is_waiting=is_waiting)
         if math.hypot(*pose.velocity_ned_m_s) > self._at_rest_m_s:
             self._calm_since_s = None
         elif self._calm_since_s is None:
@@ -57,7 +66,7 @@ class Leader:
             self._at_end_s = now_s
         return target
 
-    def _advance(self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float) -> Target:
+    def _advance(self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool) -> Target:
         duration_s, self._last_s = now_s - self._last_s, now_s
         is_followed = driver is not None and driver.payload.is_guided and now_s - driver.t_s <= DRIVER_S
         if duration_s > GAP_S or not is_followed:
@@ -71,6 +80,9 @@ class Leader:
         if self._has_gap:
             self._has_gap = False
             self.follower.rejoin(pose.position_ned_m)
+        if is_waiting:
+            self.follower.halt()
+            return self.follower.advance(0.0, pose.position_ned_m)
         return self.follower.advance(min(duration_s, STEP_S), pose.position_ned_m)
 
     def problem(self, patience_s: float, follow_s: float = 30.0) -> str:

@@ -144,7 +144,7 @@ class Simulator:
         """Times that a wall clock ran away."""
         self._outputs = self._idle = self.autopilot.control.stopped
         self._timer: TimerHandle | None = None
-        self._is_flat = world.is_flat
+        self._is_flat, self._is_diving = world.is_flat, row.is_diving
 
     # -- time ---------------------------------------------------------------------------------------------------------
 
@@ -163,7 +163,7 @@ class Simulator:
             t_s = count / rate_hz
             outputs = self._step(sample(body, t_s), t_s)
             if not self._is_flat and count % PERIOD_STEPS == 0:
-                raise_ground(body, self.world, self.now_s)
+                raise_ground(body, self.world, self.now_s, is_diving=self._is_diving)
         self._outputs = outputs
 
     def start(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:

@@ -33,6 +33,8 @@ Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
 WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
 """No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
+Altitude = Annotated[float, msgspec.Meta(ge=0.3, le=200.0)]
+"""Over the ground or the floor of the water; as far as range finders see."""
 
 
 DEFAULT_SPEED_M_S: Final = 1.0
@@ -287,6 +289,8 @@ class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
     """Stay so long at each waypoint."""
     wall_distance_m: float | None = None
     """Keep so far from the wall ahead."""
+    altitude_m: float | None = None
+    """Keep so high over what the range finder sees below."""
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
         """Straight from waypoint to waypoint."""
@@ -306,6 +310,9 @@ class _Flight(Arguments, frozen=True, kw_only=True):
     """A waypoint counts as passed within this distance."""
     hold_s: Seconds = 0.0
     """Stay so long at each waypoint."""
+    altitude_m: Altitude | None = None
+    """Keep so high over the ground or the floor of the water, by the range finder that looks down. The height of the first
+    waypoint counts until that sees something; the others are not flown."""
 
     def filled(self, limits: Limits | None) -> Arguments:
         """With the platform's speed where the mission says none."""
@@ -320,6 +327,7 @@ class _Flight(Arguments, frozen=True, kw_only=True):
             heading=heading_order(self.heading, placement),
             acceptance_m=self.acceptance_m,
             hold_s=self.hold_s,
+            altitude_m=self.altitude_m,
         )
 
 

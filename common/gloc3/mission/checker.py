@@ -11,6 +11,7 @@ from gloc3.errors import Finding, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.abilities import WAIT, abilities
 from gloc3.mission.agreement import agreement_findings
+from gloc3.mission.altitude_check import altitude_findings
 from gloc3.mission.arguments import SetOff, argument_kinds
 from gloc3.mission.budget_check import budget_findings, time_findings
 from gloc3.mission.contingencies import part_of
@@ -157,6 +158,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
     findings += plan_findings(mission, platform)
+    findings += altitude_findings(mission, platform)
     findings += contingency_findings(mission)
     for name, ready in mission.contingencies.items():
         if ready.actions:
@@ -204,6 +206,7 @@ def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budg
     yield from time_findings(part, figures)
     yield from guard_findings(part, platform)
     yield from plan_findings(part, platform)
+    yield from altitude_findings(part, platform)
 
 
 def home_problem(mission: Mission, home_ned_m: Vector3) -> str:

@@ -13,6 +13,7 @@ import msgspec
 from gloc3.errors import Refused
 from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.mission.arguments import (
+    Altitude,
     Arguments,
     Degrees,
     Dive,
@@ -158,6 +159,8 @@ class Survey(Pattern, frozen=True, kw_only=True):
     `turn_radius_m` on both sides."""
     heading: Heading = "along"
     """Where the nose points."""
+    altitude_m: Altitude | None = None
+    """Keep so high over the ground or the floor of the water, by the range finder that looks down."""
 
     def filled(self, limits: Limits | None) -> Arguments:
         """With the room that the platform needs to turn, too."""
@@ -180,7 +183,8 @@ class Survey(Pattern, frozen=True, kw_only=True):
         if not places:
             raise Refused("no line fits into the area: its margin or spacing is too large")
         height_m = self._height_m(placement)
-        return self._way(ground, [(*place, height_m) for place in places], self.heading)
+        way = self._way(ground, [(*place, height_m) for place in places], self.heading)
+        return msgspec.structs.replace(way, altitude_m=self.altitude_m)
 
 
 class FollowWall(Pattern, frozen=True, kw_only=True):
@@ -279,6 +283,8 @@ class Transit(Pattern, frozen=True, kw_only=True):
     """Where the nose points."""
     hold_s: Seconds = 0.0
     """Stay so long at each place."""
+    altitude_m: Altitude | None = None
+    """Keep so high over the ground or the floor of the water, by the range finder that looks down."""
 
     def way(self, placement: Placement) -> FollowWaypoints:
         """The places, with a height."""
@@ -287,7 +293,7 @@ class Transit(Pattern, frozen=True, kw_only=True):
         height_m = self._height_m(placement)
         points = tuple((*place, height_m) for place in places)
         way = self._through(points, is_geo=placement.is_geo, heading=self.heading)
-        return msgspec.structs.replace(way, hold_s=self.hold_s)
+        return msgspec.structs.replace(way, hold_s=self.hold_s, altitude_m=self.altitude_m)
 
 
 class _Ground:

@@ -44,6 +44,8 @@ def _problem(action: Action) -> str:
         return "plans are made of ways through places only"
     if order.wall_distance_m is not None:
         return "it does not measure the distance to a wall"
+    if order.altitude_m is not None:
+        return "it keeps no height over the ground"
     if order.heading.mode not in ("along", "fixed"):
         return f"a plan says no heading {order.heading.mode.replace('_', ' ')!r}"
     return ""

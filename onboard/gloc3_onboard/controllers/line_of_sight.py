@@ -127,6 +127,8 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
             raise Refused("there is no waypoint")
         if order.wall_distance_m is not None:
             raise Refused("a vehicle that steers by its heading keeps no distance from a wall")
+        if order.altitude_m is not None:
+            raise Refused("a vehicle that steers by its heading keeps no height over the ground")
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"a vehicle that steers by its heading has none to spare: heading {order.heading.mode}")
         self._order = order

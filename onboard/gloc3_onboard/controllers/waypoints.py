@@ -15,7 +15,8 @@ from gloc3.mission.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHo
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import DriverState, Home, ObstacleScan, Pose, Setpoint
+from gloc3.vehicle import DriverState, HeightAboveGround, Home, ObstacleScan, Pose, Setpoint
+from gloc3_onboard.floor_keeper import FloorKeeper
 from gloc3_onboard.leader import Leader
 from gloc3_onboard.obstacle_field import ObstacleField
 from gloc3_onboard.path_follower import PathFollower, Target, next_ahead
@@ -26,6 +27,8 @@ DETOUR_M = 2.0
 AHEAD_M = 1.5
 NARROW_M = 0.1
 """A way that is so much too narrow is flown all the same, as the limiter does."""
+SETTLED_S = 1.0
+"""The height over the floor is right when the way is moved for no longer than this."""
 LOOK_AT_M = 0.2
 """Nearer than this to the point that it looks at, the vehicle keeps its heading."""
 
@@ -60,6 +63,10 @@ class WaypointsSettings(Settings, frozen=True):
     """Obstacles that were seen longer ago do not count."""
     wall_s: Annotated[float, Bounds(0.5, 600.0)] = 5.0
     """Longest flight without sight of the wall that a distance is to be kept from, before the action fails."""
+    floor_s: Annotated[float, Bounds(0.5, 600.0)] = 10.0
+    """Longest way without an echo of the floor that a height is to be kept over, before the action fails."""
+    range_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
+    """What the range finder told longer ago does not count."""
 
 
 class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
@@ -77,6 +84,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
     home = Input(Home)
     driver = Input(DriverState)
     obstacles = Input(ObstacleScan)
+    height = Input(HeightAboveGround)
     setpoint_wanted = Output(Setpoint, frame="ned")
 
     def __init__(self) -> None:
@@ -89,6 +97,9 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         self._order: FollowWaypointsOrder | None = None
         self._leader: Leader | None = None
         self._wall: WallKeeper | None = None
+        self._floor: FloorKeeper | None = None
+        self._range_m: float | None = None
+        """What the range finder that looks down tells; None for no echo."""
         self._points: list[tuple[float, float]] | None = None
         """What stands around; None where nobody looks."""
         self._is_in_the_way, self._hindered_s = False, 0.0
@@ -118,6 +129,12 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             raise Refused("there is no waypoint")
         if order.wall_distance_m is not None and self._points is None:
             raise Refused("nobody sees the wall to keep the distance from: there are no obstacles of a laser scanner")
+        self._floor = None
+        if order.altitude_m is not None:
+            # Its heights are the floor's: the way is laid level, where the vehicle is if the floor is seen from there.
+            down_m = order.waypoints_ned_m[0][2] if self._range_m is None else pose.position_ned_m[2]
+            self._floor = FloorKeeper(order.altitude_m, down_m, self._settings.climb_m_s)
+            order = replace(order, waypoints_ned_m=tuple((n, e, down_m) for n, e, _ in order.waypoints_ned_m))
         self._order = order
         self._is_in_the_way, self._hindered_s = False, 0.0
         self._passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
@@ -162,6 +179,9 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         scan = inbox.latest(self.obstacles)
         is_seen = scan is not None and inbox.is_fresh(self.obstacles, now_s, self._settings.obstacles_limit_s)
         self._points = scan.payload.points_ne_m if scan is not None and is_seen and scan.payload.is_valid else None
+        height = inbox.latest(self.height)
+        is_heard = height is not None and inbox.is_fresh(self.height, now_s, self._settings.range_limit_s)
+        self._range_m = height.payload.height_m if height is not None and is_heard and height.payload.is_valid else None
         results: list[Result] = []
         if self.is_running and self._leader is not None and self._order is not None:
             if self._pose is not None and self._pose.is_valid:
@@ -186,15 +206,19 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         progress = (self._passed + follower.progress * (count - self._passed)) / count
         self._hindered_s += (now_s - self._last_s) * self._is_in_the_way
         settle_s = self._settings.settle_s + min(self._hindered_s, self._settings.detour_s)
-        problem = leader.problem(settle_s, self._settings.follow_s)
+        left_s = 0.0 if self._floor is None else self._floor.left_s
+        problem = leader.problem(settle_s + left_s, self._settings.follow_s)
         if self._wall is not None and self._wall.blind_s > self._settings.wall_s:
             problem = "it does not see the wall that it is to keep the distance from"
+        if self._floor is not None and self._floor.blind_s > self._settings.floor_s:
+            problem = "it does not see the floor that it is to keep the height over"
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
             why = ", an obstacle is in the way" if self._is_in_the_way else ""
             self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away{why})")
         else:
-            state = ActionState.DONE if leader.is_there(order.acceptance_m) else ActionState.RUNNING
+            is_there = leader.is_there(order.acceptance_m) and left_s < SETTLED_S
+            state = ActionState.DONE if is_there else ActionState.RUNNING
             self.advance(now_s, progress, state, achieved=int(progress * count + 1e-6), is_blocked=self._is_in_the_way)
         return Setpoint(
             action_id=action_id,
@@ -204,15 +228,21 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         )
 
     def _target(self, leader: Leader, pose: Pose, driver: Envelope[DriverState] | None, now_s: float) -> Target:
-        """Where the vehicle shall be now: on its way, or as far from the wall as is wanted."""
-        at, wall, points = pose.position_ned_m, self._wall, self._points or []
-        if wall is None:
-            target = leader.advance(pose, driver, now_s)
-        else:
-            target = leader.advance(replace(pose, position_ned_m=wall.unmoved(at)), driver, now_s)
+        """Where the vehicle shall be now: on its way, or as far from wall and floor as is wanted."""
+        at, wall, floor, points = pose.position_ned_m, self._wall, self._floor, self._points or []
+        duration_s = min(now_s - self._last_s, 0.1)
+        if floor is not None:
+            floor.see(self._range_m, pose.ned_from_frd, at, duration_s)
+            pose = replace(pose, position_ned_m=floor.unmoved(at))
+        if wall is not None:
+            pose = replace(pose, position_ned_m=wall.unmoved(pose.position_ned_m))
+        target = leader.advance(pose, driver, now_s, is_waiting=floor is not None and floor.is_too_near)
+        if wall is not None:
             seen = wall_ahead(points, at, yaw_of(pose.ned_from_frd))
-            wall.see(seen, at, target.position_ned_m, min(now_s - self._last_s, 0.1))
+            wall.see(seen, at, target.position_ned_m, duration_s)
             target = target._replace(position_ned_m=wall.moved(target.position_ned_m))
+        if floor is not None:
+            target = target._replace(position_ned_m=floor.moved(target.position_ned_m))
         self._is_in_the_way = self._is_blocked(at, target, points)
         leader.follower.slack_m = self._settings.comes_within_m + (DETOUR_M if self._is_in_the_way else 0.0)
         return target

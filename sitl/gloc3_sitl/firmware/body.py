@@ -52,7 +52,7 @@ class SensedBody:
     def _make(self) -> None:
         settings, world = self.settings, self.world
         row = vehicle_named(settings.vehicle)
-        self.vehicle_class = row.vehicle_class
+        self.vehicle_class, self._is_diving = row.vehicle_class, row.is_diving
         self._needed = len(row.vehicle_class.output_numbers)
         self.body = row.body(
             Situation(
@@ -101,7 +101,7 @@ class SensedBody:
         body.step(tuple(outputs[:needed]))
         now_s = body.now_s
         if not self._is_flat and body.steps % PERIOD_STEPS == 0:
-            raise_ground(body, self.world, now_s)
+            raise_ground(body, self.world, now_s, is_diving=self._is_diving)
         return self.sensors.sample(body, now_s)
 
     @property

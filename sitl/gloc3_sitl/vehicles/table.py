@@ -73,6 +73,8 @@ class VehicleRow:
     """Whether waves and current reach it."""
     imu_bias_share: float = 1.0
     """Biases of its inertial unit, as a share of those of a multirotor's."""
+    is_diving: bool = False
+    """The ground under it is the floor of the water."""
     sensors: MakeSensors = _none
     """Sensors beside those that every vehicle has, or in place of one of the same name."""
 
@@ -144,6 +146,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         world="bay",
         swims=True,
         imu_bias_share=_TACTICAL,
+        is_diving=True,
         sensors=_diving_sensors,
     ),
     "rov": VehicleRow(
@@ -155,6 +158,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         world="bay",
         swims=True,
         imu_bias_share=_TACTICAL,
+        is_diving=True,
         sensors=_diving_sensors,
     ),
     "rover": VehicleRow(

@@ -87,9 +87,9 @@ class World:
             raise InputError(sorted(findings))
         return World(file, home, heading_deg)
 
-    def height_at(self, x_m: float, y_m: float, t_s: float = 0.0, below_m: float = inf) -> float:
-        """Height of the ground at a place: the top of the highest box or slope there below a height, else 0."""
-        height_m = 0.0
+    def height_at(self, x_m: float, y_m: float, t_s: float = 0.0, below_m: float = inf, lowest_m: float = 0.0) -> float:
+        """Height of the ground at a place: the top of the highest box or slope there below a height, else `lowest_m`."""
+        height_m = lowest_m
         for box in self.file.boxes.values():
             (x0, y0, _), (x1, y1, z1) = box.min_m, box.max_m
             dx, dy, dz = box.offset_m(t_s)
@@ -111,14 +111,14 @@ class _Slope:
         self._surface, self._normal = surface, normal
 
     def height_at(self, x_m: float, y_m: float) -> float:
-        """Its height at a place; 0 beside it."""
+        """Its height at a place; minus infinity beside it."""
         (cx, cy, cz), (nx, ny, nz) = self._surface.corner_m, self._normal
         height_m = cz - (nx * (x_m - cx) + ny * (y_m - cy)) / nz
         offset = (x_m - cx, y_m - cy, height_m - cz)
         for side in (self._surface.across_m, self._surface.down_m):
             share = sum(a * b for a, b in zip(offset, side, strict=True)) / sum(a * a for a in side)
             if not 0.0 <= share <= 1.0:
-                return 0.0
+                return -inf
         return height_m
 
 

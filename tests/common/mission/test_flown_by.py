@@ -58,6 +58,7 @@ def test_ways_are_flown_as_plans_and_everything_else_as_ever(pelican: Platform) 
         ("hold: {duration_s: 3}", "plans are made of ways through places only"),
         ("go_to: {position_m: [3, 1, 2], heading: {look_at: [0, 0, 1]}}", "a plan says no heading 'look at'"),
         ("go_to: {position_m: [3, 1, 2], heading: hold}", "a plan says no heading 'hold'"),
+        ("go_to: {position_m: [3, 1, 2], altitude_m: 2}", "it keeps no height over the ground"),
     ],
 )
 def test_what_no_plan_can_say_is_found_at_its_place(pelican: Platform, action: str, problem: str) -> None:

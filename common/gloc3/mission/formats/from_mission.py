@@ -114,6 +114,10 @@ class _Converter:
                 return
             case Pattern():
                 self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
+            case FollowWaypoints(altitude_m=float()) | GoTo(altitude_m=float()):
+                self._refuse(
+                    target, f"{target} cannot be expressed in a plan", "a plan keeps no height over the ground"
+                )
             case FollowWaypoints(waypoints=waypoints) if waypoints is not None:
                 self._fly(target, waypoints, arguments.speed_m_s, arguments.heading, arguments.hold_s)
             case GoTo(position=position) if position is not None:

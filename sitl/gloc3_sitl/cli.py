@@ -15,6 +15,7 @@ from gloc3.frames import GeoPoint
 from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.narrate import narrate
 from gloc3_sitl.autopilot.mavlink.links import Receive
+from gloc3_sitl.dvl_server import MOST_PORT, DvlAddress, DvlServer, read_dvl
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.record_cli import record
 from gloc3_sitl.sensor_server import SensorServer
@@ -30,7 +31,6 @@ DEFAULT_LINKS: Final = ("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540")
 ARDUPILOTS_LINK: Final = "station=tcpin://127.0.0.1:5760"
 """Where ArduPilot's own simulation listens, too: MAVProxy, dronekit and pymavlink look for it there."""
 
-MOST_PORT: Final = 65535
 PELICAN: Final = "pelican"
 INDOORS: Final = "hold"
 """The world of the paper's vehicle; the others are in that of missions on Earth."""
@@ -52,6 +52,8 @@ app = App(
     - `gloc3 sitl --autopilot ardupilot --world open --home 47.3977,8.5456,488,90 --wind 6`: for ground stations of others
     - `gloc3 sitl --vehicle boat --home 63.4396,10.399,0,0 --waves 0.3`: the Otter in the fjord, for `gloc3
       onboard boat`; `--vehicle rover` is a Jackal, `plane` an Aerosonde
+    - `gloc3 sitl --vehicle auv --world bay --dvl a50://127.0.0.1:16171`: with its Doppler velocity log, for `gloc3 onboard
+      auv --device dvl=a50://127.0.0.1:16171`; `--vehicle rov`, too
     - `gloc3 sitl --no-gps --sensors 7010`: with cameras and laser scanner, for `gloc3 onboard pelican --device`
     - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world, see docs/firmware.md""",
     help_format="markdown",
@@ -76,6 +78,7 @@ class Extras(NamedTuple):
     speed: float
     seconds: float | None
     sensor_port: int | None
+    dvl: DvlAddress | None
     seed: int
     out: Path | None
     vehicle: str
@@ -145,6 +148,7 @@ def sitl(
     link: Annotated[list[str] | None, Parameter(negative=())] = None,
     seconds: float | None = None,
     sensors: int | None = None,
+    dvl: str | None = None,
     out: Path | None = None,
     firmware: str | None = None,
     firmware_binary: Path | None = None,
@@ -175,6 +179,8 @@ def sitl(
         seconds: End after so much simulated time.
         sensors: TCP port on 127.0.0.1 that serves cameras and laser scanner (0: any), as sources tcp://127.0.0.1:PORT of
             `gloc3 onboard --device`.
+        dvl: Where a Doppler velocity log is served, as a50://HOST:PORT or pd6://HOST:PORT: the same is the source of `gloc3
+            onboard auv --device dvl=…`.
         out: Folder for truth.mcap, the log of where the vehicle truly was.
         firmware: A real autopilot, ardupilot or px4, in place of ours; see docs/firmware.md.
         firmware_binary: Its program; else arducopter or px4 on PATH.
@@ -197,6 +203,7 @@ def sitl(
         raise Refused(f"--sensors must be a port from 0 to {MOST_PORT}")
     if firmware_port is not None and not 0 <= firmware_port <= MOST_PORT:
         raise Refused(f"--firmware-port must be a port from 0 to {MOST_PORT}")
+    dvl_address = None if dvl is None else read_dvl(dvl)
     place, heading = (None, None) if home is None else read_home(home)
     air = gusty(wind, wind_from) if wind > 0.0 else CALM
     there = World.load(world or (INDOORS if vehicle == PELICAN else vehicle_named(vehicle).world), place, heading)
@@ -223,6 +230,7 @@ def sitl(
                     speed=speed,
                     seconds=seconds,
                     sensor_port=sensors,
+                    dvl=dvl_address,
                     out=out,
                 )
             )
@@ -243,7 +251,7 @@ def sitl(
     usual = (*DEFAULT_LINKS, ARDUPILOTS_LINK) if autopilot == "ardupilot" else DEFAULT_LINKS
     links = [read_link(text) for text in link or usual]
     title = f"{vehicle}, {autopilot}, world {simulator.world.name}"
-    return asyncio.run(_run(simulator, links, Extras(speed, seconds, sensors, seed, out, vehicle), title))
+    return asyncio.run(_run(simulator, links, Extras(speed, seconds, sensors, dvl_address, seed, out, vehicle), title))
 
 
 async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, title: str) -> int:
@@ -254,6 +262,7 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
         loop.add_signal_handler(number, stopped.set)
     endpoints: list[Endpoint] = []
     server = SensorServer(simulator, loop, extras.seed) if extras.sensor_port is not None else None
+    dvl = DvlServer(simulator, loop, extras.seed, extras.dvl) if extras.dvl is not None else None
     truth = TruthLog(simulator, loop, extras.out, extras.vehicle) if extras.out is not None else None
     try:
         for row in links:
@@ -266,6 +275,8 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
         if server is not None and extras.sensor_port is not None:
             await server.open(extras.sensor_port)
             _tell(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")
+        if dvl is not None:
+            _tell(f"Doppler velocity log {(await dvl.open()).url}")
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, extras.speed)
         await _watch(simulator, endpoints, stopped, extras.seconds)
@@ -273,6 +284,8 @@ async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, t
         simulator.stop()
         if server is not None:
             await server.close()
+        if dvl is not None:
+            await dvl.close()
         if truth is not None:
             truth.close()
         for endpoint in endpoints:

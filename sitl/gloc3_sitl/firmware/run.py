@@ -13,6 +13,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.narrate import narrate
+from gloc3_sitl.dvl_server import DvlAddress, DvlServer
 from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.hil_server import HilServer
@@ -50,6 +51,7 @@ class FirmwareOptions(msgspec.Struct, frozen=True, kw_only=True):
     speed: float = 1.0
     seconds: float | None = None
     sensor_port: int | None = None
+    dvl: DvlAddress | None = None
     out: Path | None = None
 
 
@@ -84,6 +86,10 @@ async def run_firmware(options: FirmwareOptions) -> int:
             stack.push_async_callback(sensors.close)
             await sensors.open(options.sensor_port)
             _tell(f"sensors tcp://127.0.0.1:{sensors.port}: {', '.join(sensors.feeds)}")
+        if options.dvl is not None:
+            dvl = DvlServer(body, loop, options.body.seed, options.dvl)
+            stack.push_async_callback(dvl.close)
+            _tell(f"Doppler velocity log {(await dvl.open()).url}")
         if options.out is not None:
             truth = TruthLog(body, loop, options.out, vehicle)
             stack.callback(truth.close)

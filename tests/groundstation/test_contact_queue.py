@@ -38,6 +38,7 @@ class Far:
     def __init__(self) -> None:
         self.is_here, self.refused, self.loads = True, "", list[str]()
         self.is_deaf_after_load = False
+        self.state = "waiting"
         self.requests: list[CiRequest] = []
         self._text = self._holder = ""
         self._loop, topics = asyncio.get_running_loop(), TopicTable.installed()
@@ -52,7 +53,7 @@ class Far:
             self._say("vehicle", VEHICLE)
             self._say("control", ControlState(holder=self._holder))
             digest = digest_of(self._text) if self._text else ""
-            self._say("mission", MissionSummary(name="m", digest=digest, state="waiting" if digest else ""))
+            self._say("mission", MissionSummary(name="m", digest=digest, state=self.state if digest else ""))
         self._timer = self._loop.call_later(0.5, self._tell)
 
     def _say(self, topic: str, message: Any) -> None:
@@ -162,6 +163,22 @@ def test_an_upload_whose_answer_is_lost_is_not_sent_twice() -> None:
     far = played(steps)
     assert far.loads == ["one"]
     assert "'one' is there already" in far.shown()
+
+
+def test_what_waits_lets_the_mission_under_way_end_first() -> None:
+    async def steps(far: Far) -> None:
+        queue = ContactQueue(far.station)
+        far._text, far.state = "the mission before", "running"
+        queued = queue.add("petrel", plan("one"))
+        far.is_here = True
+        await asyncio.sleep(20.0)
+        assert far.loads == []
+        assert "'one' waits for the end of the mission under way" in far.shown()
+        far.state = "done"
+        assert await queue.ended(queued) == ""
+        queue.close()
+
+    assert played(steps).loads == ["one"]
 
 
 def test_a_start_never_waits_for_contact() -> None:

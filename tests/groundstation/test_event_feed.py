@@ -2,7 +2,7 @@
 
 import random
 
-from gloc3.ci import CiEvent, CiReply, CiRequest, ContactSummary, Health, Outcome, ReadReports
+from gloc3.ci import CiEvent, CiReply, CiRequest, ContactSummary, Health, Outcome, ReadReports, StationRole
 from gloc3.messages import Severity
 from gloc3_groundstation.event_feed import Cursor, EventFeed, ToldEvent
 from gloc3_onboard.command_server.contacts import Contacts
@@ -119,6 +119,18 @@ def test_at_random_every_event_is_shown_once_and_in_order() -> None:
             asked = None
         assert " ".join(shown) == " ".join(str(number) for number in range(1, 61)), seed
         assert store.delivered == 60
+
+
+def test_what_an_observer_has_read_is_still_owed_to_the_operators() -> None:
+    store = ReportStore(MemoryRecords(), STORE)
+    store.owe()
+    store.add(CiEvent(severity=Severity.INFO, source="s", text="1", t_s=0.0))
+    asked = ReadReports(store=STORE, after=1, most=40)
+    observer = CiRequest(sender="254", boot=0, sequence=0, body=asked, role=StationRole.OBSERVER)
+    Contacts(store).read(observer, asked)
+    assert store.delivered == 0
+    _ask(Contacts(store), asked)
+    assert store.delivered == 1
 
 
 def _ask(contacts: Contacts, asked: ReadReports) -> CiReply:

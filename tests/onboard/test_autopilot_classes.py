@@ -5,11 +5,13 @@ import math
 import pytest
 
 from gloc3.frames import from_yaw
+from gloc3.link import codec
 from gloc3.link.message import Address
 from gloc3.vehicle import AutopilotPose, FlightMode, LandedState, Style, VehicleClass
 from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.facts import ClassFacts, Form
+from gloc3_onboard.autopilot.families import style_of
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.setpoints import MOST_M_S, Wanted, setpoint_message
 from gloc3_onboard.autopilot.style import NAV_TAKEOFF, SET_MODE, Command
@@ -59,6 +61,12 @@ def test_a_class_whose_modes_are_not_known_is_left_alone(style: str, number: int
         rig.run(5.0)
         assert rig.said[0].endswith(f"MAV_TYPE {number}): it is left alone")
         assert rig.autopilot.ran == []
+
+
+@pytest.mark.parametrize("autopilot", [0, 4, 8, 18])
+def test_of_another_firmware_nothing_is_believed(autopilot: int) -> None:
+    heartbeat = codec.message("HEARTBEAT", type=2, autopilot=autopilot, system_status=3, mavlink_version=3)
+    assert style_of(heartbeat) is None
 
 
 def test_it_is_chosen_anew_when_another_firmware_speaks() -> None:

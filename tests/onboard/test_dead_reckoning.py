@@ -9,7 +9,7 @@ from gloc3.deployment import ComponentRow
 from gloc3.frames import GeoPoint, TangentPlane, from_yaw
 from gloc3.perception import BottomVelocity, SatelliteFix
 from gloc3.testing import Bench
-from gloc3.vehicle import AutopilotPose, Pose
+from gloc3.vehicle import AutopilotPose, Pose, Setpoint
 from gloc3_onboard.dead_reckoner import DeadReckoner, Errors
 from gloc3_onboard.processors.dead_reckoning import DeadReckoningProcessor
 
@@ -178,6 +178,19 @@ def test_it_says_that_it_is_adrift_and_at_last_that_it_is_lost() -> None:
         lost = sea.run(60.0, lock=False)
         assert not lost.is_valid
         assert lost.reason.startswith("lost: it is known to")
+
+
+def test_adrift_it_believes_that_it_does_what_it_is_asked_to() -> None:
+    with Bench() as bench:
+        sea = Sea(bench)
+        begun = sea.run(8.0, at=(0.0, 0.0))
+        sea.run(2.0, lock=False)
+        bench.send("setpoint", Setpoint(action_id="a", velocity_ned_m_s=(0.3, 0.0, 0.0)))
+        for _ in range(20):
+            bench.send("setpoint", Setpoint(action_id="a", velocity_ned_m_s=(0.3, 0.0, 0.0)))
+            adrift = sea.run(1.0, lock=False)
+        assert adrift.position_ned_m[0] - begun.position_ned_m[0] == pytest.approx(0.3 * (20.0 - 5.0), abs=1.0)
+        assert adrift.velocity_ned_m_s[0] == pytest.approx(0.3, abs=0.05)
 
 
 def test_a_fix_after_the_dive_sets_it_right_and_counts_as_a_jump() -> None:

@@ -174,5 +174,7 @@ def test_an_estimate_that_is_not_finite_is_not_passed_on_and_counts_as_one_jump(
     assert all(map(math.isfinite, found[2].position_ned_m))
     assert found[2].reason == "the autopilot's estimate is not finite"
     assert found[-1].reset_counter == 1
+    (spun,) = poses(processor(), autopilot_pose(1.0, rate_frd_rad_s=(0.0, 0.0, math.nan)))
+    assert not spun.is_valid
     (first,) = poses(processor(), autopilot_pose(math.inf))
     assert (first.is_valid, first.position_ned_m) == (False, (0.0, 0.0, 0.0))

@@ -260,7 +260,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
     # --- what is told ---
 
     def _place(self, given: AutopilotPose, t_s: float) -> Pose:
-        numbers = (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd)
+        numbers = (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd, *given.rate_frd_rad_s)
         is_finite = all(map(isfinite, numbers))
         if is_finite:
             self._filter.turned(wrap_pi(yaw_of(given.ned_from_frd) - yaw_of(self._attitude)))

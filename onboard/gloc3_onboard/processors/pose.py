@@ -74,7 +74,12 @@ class PoseProcessor(DataProcessor[PoseSettings]):
 
     def _place(self, given: AutopilotPose, t_s: float) -> Pose:
         self.reason = ""
-        if not all(map(math.isfinite, (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd))):
+        if not all(
+            map(
+                math.isfinite,
+                (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd, *given.rate_frd_rad_s),
+            )
+        ):
             return self._lost("the autopilot's estimate is not finite")
         if self._plane is not None:
             if given.origin_geo is None:

@@ -161,7 +161,7 @@ def test_one_mission_departs_and_arrives_with_whatever_vehicle_it_is_flown(pelic
     _, flown = on(pelican, survey_height_m=4.0)
     ground = replace(pelican, capabilities=rows | {"drive_off": replace(rows["take_off"], arguments="drive_off")})
     _, driven = on(ground, survey_height_m=0.0, height_min_m=-1.0)
-    diver = replace(pelican, capabilities=rows | {"dive": replace(rows["take_off"], arguments="dive")})
+    diver = replace(ground, capabilities=ground.capabilities | {"dive": replace(rows["take_off"], arguments="dive")})
     _, dived = on(diver, survey_height_m=-5.0, height_min_m=-10.0)
     ways: list[Vector3] = []
     for mission, expected in ((flown, TakeOff(height_m=4.0)), (driven, DriveOff()), (dived, Dive(depth_m=5.0))):

@@ -6,11 +6,11 @@ The rules are judged by an observer that knows the file and the log alone.
 from random import Random
 
 import pytest
-from tests.common.mission.at_random.fly import Command
-from tests.common.mission.at_random.judge import judge, steps_and_targets
+from tests.common.mission.at_random.fly import CALM, Command
+from tests.common.mission.at_random.judge import case, fly, judge, steps_and_targets
 from tests.common.mission.at_random.mutants import MUTANTS, Mutant, broken
 
-STEERED = 3
+STEERED = 32
 """The seed of a mission that is steered at every step."""
 
 
@@ -25,19 +25,20 @@ def test_no_mission_breaks_a_rule_in_any_weather_and_no_refusal_is_without_a_pla
     assert sum(not one.is_flown for one in judged.values() if one.flaw) > 10
 
 
-@pytest.mark.parametrize("seed", [7914], ids=["a restart right after another time was put on disk"])
+@pytest.mark.parametrize("seed", [3634], ids=["a restart right after another time was put on disk"])
 def test_no_rule_is_broken_in_missions_that_once_seemed_to(seed: int) -> None:
     assert judge(seed).wrong == ()
 
 
 @pytest.mark.parametrize("verb", ["pause", "resume", "skip", "abort"])
 def test_whatever_an_operator_does_at_any_step_no_rule_is_broken(verb: str) -> None:
-    steps, targets = steps_and_targets(STEERED)
+    steered = case(STEERED)
+    steps, targets = steps_and_targets(steered)
     assert steps > 20
     random = Random(verb)
     for step in range(1, steps):
         target = random.choice(targets)
-        assert judge(STEERED, (Command(step, verb, target),)).wrong == (), f"{verb} {target} at step {step}"
+        assert fly(steered, CALM, (Command(step, verb, target),)).wrong == (), f"{verb} {target} at step {step}"
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)

@@ -11,8 +11,10 @@ Document = dict[str, Any]
 Point = tuple[float, float]
 
 MANOEUVRES = ("hold", "return", "land", "abort")
-POLICIES = ("continue", "skip", "retry", *MANOEUVRES)
+MILD = ("continue", "skip", "retry")
+POLICIES = (*MILD, *MANOEUVRES)
 HEIGHTS_M = (1.0, 5.5)
+DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 class Drawn(NamedTuple):
@@ -34,7 +36,7 @@ def draw_mission(random: Random) -> Drawn:
 
 
 def _text(document: Document) -> str:
-    return str(yaml.safe_dump(document, sort_keys=False, width=1000))
+    return str(yaml.dump(document, Dumper=DUMPER, sort_keys=False, width=1000))
 
 
 class _Draft:
@@ -54,7 +56,8 @@ class _Draft:
             made["geofence"] = {"polygon_m": [list(corner) for corner in self._fence], "ceiling_m": 8}
         if random.random() < 0.2:
             made["deadline_s"] = random.choice([240, 600])
-        tasks: Document = {"depart": {"actions": {"climb": self._step("take_off", {"height_m": 2})}}}
+        climb = self._step("depart", {}) if random.random() < 0.15 else self._step("take_off", {"height_m": 2})
+        tasks: Document = {"depart": {"actions": {"climb": climb}}}
         led, free = "depart", ["depart"]
         for number in range(random.randint(1, 5)):
             name = f"task{number}"
@@ -64,12 +67,35 @@ class _Draft:
             else:
                 tasks[name] = self._task(is_led=False, after=self._some(free))
             free.append(name)
-        home = {"home": self._step("return_home", {})} if random.random() < 0.7 else {}
-        down = self._step("land", {}, after=[*home])
+        home = {"home": self._step("return_home", {})} if random.random() < 0.6 else {}
+        down = self._step("land" if home or random.random() < 0.4 else "arrive", {}, after=[*home])
         tasks["recover"] = {"after": sorted({led, *self._some(free)}), "actions": {**home, "down": down}}
+        ready = self._contingencies(made) if random.random() < 0.4 else {}
         if self._definitions:
             made["define"] = self._definitions
-        return made | {"tasks": tasks}
+        return made | {"tasks": tasks} | ready
+
+    def _contingencies(self, made: Document) -> Document:
+        """One or two tasks that the mission has ready, and the policies that name them."""
+        random, ready = self._random, {}
+        for name in ("refuge", "alcove")[: random.randint(1, 2)]:
+            task = self._use() if random.random() < 0.2 else {"actions": self._led()} | self._options(0.2, (100, 200))
+            for item in (task, *task.get("actions", {}).values()):
+                if item.get("on_failure") in MANOEUVRES:
+                    item["on_failure"] = random.choice(MILD)
+            if "actions" in task and random.random() < 0.2:
+                movers = [one for one in task["actions"] if one.startswith("go")]
+                task["actions"]["down"] = self._step("land", {}, after=sorted(movers)) | {"on_failure": "continue"}
+            ready[name] = task
+        for key, ends in (
+            ("on_link_loss", ("resume", "resume", "hold", "return", "land")),
+            ("on_low_battery", ("return", "land")),
+            ("on_obstacle", ("resume", "hold", "land")),
+            ("on_component_fault", ("resume", "hold", "return")),
+        ):
+            if random.random() < 0.6:
+                made[key] = {"task": random.choice(sorted(ready)), "then": random.choice(ends)}
+        return {"contingencies": ready}
 
     def _policies(self) -> Document:
         random, found = self._random, {}
@@ -78,6 +104,7 @@ class _Draft:
             ("on_link_loss", ("continue", *MANOEUVRES)),
             ("on_low_battery", ("return", "land")),
             ("on_pose_lost", ("continue", "land")),
+            ("on_obstacle", ("continue", "hold", "land")),
             ("on_restart", ("continue", "continue", "continue", "hold", "land")),
         ):
             if random.random() < 0.6:
@@ -90,18 +117,20 @@ class _Draft:
             return self._use() | {"after": sorted({*after})}
         actions = self._led() if is_led else self._waits("", random.randint(1, 3))
         repeat: Document = {}
+        if is_led and random.random() < 0.3 and all(_is_plan(action) for action in actions.values()):
+            repeat["flown_by"] = "autopilot"
         if random.random() < 0.2:
             repeat["repeat"] = {"times": random.randint(2, 3)}
             if random.random() < 0.5:
                 repeat["repeat"]["until"] = {"battery": {"below": 0.5}}
-        return {"after": sorted({*after}), "actions": actions, **self._options(0.2, (60, 150)), **repeat}
+        return {"after": sorted({*after}), "actions": actions, **self._options(0.2, (100, 200)), **repeat}
 
     def _led(self) -> Document:
         """Actions that move the vehicle, one after the other, and others beside them."""
         random, actions, before = self._random, {}, ""
         for number in range(random.randint(1, 3)):
             name = f"go{number}"
-            kind = random.choice(["go_to", "go_to", "follow_waypoints", "hold"])
+            kind = random.choice(["go_to", "go_to", "follow_waypoints", "hold", "survey", "transit"])
             actions[name] = self._step(kind, self._arguments(kind), after=[before] if before else [])
             before = name
         if random.random() < 0.5:
@@ -138,7 +167,7 @@ class _Draft:
     def _step(self, capability: str, arguments: Document, after: list[str] | None = None) -> Document:
         return {capability: arguments, **({"after": after} if after else {}), **self._options(0.15)}
 
-    def _options(self, share: float, deadlines_s: tuple[float, ...] = (20, 45)) -> Document:
+    def _options(self, share: float, deadlines_s: tuple[float, ...] = (30, 60)) -> Document:
         random = self._random
         found: Document = {}
         if random.random() < share:
@@ -148,13 +177,19 @@ class _Draft:
         if random.random() < 2 * share:
             found["deadline_s"] = random.choice(deadlines_s)
         if random.random() < share:
-            found["when"] = {"battery": {"above": random.choice([0.3, 0.6])}}
+            found["when"] = self._guard(random.choice([0.3, 0.6]))
             found["otherwise"] = random.choice(["skip", "fail", "wait"])
             if found["otherwise"] == "wait":
                 found["deadline_s"] = deadlines_s[-1]
         if random.random() < share / 3:
             found["silence"] = {"expected_s": random.choice([8, 25])}
         return found
+
+    def _guard(self, least: float) -> Document:
+        """Holds while more than this share of the battery is left."""
+        enough: Document = {"battery": {"above": least}}
+        low = {"height_m": {"below": 50}}
+        return self._random.choice([enough, enough, {"not": {"battery": {"below": least}}}, {"all": [enough, low]}])
 
     def _arguments(self, kind: str) -> Document:
         random = self._random
@@ -165,6 +200,11 @@ class _Draft:
             flight["heading"] = random.choice(["hold", 90, {"look_at": [1, 2, 3]}])
         if kind == "go_to":
             return {"position_m": self._position(), **flight}
+        if kind == "transit":
+            height_m = {"height_m": 3} if random.random() < 0.5 else {}
+            return {"to_m": [self._position()[:2] for _ in range(random.randint(1, 3))], **height_m, **flight}
+        if kind == "survey":
+            return {"area_m": self._area(), "spacing_m": random.choice([0.7, 1.2]), "height_m": 2.5, **flight}
         return {"waypoints_m": [self._position() for _ in range(random.randint(1, 4))], **flight}
 
     def _position(self) -> list[float]:
@@ -174,8 +214,26 @@ class _Draft:
             if not self._fence or clearance_m(self._fence, (x, y)) > 0.6:
                 return [round(x, 2), round(y, 2), round(random.uniform(*HEIGHTS_M), 2)]
 
+    def _area(self) -> list[list[float]]:
+        """A small rectangle inside the fence."""
+        random = self._random
+        while True:
+            x, y, _ = self._position()
+            dx, dy = random.uniform(0.5, 1.5), random.uniform(0.5, 1.5)
+            corners = [[x - dx, y - dy], [x + dx, y - dy], [x + dx, y + dy], [x - dx, y + dy]]
+            if not self._fence or all(clearance_m(self._fence, (a, b)) > 0.6 for a, b in corners):
+                return [[round(a, 2), round(b, 2)] for a, b in corners]
+
     def _some(self, names: list[str]) -> list[str]:
         return [name for name in names if self._random.random() < 0.4]
+
+
+def _is_plan(action: Document) -> bool:
+    """Whether an action moves nothing, or along a way that an autopilot knows."""
+    if "hold" in action:
+        return False
+    arguments = next((value for value in action.values() if isinstance(value, dict)), {})
+    return arguments.get("heading", 0) not in ("hold", {"look_at": [1, 2, 3]})
 
 
 def _convex(random: Random) -> list[Point]:
@@ -204,13 +262,8 @@ def clearance_m(corners: list[Point], point: Point) -> float:
 # --- one thing wrong ---
 
 
-def _any_action(document: Document, random: Random, wanted: tuple[str, ...] = ()) -> Document:
-    found = [
-        action
-        for task in document["tasks"].values()
-        for action in task.get("actions", {}).values()
-        if not wanted or any(name in action for name in wanted)
-    ]
+def _any_action(document: Document, random: Random) -> Document:
+    found = [action for task in document["tasks"].values() for action in task.get("actions", {}).values()]
     return random.choice(found)
 
 
@@ -260,9 +313,8 @@ def _two_at_once(document: Document, random: Random) -> Document:
 
 
 def _wrong_kind(document: Document, random: Random) -> Document:
-    _any_action(document, random, ("take_off",))["take_off"] = random.choice(
-        [{"height_m": "high"}, {}, [1.5], {"height_m": True}, {"height_m": [2]}, "up"]
-    )
+    height = random.choice([{"height_m": "high"}, {}, [1.5], {"height_m": True}, {"height_m": [2]}, "up"])
+    document["tasks"]["depart"]["actions"]["climb"] = {"take_off": height}
     return document
 
 
@@ -272,7 +324,7 @@ def _out_of_bounds(document: Document, random: Random) -> Document:
 
 
 def _too_high(document: Document, random: Random) -> Document:
-    _any_action(document, random, ("take_off",))["take_off"] = {"height_m": 9.5}
+    document["tasks"]["depart"]["actions"]["climb"] = {"take_off": {"height_m": 9.5}}
     document["geofence"] = {"polygon_m": [[-9, -9], [9, -9], [9, 9], [-9, 9]], "ceiling_m": 9}
     return document
 
@@ -292,7 +344,7 @@ def _too_long(document: Document, random: Random) -> Document:
 
 
 def _too_short(document: Document, random: Random) -> Document:
-    action = _any_action(document, random, ("land",))
+    action = document["tasks"]["recover"]["actions"]["down"]
     action["deadline_s"] = 0.5
     return document
 

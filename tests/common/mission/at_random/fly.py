@@ -17,6 +17,7 @@ from gloc3.mission.board import Condition
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.messages import ActionStatus
 from gloc3.mission.model import Mission
+from gloc3.mission.policy import Policy
 from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, Told
 from gloc3.mission.restore import restore
 from gloc3.mission.snapshot import Snapshot
@@ -48,6 +49,8 @@ class Weather(NamedTuple):
     """Share of the actions that fail, are refused, or fall silent."""
     slow: float = 0.0
     """Share of the actions that take twenty times as long."""
+    obstacles: float = 0.0
+    """Share of the actions in whose way an obstacle is for a while."""
     commands_s: float = 0.0
     """Time between commands of operators at random; 0 for none."""
     troubles_s: float = 0.0
@@ -59,7 +62,8 @@ class Weather(NamedTuple):
 CALM = Weather()
 FAILING = Weather(failures=0.1, slow=0.1)
 RESTARTS = Weather(restarts_s=10.0, slow=0.03)
-STORM = Weather(failures=0.08, slow=0.03, commands_s=6.0, troubles_s=12.0, restarts_s=20.0)
+TROUBLED = Weather(slow=0.03, obstacles=0.1, troubles_s=15.0)
+STORM = Weather(failures=0.08, slow=0.03, obstacles=0.1, commands_s=6.0, troubles_s=12.0, restarts_s=20.0)
 
 
 class Command(NamedTuple):
@@ -81,6 +85,8 @@ class _Work:
         """None: nothing more is ever heard of it."""
         self.since_s: float | None = None
         """When it began or went on; None while it rests."""
+        self.blocked_until_s = 0.0
+        """An obstacle is in its way."""
 
     def progress(self, now_s: float) -> float:
         ran_s = now_s - self.since_s if self.since_s is not None else 0.0
@@ -120,7 +126,14 @@ class Flight:
         """How often the executor was woken at one time."""
 
     def run(self) -> list[Entry]:
-        """The log of the flight."""
+        """The log of the flight; it ends where the executor refuses to take notice of something."""
+        try:
+            self._run()
+        except Refused as refusal:
+            self._see("breaks", str(refusal))
+        return self.log
+
+    def _run(self) -> None:
         self._call(lambda: self._executor.load(self._mission, self._now_s))
         self._sense()
         self._steer("start", "")
@@ -135,7 +148,6 @@ class Flight:
             if not self._step():
                 break
         self._end()
-        return self.log
 
     # --- time ---
 
@@ -234,7 +246,8 @@ class Flight:
     def _sense(self) -> None:
         """The battery as it is: it lasts some minutes."""
         battery = max(0.1, 0.9 - self._now_s / self._lasts_s)
-        self._call(lambda: self._executor.sensed({"battery": battery}, self._now_s), "battery is", "", battery)
+        readings = {"battery": battery, "height_m": 2.0}
+        self._call(lambda: self._executor.sensed(readings, self._now_s), "battery is", "", battery)
         if not self._is_ending:
             self._later(SENSED_EVERY_S, self._sense)
 
@@ -254,6 +267,8 @@ class Flight:
         ends = {"fails": ActionState.FAILED, "aborts": ActionState.ABORTED, "falls silent": None}
         work = _Work(request, takes_s, ends.get(kind, ActionState.DONE))
         work.since_s = self._now_s
+        if self._weather.obstacles and random.random() < self._weather.obstacles and not self._is_ending:
+            work.blocked_until_s = self._now_s + random.choice([3.0, 9.0])
         self._work[request.action_id] = work
         self._see("works", request.action_id)
         self._later(random.uniform(0.0, 0.05), lambda: self._reply(request.action_id, "start", ""))
@@ -319,7 +334,10 @@ class Flight:
             if self._work.get(work.start.action_id) is not work or work.since_s != since_s:
                 return
             action_id, progress = work.start.action_id, work.progress(self._now_s)
-            status = ActionStatus(action_id=action_id, state=ActionState.RUNNING, progress=max(0.0, progress))
+            is_blocked = self._now_s < work.blocked_until_s
+            status = ActionStatus(
+                action_id=action_id, state=ActionState.RUNNING, progress=max(0.0, progress), is_blocked=is_blocked
+            )
             self._call(lambda: self._executor.reported(status, self._now_s), "reported", action_id, status.progress)
             self._report(work)
 
@@ -358,12 +376,12 @@ class Flight:
 
     def _trouble(self) -> None:
         random, executor, now_s = self._random, self._executor, self._now_s
-        match random.randrange(6):
+        match random.randrange(7):
             case 0 | 1:
                 condition, is_on = random.choice(CONDITIONS), random.random() < 0.5
                 self._call(lambda: executor.condition(condition, is_on, "trouble", now_s), "condition", str(condition))
             case 2:
-                component = random.choice(["flight", "waypoints", "images"])
+                component = random.choice(["flight", "waypoints", "images", "plans"])
                 for action_id in [one for one, work in self._work.items() if work.start.component == component]:
                     del self._work[action_id]
                     self._see("ends", action_id)
@@ -376,6 +394,9 @@ class Flight:
                 self._call(
                     lambda: executor.pilot(has_control, "sticks", now_s), "pilot", "on" if has_control else "off"
                 )
+            case 5:
+                policy = random.choice([Policy.HOLD, Policy.RETURN, Policy.LAND])
+                self._call(lambda: executor.component_lost("lamp", policy, "gone", now_s), "condition", "lamp lost")
             case _:
                 kind: Literal["hold", "land"] = random.choice(["hold", "land"])
                 self._call(lambda: executor.emergency(kind, "ann", now_s), "emergency", kind)
@@ -412,7 +433,7 @@ class Flight:
             if self._executor.policy == "pilot" or mission.state is ActionState.PAUSED:
                 self._steer("resume", "")
             for target, state in self._executor.states().items():
-                if state is ActionState.PAUSED and mission.is_open:
+                if state is ActionState.PAUSED and (mission.is_open or self._executor.policy):
                     self._steer("resume", target)
                 elif state is ActionState.FAILED and mission.is_open:
                     self._steer("skip", target)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from gloc3.mission import failures, flow, manoeuvres, restore, space_check
+from gloc3.mission import contingencies, failures, flow, guards, manoeuvres, restore, space_check
 from gloc3.mission.assignments import Assignments
 from gloc3.mission.board import Board
 from gloc3.mission.executor import MissionExecutor
@@ -36,27 +36,23 @@ MUTANTS = (
         "all(program.tasks[name].has_ended for name in task.options.after)",
         "True",
     ),
-    Mutant("claims are not looked at", Assignments.holder, "if name in self.claims", "if False", seed=165),
-    Mutant("deadlines of actions are forgotten", flow._watch, "if now_s >= run.due_s():", "if False:", seed=10),
-    Mutant("deadlines of tasks are forgotten", flow._watch, "if now_s >= task.due_s():", "if False:", seed=285),
+    Mutant("claims are not looked at", Assignments.holder, "if name in self.claims", "if False", seed=25),
+    Mutant("deadlines of actions are forgotten", flow._watch, "if now_s >= run.due_s():", "if False:", seed=97),
+    Mutant("deadlines of tasks are forgotten", flow._watch, "if now_s >= task.due_s():", "if False:", seed=45),
     Mutant("moves are not put on disk", Board.move, "self.is_changed = True", "pass"),
     Mutant("a restart forgets the states", restore._bring_back, "item.restore(kept.items[item.target], now_s)", "pass"),
     Mutant("a restart begins to count anew", restore.restore, "count = snapshot.count", "count = 0"),
-    Mutant(
-        "a pause does not reach the component", Board.halt, "self.assignments.pause(assignment, now_s)", "pass", seed=0
-    ),
+    Mutant("a pause does not reach the component", Board.halt, "self.assignments.pause(assignment, now_s)", "pass"),
     Mutant("what is ended goes on at its component", Board.release, "self.assignments.drop", "(lambda *_, **__: None)"),
-    Mutant("attempts never end", failures.fail_action, "if run.has_attempts_left:", "if True:"),
-    Mutant("failures have no consequence", failures._manoeuvre, "manoeuvres.apply(", "(lambda *_: None)("),
-    Mutant(
-        "a milder policy wins", manoeuvres.apply, "SEVERITY[current.policy] >= SEVERITY[policy]", "False", seed=1235
-    ),
+    Mutant("attempts never end", failures.fail_action, "if run.has_attempts_left:", "if True:", seed=30),
+    Mutant("failures have no consequence", failures._manoeuvre, "manoeuvres.apply(", "(lambda *_: None)(", seed=24),
+    Mutant("a milder policy wins", manoeuvres.apply, "SEVERITY[current.policy] >= SEVERITY[policy]", "False", seed=72),
     Mutant(
         "a pilot is not noticed",
         MissionExecutor.pilot,
         "board.has_pilot, board.is_changed = True, True",
         "pass",
-        seed=10,
+        seed=42,
     ),
     Mutant("the owner of motion is not told", Assignments.take, "if grant != self._granted:", "if False:"),
     Mutant("progress is not put on disk", MissionExecutor._note_progress, "self.board.is_changed = True", "pass"),
@@ -65,7 +61,32 @@ MUTANTS = (
         space_check._fence,
         "clearance_m = fence",
         "return\n    clearance_m = fence",
-        seed=55,
+        seed=62,
+    ),
+    Mutant("guards are not looked at", guards.leave, "if guard is None:", "if True:", seed=44),
+    Mutant(
+        "a loop is done once too often",
+        guards.is_to_repeat,
+        "task.repetition >= repeat.times",
+        "task.repetition > repeat.times",
+        seed=16,
+    ),
+    Mutant(
+        "the mission runs on beside a contingency",
+        contingencies.begin,
+        'board.halt(program, "mission", now_s, reason)',
+        "pass",
+        seed=72,
+    ),
+    Mutant(
+        "what follows a contingency is left out",
+        contingencies.follow,
+        "manoeuvres.apply(board, policy, cause, now_s)",
+        "pass",
+        seed=140,
+    ),
+    Mutant(
+        "the mission does not go on after a contingency", contingencies.follow, "return True", "return False", seed=72
     ),
 )
 

@@ -4,7 +4,7 @@ It has a reading of the rules of its own, and tells where a flight has broken on
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from tests.common.mission.at_random.draw import clearance_m
@@ -19,12 +19,18 @@ MOVES = {
     "failed": ("waiting", "skipped", "aborted"),
 }
 """What may follow what; nothing follows done, skipped and aborted."""
+OPEN = ("running", "paused")
 FINAL = ("done", "skipped", "aborted")
 ENDED = (*FINAL, "failed")
 SEVERITY = ("hold", "return", "land")
+SEVERITIES = {"resume": "hold", "hold": "hold", "return": "return", "land": "land"}
+"""How severe a contingency is, by what follows it."""
 TOLD_MOVE = re.compile(r"(mission|[\w-]+(?:\.[\w-]+)?) (waiting|running|paused|done|failed|skipped|aborted)(?:: (.*))?")
 TOLD_REPETITION = re.compile(r"([\w-]+): (\d+) of (\d+)")
 TOLD_POLICY = re.compile(r"policy (hold|return|land): ")
+TOLD_CONTINGENCY = re.compile(r"contingency ([\w-]+): ")
+TOLD_FOLLOWS = re.compile(r"contingency ([\w-]+) (\w+); then (resume|hold|return|land)")
+BEGINS = ("after", "when", "otherwise")
 LATE_S = 0.01
 PROGRESS_STEP = 0.05
 
@@ -41,7 +47,7 @@ class Item:
         self.times: int = (options.get("repeat") or {}).get("times", 1)
         self.done = 1
         """The repetition that it is in."""
-        self.least: float = (options.get("when") or {}).get("battery", {}).get("above", 0.0)
+        self.least = _least(options.get("when") or {})
         """Share of the battery that its guard wants."""
         self.attempts = 1 + (options.get("retries") or (1 if own == "retry" else 0))
         self.state = "waiting"
@@ -61,6 +67,32 @@ class Item:
         return self.ran_s + (now_s - self.since_s if self.since_s is not None else 0.0)
 
 
+def _least(guard: Document) -> float:
+    """The share of the battery that a guard wants."""
+    if "not" in guard:
+        return float(guard["not"]["battery"]["below"])
+    parts = [one for one in (guard, *guard.get("all", ())) if "battery" in one]
+    return float(parts[0]["battery"]["above"]) if parts else 0.0
+
+
+def _names(policy: object, contingency: str) -> bool:
+    """Whether what a file says is a policy that has a contingency run."""
+    return isinstance(policy, dict) and policy.get("task") == contingency
+
+
+def _actions(actions: Document) -> Iterator[tuple[str, Document]]:
+    """The actions of a task, with the two that `arrive` stands for."""
+    for name, action in actions.items():
+        if "arrive" in action:
+            yield f"{name}_return", action
+            yield (
+                name,
+                {key: value for key, value in action.items() if key not in BEGINS} | {"after": [f"{name}_return"]},
+            )
+        else:
+            yield name, action
+
+
 class Observer:
     """Reads the log of one flight."""
 
@@ -68,16 +100,13 @@ class Observer:
         self.violations: list[str] = []
         self._rows = {"wait": {"claims": []}, **rows}
         self._document = document
+        self._ready: Document = document.get("contingencies", {})
         self._items: dict[str, Item] = {"": Item("", {"deadline_s": document.get("deadline_s")})}
-        self._claims: dict[str, list[str]] = {}
-        for name, task in document["tasks"].items():
+        for name, task in (*document["tasks"].items(), *self._ready.items()):
             definition = document["define"][task["use"]] if "use" in task else {}
             self._items[name] = Item(name, {**definition, **task})
-            for own, action in (task.get("actions") or definition["actions"]).items():
-                target = f"{name}.{own}"
-                self._items[target] = Item(target, action)
-                capability = next(key for key in action if key in self._rows)
-                self._claims[target] = list(self._rows[capability]["claims"])
+            for own, action in _actions(task.get("actions") or definition["actions"]):
+                self._items[f"{name}.{own}"] = Item(f"{name}.{own}", action)
         self._shown: dict[str, str] = {}
         self._is_unsure = False
         """The process ended in the middle of something, and it is not known what it still told."""
@@ -92,6 +121,8 @@ class Observer:
         self._is_airborne = False
         self._has_pilot = self._is_pilot_told = self._is_pilot_kept = False
         self._severity = -1
+        self._owed = ""
+        """What should follow a contingency that has ended."""
         self._failed: list[str] = []
         self._progress: dict[str, list[float]] = {}
         self._is_disturbed = False
@@ -121,6 +152,8 @@ class Observer:
             self._is_unsure = False
             for name, item in self._items.items():
                 shown, kept = self._shown.get(name), self._kept_state(name)
+                if shown is None and self._is_ready(name) and name not in self._kept:
+                    continue
                 if shown is None:
                     self._wrong(f"{name or 'the mission'} is lost by a restart")
                 elif kept in FINAL and shown != kept:
@@ -146,9 +179,15 @@ class Observer:
             if self._shown[name] == "failed" and policy not in ("continue", "skip") and self._shown[""] == "running":
                 self._wrong(f"{name} failed, its policy is {policy}, and the mission runs on")
         self._failed.clear()
+        for name in self._ready:
+            if self._shown.get(name) in OPEN and self._shown[""] == "running":
+                self._wrong(f"the contingency {name} is {self._shown[name]}, and the mission runs on")
+        if self._owed and self._is_airborne and (self._owed != "resume" or self._shown[""] == "paused"):
+            self._wrong(f"{self._owed} should follow a contingency, and does not")
+        self._owed = ""
         for action_id, target in self._working.items():
-            if not target.startswith("policy.") and self._shown[target] != "running":
-                self._wrong(f"{action_id} is worked at, and is {self._shown[target]}")
+            if not target.startswith("policy.") and self._shown.get(target) != "running":
+                self._wrong(f"{action_id} is worked at, and is {self._shown.get(target)}")
         if self._has_pilot and not self._is_pilot_kept:
             self._wrong("a pilot has control, and that is not on disk")
         if self._is_airborne and not self._has_pilot and not self._grant:
@@ -156,10 +195,16 @@ class Observer:
 
     def _told(self, entry: Entry) -> None:
         if found := TOLD_POLICY.match(entry.what):
-            severity = SEVERITY.index(found[1])
-            if severity < self._severity:
-                self._wrong(f"the policy {found[1]} follows {SEVERITY[self._severity]}")
-            self._severity = severity
+            self._answer(found[1])
+            self._owed = ""
+        elif found := TOLD_CONTINGENCY.match(entry.what):
+            self._begin_anew(found[1])
+        elif found := TOLD_FOLLOWS.fullmatch(entry.what):
+            self._owed = found[3]
+            if found[3] == "resume":
+                self._severity = -1
+            if self._shown.get(found[1]) not in ENDED:
+                self._wrong(f"what follows {found[1]} is done, and it is {self._shown.get(found[1])}")
         elif (found := TOLD_REPETITION.fullmatch(entry.what)) and (item := self._items.get(found[1])):
             item.done += 1
             if int(found[2]) != item.done or item.done > item.times or item.state != "running":
@@ -176,12 +221,35 @@ class Observer:
             item.move(state, self._now_s)
             if state == "failed" and item.name:
                 self._failed.append(item.name)
-            if item.name and self._kept_state(item.name) != self._shown[item.name]:
+            if item.name and self._kept_state(item.name) != self._shown.get(item.name, "lost"):
                 self._wrong(f"{item.name} is told to be {state} before that is on disk")
 
+    def _answer(self, policy: str) -> None:
+        severity = SEVERITY.index(policy)
+        if severity < self._severity:
+            self._wrong(f"the policy {policy} follows {SEVERITY[self._severity]}")
+        self._severity = severity
+
+    def _begin_anew(self, name: str) -> None:
+        """A contingency begins, perhaps not for the first time; what ends it is more severe."""
+        wanted = {policy["then"] for policy in self._document.values() if _names(policy, name)}
+        self._is_disturbed = True
+        self._answer(min((SEVERITIES[then] for then in wanted), key=SEVERITY.index))
+        for target, item in self._items.items():
+            if target == name or target.startswith(f"{name}."):
+                item.move("waiting", self._now_s)
+                item.done = 1
+                self._starts.pop(target, None)
+                self._progress.pop(target, None)
+
+    def _is_ready(self, name: str) -> bool:
+        """Whether it is a contingency, or a part of one."""
+        return name.partition(".")[0] in self._ready
+
     def _persist(self, entry: Entry) -> None:
-        program = next(one for one in entry.data["programs"] if one["name"] == "mission")
-        self._kept = {"": program["own"], **program["items"]}
+        self._kept = {}
+        for program in entry.data["programs"]:
+            self._kept |= program["items"] | ({"": program["own"]} if program["name"] == "mission" else {})
         self._kept_count = entry.data["count"]
         self._is_pilot_kept = entry.data.get("has_pilot", False)
 
@@ -238,8 +306,12 @@ class Observer:
             shared = [one for one in claims if one in self._rows[self._capability[other]]["claims"]]
             if shared and other != action_id:
                 self._wrong(f"{action_id} and {other} both have {shared[0]}")
+        under_way = [name for name in self._ready if self._shown.get(name) in OPEN]
+        if under_way and target.partition(".")[0] not in under_way:
+            self._wrong(f"{action_id} is begun, and the contingency {under_way[0]} is under way")
         if not target.startswith("policy."):
-            for name in ("", target.partition(".")[0], target):
+            names = (target.partition(".")[0], target)
+            for name in names if self._is_ready(target) else ("", *names):
                 if self._shown[name] != "running":
                     self._wrong(f"{action_id} is begun, and {name or 'the mission'} is {self._shown[name]}")
 
@@ -289,6 +361,9 @@ class Observer:
     def _spins(self, entry: Entry) -> None:
         self._wrong("the executor has done nothing at its own time, and would be woken for ever")
 
+    def _breaks(self, entry: Entry) -> None:
+        self._wrong(f"the executor has refused a fact: {entry.what}")
+
     def _command(self, entry: Entry) -> None:
         self._severity = -1
         self._is_disturbed |= entry.what != "start"
@@ -331,6 +406,7 @@ class Observer:
                 abs(kept.get("progress", 0.0) - one) > PROGRESS_STEP + 1e-6 for one in reported
             ):
                 self._wrong(f"{target} had come to {reported[-1]:.2f}, and {kept.get('progress', 0.0):.2f} is on disk")
+        self._owed = ""
         self._failed.clear()
         self._working.clear()
         self._progress.clear()
@@ -347,13 +423,15 @@ class Observer:
         if entry.what or entry.data:
             self._wrong(f"at the end the policy is {entry.what or 'none'}, and {entry.data} is worked at")
         for name, item in self._items.items():
-            if item.state not in ENDED:
+            if item.state not in ENDED and not (self._is_ready(name) and item.state == "waiting"):
                 self._wrong(f"at the end {name or 'the mission'} is {item.state}")
 
     # --- what the file says ---
 
     def _policy(self, name: str) -> str:
         """What the failure of an item leads to, its attempts being used up."""
+        if self._is_ready(name):
+            return "continue"  # and then what its policy says follows
         names = [name, name.partition(".")[0]] if "." in name else [name]
         own = next((policy for one in names if (policy := self._items[one].policy) is not None), None)
         default = self._document.get("on_failure", "hold")

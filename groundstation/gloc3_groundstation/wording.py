@@ -5,7 +5,9 @@ from typing import Final, NamedTuple
 from gloc3.acoustic.frames import action_of
 from gloc3.ci import ContactSummary, Health, MissionSummary, VehicleSummary
 from gloc3.messages import Severity
+from gloc3.mission.estimate import span
 from gloc3.vehicle import LandedState
+from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 
 LOSS_WORTH_TELLING: Final = 0.05
@@ -49,15 +51,21 @@ def times(mission: MissionSummary, task: str) -> str:
     return f"{count}/{most}" if count else ""
 
 
-def taken(mission: MissionSummary, about_s: float | None, about_m: float | None, share: float | None) -> str:
-    """What a mission that has ended took, beside what was estimated: `took 66 s (about 58), 61 m (about 56)`."""
-    parts = [f"{mission.took_s:.0f} s" + (f" (about {about_s:.0f})" if about_s else "")]
+def taken(mission: MissionSummary, outline: Outline) -> str:
+    """What a mission that has ended took, beside what was estimated: `took 66 s (about 20 to 58), 61 m (about 56)`."""
+    least = outline.least
+    parts = [f"{mission.took_s:.0f} s" + _about(outline.duration_s, least.duration_s if least else None)]
     if mission.took_m >= 0.0:
-        parts.append(f"{mission.took_m:.0f} m" + (f" (about {about_m:.0f})" if about_m else ""))
+        parts.append(f"{mission.took_m:.0f} m" + _about(outline.length_m, least.length_m if least else None))
     if mission.took_battery >= 0.0:
-        said = f" (about {100.0 * share:.0f})" if share else ""
+        share, least_share = outline.battery_share, least.battery_share if least else None
+        said = _about(share and 100.0 * share, least_share and 100.0 * least_share)
         parts.append(f"{100.0 * mission.took_battery:.0f} % of the battery{said}")
     return "took " + ", ".join(parts)
+
+
+def _about(most: float | None, least: float | None) -> str:
+    return f" (about {span(least if least is not None else most, most)})" if most else ""
 
 
 def running(mission: MissionSummary) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from gloc3.mission.estimate import span
 from gloc3.requested_path import RequestedFlight
 from gloc3_sitl.path_error import PASSED_M, LegResult, PathResult, Sample, path_error
 
@@ -43,6 +44,8 @@ class FlightReport(msgspec.Struct, kw_only=True):
     """Taken from the battery in the mission; None where the platform's file states no battery."""
     estimate: dict[str, float] = {}
     """What the check before the flight said: `mission_time_s`, `distance_m`, and `energy_wh` where there is a power model."""
+    estimate_least: dict[str, float] = {}
+    """The same where every guard may leave out what it guards, and loops end early; empty where nothing may be left out."""
     events: list[str] = []
     wall: dict[str, float] = {}
     """What the flight cost: seconds of wall time."""
@@ -87,12 +90,18 @@ def _way_m(samples: Sequence[Sample]) -> float:
 
 
 def _compared(report: FlightReport) -> list[str]:
-    """Each estimated figure, and what became of it."""
+    """Each estimated figure, and what became of it: how far it was off, or that it was within what was estimated."""
     found: list[str] = []
     for name, unit in (("mission_time_s", "s"), ("distance_m", "m"), ("energy_wh", "Wh")):
-        said, was = report.estimate.get(name), getattr(report, name)
-        if said and was is not None:
-            found.append(f"{said:.{1 if unit == 'Wh' else 0}f} {unit} ({100.0 * (was - said) / said:+.0f} %)")
+        most, was = report.estimate.get(name), getattr(report, name)
+        if not most or was is None:
+            continue
+        least = report.estimate_least.get(name, most)
+        nearest = max(least, min(most, was))
+        off = (
+            f"{100.0 * (was - nearest) / nearest:+.0f} %" if nearest and (was != nearest or least == most) else "within"
+        )
+        found.append(f"{span(least, most, 1 if unit == 'Wh' else 0)} {unit} ({off})")
     return found
 
 

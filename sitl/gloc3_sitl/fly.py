@@ -10,7 +10,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.mission.estimate import Estimate
+from gloc3.mission.estimate import Figures
 from gloc3.platform import Platform
 from gloc3_sitl.faults import schedule_faults
 from gloc3_sitl.firmware.in_step import FirmwareInStep
@@ -95,7 +95,9 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
             power.battery_wh if power is not None else 0.0,
         )
         report = watch.report
-        report.estimate = _figures(mission.estimate)
+        if mission.estimate is not None:
+            report.estimate = _figures(mission.estimate)
+            report.estimate_least = _figures(mission.estimate.least) if mission.estimate.least is not None else {}
         ready_s = Clock.cost_s()
         report.mission_state, report.reason = await _to_the_end(flight, mission.duration_s)
         if isinstance(flight.simulator, FirmwareInStep) and flight.simulator.problem:
@@ -130,10 +132,8 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
     return report
 
 
-def _figures(estimate: Estimate | None) -> dict[str, float]:
+def _figures(estimate: Figures) -> dict[str, float]:
     """The figures of the check, by the names of the report's own."""
-    if estimate is None:
-        return {}
     found = {"mission_time_s": round(estimate.duration_s, 1), "distance_m": round(estimate.length_m, 1)}
     return found | ({"energy_wh": round(estimate.energy_wh, 2)} if estimate.energy_wh else {})
 

@@ -1,11 +1,15 @@
 """What a mission takes is counted from its start to its end, for the comparison with its estimate."""
 
+from msgspec import structs
+
 from gloc3.ci import MissionSummary
 from gloc3.frames import GeoPoint, LocalFrame
+from gloc3.mission.estimate import Figures
 from gloc3.mission.items import Program
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.mission.states import Trigger
 from gloc3.platform import Capability
+from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.wording import taken
 from gloc3_onboard.command_server.tally import Tally
 
@@ -32,7 +36,11 @@ def test_time_way_and_battery_are_counted_and_told_beside_the_estimate() -> None
     told = MissionSummary(
         name="m", digest="", state="done", took_s=tally.took_s, took_m=tally.took_m, took_battery=tally.took_battery
     )
-    assert taken(told, 9.0, 4.0, 0.06) == "took 10 s (about 9), 5 m (about 4), 7 % of the battery (about 6)"
+    least = Figures(duration_s=3.0, length_m=4.0, energy_wh=0.0, battery_share=0.02)
+    outline = Outline(title="m", stages=(), duration_s=9.0, length_m=4.0, battery_share=0.06)
+    assert taken(told, outline) == "took 10 s (about 9), 5 m (about 4), 7 % of the battery (about 6)"
+    varying = taken(told, structs.replace(outline, least=least))
+    assert varying == "took 10 s (about 3 to 9), 5 m (about 4), 7 % of the battery (about 2 to 6)"
 
 
 def test_of_a_mission_that_was_under_way_before_only_the_time_is_known() -> None:

@@ -15,8 +15,8 @@ from gloc3.mission.altitude_check import altitude_findings
 from gloc3.mission.arguments import SetOff, argument_kinds
 from gloc3.mission.budget_check import budget_findings, time_findings
 from gloc3.mission.contingencies import part_of
-from gloc3.mission.contingency_check import contingency_findings
-from gloc3.mission.estimate import Estimate, estimate, together
+from gloc3.mission.contingency_check import contingency_findings, way_findings
+from gloc3.mission.estimate import Estimate, Figures, estimate, together
 from gloc3.mission.examples import find_mission
 from gloc3.mission.guard_check import guard_findings
 from gloc3.mission.legs import Budget
@@ -100,19 +100,25 @@ class Report:
 
     def as_dict(self) -> dict[str, Any]:
         """The report as plain values, for JSON."""
-        figures = None
+        figures: dict[str, Any] | None = None
         if self.estimate is not None:
-            figures = {
-                "duration_s": round(self.estimate.duration_s, 1),
-                "energy_wh": round(self.estimate.energy_wh, 2),
-                "length_m": round(self.estimate.length_m, 1),
-            }
+            figures = _rounded(self.estimate)
+            if self.estimate.least is not None:
+                figures["least"] = _rounded(self.estimate.least)
         return {
             "file": self.file,
             "is_ok": self.is_ok,
             "findings": [msgspec.to_builtins(finding) for finding in self.findings],
             "estimate": figures,
         }
+
+
+def _rounded(figures: Figures) -> dict[str, Any]:
+    return {
+        "duration_s": round(figures.duration_s, 1),
+        "energy_wh": round(figures.energy_wh, 2),
+        "length_m": round(figures.length_m, 1),
+    }
 
 
 def check_file(name: str, circumstances: Circumstances) -> Report:
@@ -163,6 +169,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     for name, ready in mission.contingencies.items():
         if ready.actions:
             findings += _check_contingency(part_of(mission, name), circumstances, budget)
+            findings += way_findings(mission, name, figures, budget, platform)
     findings += silence_findings(mission, figures, platform)
     if platform is not None:
         findings += agreement_findings(mission, platform)

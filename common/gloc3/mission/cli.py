@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from gloc3.counting import counted
 from gloc3.errors import Finding, InputError, NotThere
 from gloc3.mission.checker import Circumstances, Report, check_text
+from gloc3.mission.estimate import about
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import (
     MISSION_SUFFIXES,
@@ -287,11 +288,7 @@ def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = (
 
 
 def _verdict(report: Report) -> str:
-    figures = report.estimate
-    numbers = ""
-    if figures is not None:
-        energy = f", {figures.energy_wh:.1f} Wh" if figures.energy_wh else ""
-        numbers = f": about {figures.duration_s:.0f} s, {figures.length_m:.0f} m{energy}"
+    numbers = f": {about(report.estimate)}" if report.estimate is not None else ""
     errors = sum(not finding.is_warning for finding in report.findings)
     warnings = len(report.findings) - errors
     if report.is_ok:

@@ -1,12 +1,21 @@
 """Whether the tasks that policies name are there, and can run when what they are for has happened."""
 
 from collections.abc import Iterator
+from math import dist
 from typing import Final
 
 from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
-from gloc3.mission.model import Contingency, ItemFile, Mission, Task
+from gloc3.frames import Vector3
+from gloc3.mission.arguments import FollowWaypointsOrder, LandOrder, ReturnHome
+from gloc3.mission.contingencies import part_of
+from gloc3.mission.estimate import Estimate, estimate, return_energy_wh
+from gloc3.mission.fence import TOLERANCE_M
+from gloc3.mission.legs import Budget
+from gloc3.mission.model import Action, Contingency, ItemFile, Mission, Task
 from gloc3.mission.policy import Policy
+from gloc3.mission.structure import PartialOrder
+from gloc3.platform import Platform
 
 ANSWERS: Final = ("on_link_loss", "on_overdue", "on_low_battery", "on_pose_lost", "on_obstacle", "on_component_fault")
 """The policies that may name a task."""
@@ -52,3 +61,64 @@ def _senseless(document: Document, name: str, task: Task) -> Iterator[Finding]:
             message = f"on_failure: {options.on_failure} inside a contingency"
             hint = "what follows it is said by then: in the policy; here continue, skip or retry"
             yield document.finding((*place, "on_failure"), message, hint)
+
+
+def way_findings(
+    mission: Mission, name: str, figures: Estimate, budget: Budget, platform: Platform | None
+) -> Iterator[Finding]:
+    """Whether a contingency can be begun wherever the mission may be: warnings, since nobody knows where that will be.
+
+    Its first way is straight from there: it may leave the fence; and with a low battery all of it, and what follows it,
+    must be done with the reserve.
+
+    Args:
+        mission: the whole mission.
+        name: of the contingency.
+        figures: the mission's estimate.
+        budget: home and speeds.
+        platform: whose margin and battery count; None where that is not known.
+    """
+    document, part = mission.document, part_of(mission, name)
+    order = PartialOrder.of(part)
+    first = _first_way(part, order)
+    legs = [(target, leg) for target, one in figures.actions.items() for leg in one.legs if leg.length_m > 0.0]
+    if document is None or first is None or not legs:
+        return
+    way, begin = first
+    fence = mission.fence
+    margin_m = platform.limits.fence_margin_m if platform is not None else 0.0
+    where: Where = ("contingencies", name, "actions", way.name, way.capability)
+    if fence is not None and fence.clearance_m(begin) >= margin_m - TOLERANCE_M:
+        for target, leg in legs:
+            is_inside = fence.clearance_m(leg.end) >= margin_m - TOLERANCE_M
+            if is_inside and fence.leg_clearance_m(leg.end, begin) < margin_m - TOLERANCE_M:
+                message = f"from the end of a leg of {target} the straight way to {name}.{way.name} leaves the fence"
+                hint = "begin it with waypoints that lead round, or move its first one"
+                yield document.finding(where, message, hint, at_key=True, is_warning=True)
+                break
+    wanted = mission.policies.on_low_battery
+    power = platform.power if platform is not None else None
+    if power is None or not isinstance(wanted, Contingency) or wanted.task != name:
+        return
+    far = max((leg.end for _, leg in legs), key=lambda place: dist(place, begin))
+    takes = estimate(part, order, far, budget, power)
+    follows_wh = return_energy_wh(takes.end_ned_m, budget, power) if wanted.then == "return" else 0.0
+    reserve_wh = power.battery_wh * power.reserve
+    if (needed_wh := takes.energy_wh + follows_wh) > reserve_wh:
+        message = (
+            f"from the farthest place {name} takes {needed_wh:.1f} Wh, more than the reserve of {reserve_wh:.1f} Wh"
+        )
+        hint = "make it shorter, or keep a larger reserve"
+        yield document.finding(("on_low_battery",), message, hint, is_warning=True)
+
+
+def _first_way(part: Mission, order: PartialOrder) -> tuple[Action, Vector3] | None:
+    """The action that first leads away from where a contingency begins, and its first waypoint in NED."""
+    actions = part.actions()
+    for target in order.targets:
+        match actions[target].order:
+            case FollowWaypointsOrder(waypoints_ned_m=(begin, *_)):
+                return actions[target], begin
+            case ReturnHome() | LandOrder():
+                return None
+    return None

@@ -8,7 +8,7 @@ from typing import Final
 from gloc3.frames import Vector3
 from gloc3.mission.arguments import LandOrder, ReturnHome
 from gloc3.mission.legs import Budget, Leg
-from gloc3.mission.model import Mission, Task
+from gloc3.mission.model import ItemFile, Mission, Task
 from gloc3.mission.structure import PartialOrder
 from gloc3.platform import Power
 
@@ -36,21 +36,30 @@ class ActionEstimate:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Estimate:
-    """A whole mission's figures."""
+class Figures:
+    """What a mission takes."""
 
-    actions: Mapping[str, ActionEstimate]
-    """By `TASK.ACTION`, in an order in which they can run."""
     duration_s: float
     energy_wh: float
     """0 without a power model."""
     length_m: float
-    end_ned_m: Vector3
-    """Where the vehicle is at the end."""
     battery_share: float = 0.0
     """Of the full battery; 0 without a power model."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimate(Figures):
+    """A whole mission's figures, where every guard lets begin what it guards, and every loop is done to its last time."""
+
+    actions: Mapping[str, ActionEstimate]
+    """By `TASK.ACTION`, in an order in which they can run."""
+    end_ned_m: Vector3
+    """Where the vehicle is at the end."""
     return_wh: float
     """Energy to return home and land from the place where that takes most."""
+    least: "Estimate | None" = None
+    """Where every guard that may have something skipped does so, and every loop that may end early does so after its
+    first time; None where there is none. What guards wait for is not in any figure."""
 
     def task_span(self, task: Task) -> tuple[float, float]:
         """When a task starts and ends, in seconds from the start of the mission."""
@@ -70,30 +79,30 @@ def estimate(
         budget: home, speeds and the like.
         power: the platform's power model; None for no energies.
     """
-    planner = _Planner(mission, start_ned_m, budget, power)
-    for target in order.targets:
-        if target in planner.actions:
-            planner.add(target)
-    found = planner.found
-    _end_companions(mission, found)
-    _add_devices(mission, found)
-    energy_wh = planner.hover_wh + sum(part.energy_wh for part in found.values())
-    return Estimate(
-        actions=found,
-        duration_s=max((part.end_s for part in found.values()), default=0.0),
-        energy_wh=energy_wh,
-        length_m=sum(part.length_m for part in found.values()),
-        end_ned_m=planner.here,
-        battery_share=energy_wh / power.battery_wh if power is not None else 0.0,
-        return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in planner.places),
-    )
+    most = _Planner(mission, start_ned_m, budget, power).run(order)
+    if not any(may_vary(task) for task in mission.tasks.values()):
+        return most
+    return replace(most, least=_Planner(mission, start_ned_m, budget, power, is_least=True).run(order))
+
+
+def may_vary(task: Task, *, is_begun: bool = False) -> bool:
+    """Whether a guard may leave out something of a task, or its loop may end early; `is_begun`: its own guard holds."""
+    repeat = task.options.repeat
+    options = [action.options for action in task.actions.values()] + ([] if is_begun else [task.options])
+    return any(map(_may_be_skipped, options)) or (repeat is not None and repeat.until is not None and repeat.times > 1)
+
+
+def _may_be_skipped(options: ItemFile) -> bool:
+    return options.when is not None and options.otherwise == "skip"
 
 
 class _Planner:
     """Lets the actions run one after the other, or beside each other, as their order allows."""
 
-    def __init__(self, mission: Mission, start_ned_m: Vector3, budget: Budget, power: Power | None) -> None:
-        self._mission, self._budget, self._power = mission, budget, power
+    def __init__(
+        self, mission: Mission, start_ned_m: Vector3, budget: Budget, power: Power | None, *, is_least: bool = False
+    ) -> None:
+        self._mission, self._budget, self._power, self._is_least = mission, budget, power, is_least
         self.actions: Final = mission.actions()
         self.found: Final[dict[str, ActionEstimate]] = {}
         self.here = start_ned_m
@@ -103,12 +112,32 @@ class _Planner:
         """For the time in which nothing moves it."""
         self._moved_until_s = 0.0
 
-    def add(self, target: str) -> None:
+    def run(self, order: PartialOrder) -> Estimate:
+        """All actions in their order, and what they take together."""
+        budget, power, found = self._budget, self._power, self.found
+        for target in order.targets:
+            if target in self.actions:
+                self._add(target)
+        _end_companions(self._mission, found)
+        _add_devices(self._mission, found)
+        energy_wh = self.hover_wh + sum(part.energy_wh for part in found.values())
+        return Estimate(
+            actions=found,
+            duration_s=max((part.end_s for part in found.values()), default=0.0),
+            energy_wh=energy_wh,
+            length_m=sum(part.length_m for part in found.values()),
+            end_ned_m=self.here,
+            battery_share=energy_wh / power.battery_wh if power is not None else 0.0,
+            return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in self.places),
+        )
+
+    def _add(self, target: str) -> None:
         """One action; the last of a task that is repeated brings the further times."""
         self._once(target, max((self.found[one].end_s for one in self._earlier(target)), default=0.0))
         task = self._mission.tasks[target.partition(".")[0]]
         own = [f"{task.name}.{name}" for name in task.actions]
-        times = task.options.repeat.times if task.options.repeat is not None else 1
+        repeat = task.options.repeat
+        times = 1 if repeat is None or (self._is_least and repeat.until is not None) else repeat.times
         if times > 1 and all(one in self.found for one in own):
             self._repeat([one for one in self.found if one in own], times)
 
@@ -117,6 +146,10 @@ class _Planner:
 
     def _once(self, target: str, start_s: float) -> None:
         action, budget, power = self.actions[target], self._budget, self._power
+        task = self._mission.tasks[target.partition(".")[0]]
+        if self._is_least and (_may_be_skipped(task.options) or _may_be_skipped(action.options)):
+            self.found[target] = ActionEstimate(start_s=start_s, end_s=start_s)
+            return
         legs: tuple[Leg, ...] = ()
         end_s = start_s + action.order.time_needed_s(self.here, budget)
         if action.order.moves:
@@ -166,6 +199,13 @@ def together(parts: Sequence[Estimate]) -> Estimate | None:
     """
     if not parts:
         return None
+    most = _together(parts)
+    if all(part.least is None for part in parts):
+        return most
+    return replace(most, least=_together([part.least or part for part in parts]))
+
+
+def _together(parts: Sequence[Estimate]) -> Estimate:
     return Estimate(
         actions={target: figures for part in parts for target, figures in part.actions.items()},
         duration_s=max(part.duration_s for part in parts),
@@ -174,6 +214,26 @@ def together(parts: Sequence[Estimate]) -> Estimate | None:
         end_ned_m=parts[0].end_ned_m,
         return_wh=max(part.return_wh for part in parts),
     )
+
+
+def about(figures: Estimate, usable_wh: float = 0.0) -> str:
+    """What a mission takes, in words: `about 35 s, 36 m, 1.8 Wh`, or `about 20 to 35 s, …` where something may be left out.
+
+    Args:
+        figures: the estimate.
+        usable_wh: the energy that there is; 0 for none to be told.
+    """
+    least = figures.least or figures
+    told = [f"{span(least.duration_s, figures.duration_s)} s", f"{span(least.length_m, figures.length_m)} m"]
+    if figures.energy_wh:
+        told.append(span(least.energy_wh, figures.energy_wh, 1) + (f" of {usable_wh:.1f}" if usable_wh else "") + " Wh")
+    return "about " + ", ".join(told)
+
+
+def span(least: float, most: float, digits: int = 0) -> str:
+    """A range in words: `20 to 35`, or one figure where both ends are rounded to the same."""
+    ends = f"{least:.{digits}f}", f"{most:.{digits}f}"
+    return ends[1] if ends[0] == ends[1] else " to ".join(ends)
 
 
 def return_energy_wh(place_ned_m: Vector3, budget: Budget, power: Power) -> float:

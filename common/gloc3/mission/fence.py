@@ -9,6 +9,8 @@ import msgspec
 from gloc3.frames import Vector3
 from gloc3.mission.placement import Point
 
+TOLERANCE_M: Final = 1e-3
+"""What is judged against a fence may be short of its margin by so much."""
 _SMALL_M: Final = 1e-9
 
 

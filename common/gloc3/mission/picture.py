@@ -6,8 +6,9 @@ from math import dist
 from typing import Final
 
 from gloc3.frames import Vector3
+from gloc3.mission.arguments import FollowWaypointsOrder
 from gloc3.mission.checker import Report
-from gloc3.mission.estimate import Estimate
+from gloc3.mission.estimate import Estimate, about
 from gloc3.mission.fence import Area, Fence
 from gloc3.mission.model import Mission
 from gloc3.mission.show import answers, summary, terms
@@ -20,6 +21,7 @@ _ORDER_LEFT: Final = _PLAN + 2 * _LEFT + 20
 _BARS_LEFT: Final = _ORDER_LEFT + 190
 _ROW: Final = 22
 _COLOURS: Final = ("#1f4fd8", "#d97706", "#15803d", "#a21caf", "#0e7490", "#b91c1c")
+_READY: Final = 'fill="none" stroke="#555555" stroke-width="1.6" stroke-dasharray="2 4"'
 _NUMBERED_MAX: Final = 40
 
 
@@ -58,8 +60,9 @@ def _plan(mission: Mission, figures: Estimate, colours: dict[str, str]) -> Itera
         for target, part in figures.actions.items()
         if part.legs
     }
-    fence = list(_fence_points(mission.fence))
-    places = [*(point for way in ways.values() for point in way), *fence, (0.0, 0.0, 0.0)]
+    fence, ready = list(_fence_points(mission.fence)), list(_ready(mission))
+    known = [*ways.values(), *(way for _, way in ready)]
+    places = [*(point for way in known for point in way), *fence, (0.0, 0.0, 0.0)]
     north, east = [place[0] for place in places], [place[1] for place in places]
     span = max(max(north) - min(north), max(east) - min(east), 1.0)
     scale = (_PLAN - 40) / span
@@ -87,12 +90,27 @@ def _plan(mission: Mission, figures: Estimate, colours: dict[str, str]) -> Itera
             yield f'<circle cx="{x}" cy="{y}" r="2.5" fill="#ffffff" stroke="{colour}"/>'
             if number <= _NUMBERED_MAX:
                 yield _text(x + 4, y - 4, str(number), f'fill="{colour}" font-size="10"')
+    for target, way in ready:
+        points = " ".join(f"{x},{y}" for x, y in map(at, way))
+        yield f'<polyline points="{points}" {_READY}><title>{escape(target)}</title></polyline>'
+        for x, y in map(at, way):
+            yield f'<circle cx="{x}" cy="{y}" r="2.5" fill="#ffffff" stroke="#555555"/>'
+        x, y = at(way[0])
+        yield _text(x + 4, y + 12, target.partition(".")[0], 'fill="#555555" font-size="10"')
     x, y = at((0.0, 0.0))
     yield f'<path d="M{x - 6},{y} h12 M{x},{y - 6} v12" stroke="#000000"/>' + _text(x + 7, y + 12, "home", "")
     bar_m = _round(span / 4.0)
     x, y = _LEFT + 12, _TOP + _PLAN - 8
     yield f'<path d="M{x},{y} h{bar_m * scale:.1f}" stroke="#000000"/>' + _text(x, y - 4, f"{bar_m:g} m", "")
     yield _text(_LEFT + _PLAN - 24, _TOP + 18, "N ↑", "")
+
+
+def _ready(mission: Mission) -> Iterator[tuple[str, list[Vector3]]]:
+    """The ways of contingencies, each from its first waypoint on: nobody knows where it will be begun."""
+    for name, task in mission.contingencies.items():
+        for action in task.actions.values():
+            if isinstance(action.order, FollowWaypointsOrder):
+                yield f"{name}.{action.name}", list(action.order.waypoints_ned_m)
 
 
 def _order(
@@ -105,9 +123,7 @@ def _order(
     def x_of(time_s: float) -> float:
         return round(_BARS_LEFT + room * time_s / total_s, 1)
 
-    numbers = f"about {figures.duration_s:.0f} s, {figures.length_m:.0f} m"
-    numbers += f", {figures.energy_wh:.1f} Wh" if figures.energy_wh else ""
-    yield _text(_ORDER_LEFT, _TOP, numbers, 'font-weight="bold"')
+    yield _text(_ORDER_LEFT, _TOP, about(figures), 'font-weight="bold"')
     for task in mission.tasks.values():
         y = line[task.name, ""]
         yield _text(_ORDER_LEFT, y, task.name, 'font-weight="bold"', "; ".join(terms(task.options)))

@@ -8,6 +8,7 @@ import msgspec
 
 from gloc3.mission.arguments import Arguments
 from gloc3.mission.checker import Report
+from gloc3.mission.estimate import about
 from gloc3.mission.model import Action, ItemFile, Mission, Policies, Task, TaskOptions
 from gloc3.platform import Capability, Platform
 from gloc3.units import split_unit
@@ -55,10 +56,8 @@ def _head(mission: Mission, report: Report, platform: Platform | None) -> Iterat
     yield _cut(f"{mission.name}   (frame {mission.frame})", WIDTH)
     figures = report.estimate
     if figures is not None:
-        energy = ""
-        if platform is not None and platform.power is not None:
-            energy = f", {figures.energy_wh:.1f} of {platform.power.usable_wh:.1f} Wh"
-        yield f"about {figures.duration_s:.0f} s, {figures.length_m:.0f} m{energy}"
+        power = platform.power if platform is not None else None
+        yield about(figures, power.usable_wh if power is not None else 0.0)
     yield from wrap(", ".join(answers(policies)), WIDTH)
 
 

@@ -8,13 +8,11 @@ from gloc3.errors import Finding
 from gloc3.frames import Vector3
 from gloc3.mission.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, SetOff
 from gloc3.mission.estimate import Estimate
-from gloc3.mission.fence import Fence
+from gloc3.mission.fence import TOLERANCE_M, Fence
 from gloc3.mission.legs import Leg
 from gloc3.mission.model import Action, Mission, where_of
 from gloc3.mission.structure import PartialOrder
 from gloc3.platform import Limits
-
-_TOLERANCE_M = 1e-3
 
 
 def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool) -> Iterator[Finding]:
@@ -120,7 +118,7 @@ def _fence(
     leg: Leg, fence: Fence, margin_m: float, document: Document, place: Where, *, is_start_known: bool
 ) -> Iterator[Finding]:
     clearance_m = fence.clearance_m(leg.end)
-    if clearance_m < margin_m - _TOLERANCE_M:
+    if clearance_m < margin_m - TOLERANCE_M:
         if clearance_m < 0.0:
             message = f"{name_of(place)} is {-clearance_m:.1f} m outside the fence"
         else:
@@ -128,19 +126,19 @@ def _fence(
                 f"{name_of(place)} is {clearance_m:.2f} m inside the fence, less than the margin of {margin_m:g} m"
             )
         yield document.finding(place, message, "move it inwards")
-    elif is_start_known and fence.clearance_m(leg.start) >= margin_m - _TOLERANCE_M:
+    elif is_start_known and fence.clearance_m(leg.start) >= margin_m - TOLERANCE_M:
         along_m = fence.leg_clearance_m(leg.start, leg.end)
-        if along_m < margin_m - _TOLERANCE_M:
+        if along_m < margin_m - TOLERANCE_M:
             message = f"the straight way to {name_of(place)} leaves the fence or its margin of {margin_m:g} m"
             yield document.finding(place, message, "add a waypoint that leads round")
 
 
 def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, place: Where) -> Iterator[Finding]:
     height_m = home[2] - point[2]
-    if height_m > limits.height_max_m + _TOLERANCE_M:
+    if height_m > limits.height_max_m + TOLERANCE_M:
         message = f"{name_of(place)} is {height_m:.1f} m above home, more than the platform's {limits.height_max_m:g} m"
         yield document.finding(place, message, "fly lower")
-    elif height_m < limits.height_min_m - _TOLERANCE_M:
+    elif height_m < limits.height_min_m - TOLERANCE_M:
         message = f"{name_of(place)} is {height_m:.1f} m above home, less than the platform's {limits.height_min_m:g} m"
         yield document.finding(place, message, "fly higher")
 

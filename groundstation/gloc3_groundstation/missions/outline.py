@@ -7,7 +7,7 @@ import msgspec
 
 from gloc3.ci import MissionSummary
 from gloc3.mission.checker import Report
-from gloc3.mission.estimate import Estimate
+from gloc3.mission.estimate import Estimate, Figures
 from gloc3.mission.model import Action, Mission, Task, digest_of
 from gloc3.mission.show import answers, summary, terms
 from gloc3.platform import Capability
@@ -60,6 +60,8 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float | None = None
     length_m: float | None = None
     battery_share: float | None = None
+    least: Figures | None = None
+    """Where guards may leave something out, and loops end early: what it takes at least."""
     is_ordered: bool = True
     """False where only the names are known: the platform has told its states, and nobody its order yet."""
 
@@ -91,6 +93,7 @@ def outline_of(report: Report, capabilities: Mapping[str, Capability]) -> Outlin
         duration_s=figures.duration_s if figures is not None else None,
         length_m=figures.length_m if figures is not None else None,
         battery_share=(figures.battery_share or None) if figures is not None else None,
+        least=figures.least if figures is not None else None,
     )
 
 

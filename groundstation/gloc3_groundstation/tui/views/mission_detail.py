@@ -102,9 +102,7 @@ def _mission(outline: Outline, told: MissionSummary | None, width: int) -> list[
         is_trouble = told.state in (*TROUBLE, ActionState.PAUSED)
         lines += _said(f"{told.state}: {told.reason}", Tone.WARN if is_trouble else Tone.DIM, width)
     if told is not None and told.took_s >= 0.0:
-        lines += _said(
-            wording.taken(told, outline.duration_s, outline.length_m, outline.battery_share), Tone.DIM, width
-        )
+        lines += _said(wording.taken(told, outline), Tone.DIM, width)
     if told is not None and told.policy:
         lines += _said(f"the policy {told.policy} is being carried out", Tone.WARN, width)
     if not outline.is_ordered:

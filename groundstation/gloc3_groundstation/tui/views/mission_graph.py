@@ -110,7 +110,8 @@ def mission_line(outline: Outline, told: MissionSummary | None, width: int, *, i
         right.append(Span(f"{ended} of {len(own)} actions done", Tone.DIM))
         right.append(Span(f"   {state}", tone))
     if outline.duration_s is not None:
-        right.append(Span(f"   about {wording.duration(outline.duration_s)}", Tone.DIM))
+        about = "about" if outline.least is None else "up to"
+        right.append(Span(f"   {about} {wording.duration(outline.duration_s)}", Tone.DIM))
     right.append(Span("   ◂ ▸ " if is_wider else " ", Tone.KEY))
     room = width - sum(len(span.text) for span in right) - 6
     left = (Span(" "), Span(f"{sign} ", tone), Span(cut(outline.title, max(12, room)), Tone.STRONG))

@@ -49,7 +49,7 @@ MESSAGES: Final[dict[Speech, tuple[str, ...]]] = {
 READABLE: Final = (
     "ci/**",
     "contact",
-    "log_chunk",
+    "log_chunk/**",
     "watch/**",
     "components/*/status",
     "components/*",

@@ -5,16 +5,20 @@ import hashlib
 import json
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from math import hypot
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
-from tests.evidence.page import SCRATCH, Bar, Figure, Progress
+from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
 from tests.sitl.relay import Relay
 
 from gloc3.acoustic.frames import MOST_BYTES
@@ -28,6 +32,7 @@ from gloc3_groundstation import wording
 from gloc3_groundstation.contact_queue import ContactQueue
 from gloc3_groundstation.log_pull import LogPuller, Pulled, ftp_carrier
 from gloc3_groundstation.plans import Plan
+from gloc3_sitl.demo import free_ports
 from gloc3_sitl.faults import schedule_faults
 from gloc3_sitl.flight import STATION_RADIO, Flight, FlightPlan
 
@@ -228,6 +233,17 @@ tasks:
       surface: {land: {}}
 """
 SILENT_S: Final = 120.0
+RELAYED_BYTES_S: Final = 100_000
+"""What the way over the network carries, so that a log takes a while."""
+
+
+class Fetched(msgspec.Struct, kw_only=True):
+    """What became of a log that `gloc3 log pull` was to fetch while its way was cut."""
+
+    size: int
+    drops: int
+    is_equal: bool
+    is_deleted: bool
 
 
 class Real(msgspec.Struct, kw_only=True):
@@ -239,18 +255,25 @@ class Real(msgspec.Struct, kw_only=True):
     summary_s: float
     at_contact: str
     """The summary, as the station showed it."""
-    size: int
-    drops: int
-    is_equal: bool
-    is_deleted: bool
+    by_radio: Fetched
+    """The dive's log, over MAVLink FTP."""
+    by_network: Fetched
+    """The log behind it, over the network."""
 
 
 def real(folder: Path) -> Real:
-    """Simulator, onboard process, station and `gloc3 log pull` as processes, on UDP through a relay that is cut."""
+    """Simulator, onboard process, station and `gloc3 log pull` as processes, on links through relays that are cut."""
     folder.mkdir(parents=True, exist_ok=True)
     gloc3 = str(Path(sys.executable).with_name("gloc3"))
     mission = folder / "dive.yaml"
     mission.write_text(REAL_MISSION)
+    main, relayed = free_ports(2, socket.SOCK_STREAM)
+    for words in (
+        "init yard",
+        f"add yard auv.main --role platform --listen 127.0.0.1:{main} --reached-at 127.0.0.1:{relayed}",
+        "add yard ops --role operator",
+    ):
+        subprocess.run([gloc3, "network", *words.split()], cwd=folder, check=True, capture_output=True)
     relay = Relay(19550, loss=0.0, delay_s=0.02, seed=1)
     relay.start()
     processes: list[subprocess.Popen[str]] = []
@@ -269,6 +292,7 @@ def real(folder: Path) -> Real:
         begin(
             *("onboard", "auv", "--autopilot", "udpin://127.0.0.1:19540", "--station", station_url),
             *("--device", "dvl=none://", "--device", "ground_camera=none://", "--out", "auv"),
+            *("--network", "yard/auv.main/network.yaml"),
         )
         station = begin(
             *("station", "--headless", "--json", "--no-record", "--link", "udpin://127.0.0.1:19550"),
@@ -306,28 +330,15 @@ def real(folder: Path) -> Real:
         station.send_signal(signal.SIGTERM)
         station.wait(20.0)
         reading.join()
-        name = next((folder / "auv").glob("log.mcap")).name
-        pulling = subprocess.Popen(
-            [gloc3, "log", "pull", "udpin://127.0.0.1:19550", name, "--platform", "auv", "--out", "here"],
-            cwd=folder,
-            stdout=subprocess.PIPE,
-            stderr=(folder / "pull.txt").open("w"),
-            text=True,
-        )
-        processes.append(pulling)
-        size = (folder / "auv" / name).stat().st_size
-        drops = 0
-        while pulling.poll() is None:
-            part = max((path.stat().st_size for path in (folder / "here/auv").glob("*.part")), default=0)
-            if drops < DROPS and part > size * (drops + 1) / (DROPS + 2):
-                drops += 1
-                relay.is_cut = True
-                time.sleep(DROP_S)
-                relay.is_cut = False
-                time.sleep(1.0)
-            time.sleep(0.02)
-        told = (folder / "pull.txt").read_text()
-        here = folder / "here/auv" / name
+        radio = ["udpin://127.0.0.1:19550", "--platform", "auv"]
+        by_radio = _fetched(folder, begin, radio, "log.mcap", partial(setattr, relay, "is_cut"))
+        with _network_relay(relayed, main) as say:
+
+            def cut(is_cut: bool) -> None:
+                say(*(("partition", "reset") if is_cut else ("heal", f"rate {RELAYED_BYTES_S}")))
+
+            cut(False)
+            by_network = _fetched(folder, begin, ["yard/ops/network.yaml"], "log-2.mcap", cut)
     finally:
         for process in reversed(processes):
             process.send_signal(signal.SIGTERM)
@@ -339,11 +350,59 @@ def real(folder: Path) -> Real:
         is_planned=is_planned,
         summary_s=summary_s,
         at_contact=at_contact,
-        size=here.stat().st_size if here.exists() else 0,
-        drops=drops,
-        is_equal="digest equal" in told and here.exists(),
-        is_deleted=not (folder / "auv" / name).exists(),
+        by_radio=by_radio,
+        by_network=by_network,
     )
+
+
+def _fetched(
+    folder: Path, begin: Callable[..., subprocess.Popen[str]], way: list[str], name: str, cut: Callable[[bool], None]
+) -> Fetched:
+    """Fetches a log with `gloc3 log pull`, whose way is cut five times meanwhile."""
+    there, here = folder / "auv" / name, folder / "here/auv" / name
+    pulling = begin("log", "pull", *way, "--out", "here", *([name] if there.exists() else []))
+    digest, drops = "", 0
+    while pulling.poll() is None:
+        part = next((folder / "here/auv").glob(f"{name}.*.part"), None)
+        if part is not None and there.exists():
+            size = int(part.name.split(".")[-2])
+            digest = digest or hashlib.sha256(there.read_bytes()).hexdigest()
+            if drops < DROPS and part.exists() and part.stat().st_size > size * (drops + 1) / (DROPS + 2):
+                drops += 1
+                cut(True)
+                time.sleep(DROP_S)
+                cut(False)
+        time.sleep(0.02)
+    is_here = here.exists()
+    return Fetched(
+        size=here.stat().st_size if is_here else 0,
+        drops=drops,
+        is_equal=is_here and hashlib.sha256(here.read_bytes()).hexdigest() == digest,
+        is_deleted=not there.exists(),
+    )
+
+
+@contextmanager
+def _network_relay(own: int, to: int) -> Iterator[Callable[..., None]]:
+    """A relay between a station on the network and the platform, which does what it is told."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.onboard.nodes.relay", f"127.0.0.1:{own}", f"127.0.0.1:{to}"],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        text=True,
+    )
+    stdin = process.stdin
+    assert stdin is not None
+
+    def say(*lines: str) -> None:
+        stdin.write("".join(f"{line}\n" for line in lines))
+        stdin.flush()
+
+    try:
+        yield say
+    finally:
+        stdin.close()
+        process.wait(20.0)
 
 
 def run(progress: Progress) -> list[Figure]:
@@ -386,9 +445,16 @@ def run(progress: Progress) -> list[Figure]:
         ),
         Figure("summary after contact", f"{found.summary_s:.2f} s", "≤ 2 s", found.summary_s <= 2.0),
         Figure("the summary", found.at_contact, "running", "running" in found.at_contact),
-        Figure("log", f"{found.size / 1e6:.1f} MB, the link was cut {found.drops} times", "5", found.drops == DROPS),
-        Figure("its digest", "equal" if found.is_equal else "differs", "equal", found.is_equal),
-        Figure("onboard", "deleted" if found.is_deleted else "kept", "deleted", found.is_deleted),
+        *_fetched_figures("log over MAVLink FTP", found.by_radio),
+        *_fetched_figures("the next one over the network", found.by_network),
+    ]
+
+
+def _fetched_figures(title: str, log: Fetched) -> list[Figure]:
+    return [
+        Figure(title, f"{log.size / 1e6:.1f} MB, the way was cut {log.drops} times", "5", log.drops == DROPS),
+        Figure("its digest", "equal" if log.is_equal else "differs", "equal", log.is_equal),
+        Figure("onboard", "deleted" if log.is_deleted else "kept", "deleted", log.is_deleted),
     ]
 
 
@@ -407,7 +473,7 @@ BARS: Final = (
         "a component fails; with a current of 0.1 m/s it comes up away from the plan. A summary of at most 32 bytes comes by "
         "sound once a minute. At contact the summary comes first, then all events once and in order; a mission that was queued "
         "meanwhile is loaded; and the log is fetched over a link that drops five times for 12 s, compared by its digest, and "
-        "deleted onboard.",
+        "deleted onboard: of the real processes one over MAVLink FTP, and one over the network.",
         run=run,
         seeds="1",
     ),

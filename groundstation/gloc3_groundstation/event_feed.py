@@ -92,6 +92,11 @@ class EventFeed:
         line = self._lines.get(platform)
         return 0 if line is None or line.shown is None else max(0, line.last - line.shown)
 
+    def is_behind(self, platform: str, now_s: float) -> bool:
+        """Whether something that happened out of contact is still to be shown, the summary first of all."""
+        line = self._lines.get(platform)
+        return line is not None and (now_s < line.held_until_s or self.missing(platform) > 0)
+
     def release(self, platform: str, now_s: float) -> list[ToldEvent]:
         """What was held back for a summary that has not come."""
         line = self._lines.get(platform)

@@ -1,8 +1,8 @@
 """The station without a screen: streams a mission, starts it, narrates on stderr; stdout is data."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager, suppress
 from typing import Final
 
 from gloc3.errors import NotHeard
@@ -19,6 +19,8 @@ PROGRESS_EVERY_S: Final = 5.0
 PATIENT_PROGRESS_EVERY_S: Final = 30.0
 """The same while a platform is silent."""
 LOOK_EVERY_S: Final = 1.0
+CATCH_UP_S: Final = 30.0
+"""So long a run goes on after its end for what happened out of contact."""
 
 Tell = Callable[[Line], None]
 
@@ -68,6 +70,7 @@ class Headless:
             began_s = station.now_s()
             end = await flights.follow_all(station, await flights.start_all(station, names, override, author))
             took = duration(station.now_s() - began_s)
+            await self._catch_up(names)
             reason = f" ({end.reason})" if end.reason else ""
             data = {"mission": plan.title, "state": end.state, "reason": end.reason}
             text = f"{plan.title!r}: {end.state}{reason} after {took}"
@@ -76,6 +79,15 @@ class Headless:
             return end
         finally:
             self.close()
+
+    async def _catch_up(self, names: Sequence[str]) -> None:
+        """Waits for what happened out of contact, where the end was heard at a contact."""
+        station = self._station
+        with suppress(TimeoutError):
+            async with asyncio.timeout(CATCH_UP_S):
+                await flights.until(
+                    station, lambda: not any(station.feed.is_behind(name, station.now_s()) for name in names)
+                )
 
     async def watch(self) -> None:
         """Narrates until it is cancelled."""

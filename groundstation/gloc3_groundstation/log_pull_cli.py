@@ -14,13 +14,13 @@ from gloc3.counting import counted
 from gloc3.errors import Gloc3Error, NotHeard, Refused
 from gloc3.messages import Severity
 from gloc3.narrate import ERROR, narrate
-from gloc3_groundstation.pace import Pace, amount
+from gloc3_groundstation.pace import amount
+from gloc3_groundstation.pull_progress import PullProgress
 from gloc3_groundstation.services.saving import part_of
 
 if TYPE_CHECKING:
     from gloc3_groundstation.log_pull import LogPuller
 
-TELL_EVERY_S: Final = 2.0
 TRAFFIC: Final = ".tlog"
 STATION_ID: Final = 254
 """Another one than that of a ground station which runs at the same time."""
@@ -79,23 +79,30 @@ def pull(
         raise Refused(f"--out {out} is a file, not a folder")
     if list_only and (logs or keep):
         raise Refused("--list names all logs and fetches none; leave it out to fetch")
-    wanted = _Wanted(logs, is_kept=keep, has_frames=frames, is_uncut=no_cut or list_only, is_list=list_only, out=out)
+    wanted = Wanted(
+        names=logs, is_kept=keep, has_frames=frames, is_uncut=no_cut or list_only, is_list=list_only, out=out
+    )
     return asyncio.run(_pull(source, platform, wanted, wait, station_id, signing_key))
 
 
-class _Wanted(msgspec.Struct, frozen=True):
+class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be done with the logs."""
 
-    names: tuple[str, ...]
-    is_kept: bool
-    has_frames: bool
-    is_uncut: bool
-    is_list: bool
+    names: tuple[str, ...] = ()
+    """Which; none for all."""
+    is_kept: bool = False
+    """Onboard, when they are here."""
+    has_frames: bool = False
+    """The MAVLink frames, too."""
+    is_uncut: bool = False
+    """The log that is being written goes on."""
+    is_list: bool = False
+    """They are listed, and none is fetched."""
     out: Path
 
 
 async def _pull(
-    source: str, platform: str | None, wanted: _Wanted, wait_s: float, system: int, key_file: Path | None
+    source: str, platform: str | None, wanted: Wanted, wait_s: float, system: int, key_file: Path | None
 ) -> int:
     from gloc3.clock import utc_now
     from gloc3.exchange import LocalExchange
@@ -139,14 +146,14 @@ async def _pull(
             hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
             raise NotHeard(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
         found = [(link, at) for _, link in links.ways() for each, at in link.platforms() if each == name]
-        progress = _Progress(loop)
+        progress = PullProgress(loop)
         carrier = (
             await stack.enter_async_context(ftp_carrier(*found[0])) if found else ChunkCarrier(station, exchange, name)
         )
-        return await _fetch(LogPuller(station, name, carrier, progress.tell, progress.pause), name, wanted, progress)
+        return await fetch(LogPuller(station, name, carrier, progress.tell, progress.pause), name, wanted, progress)
 
 
-async def _fetch(puller: "LogPuller", name: str, wanted: _Wanted, progress: "_Progress") -> int:
+async def fetch(puller: "LogPuller", name: str, wanted: Wanted, progress: PullProgress) -> int:
     """Fetches what is wanted of a vehicle that is heard."""
     from gloc3_groundstation.command_client import Declined
 
@@ -165,6 +172,8 @@ async def _fetch(puller: "LogPuller", name: str, wanted: _Wanted, progress: "_Pr
     failed = 0
     for number, log in enumerate(chosen, 1):
         progress.begin(f"{log.name} ({number} of {len(chosen)})" if len(chosen) > 1 else log.name)
+        if share := _share(log, folder):
+            narrate(f"{log.name}: goes on from {share:.0f} % of {amount(log.size)}")
         try:
             pulled = await puller.pull(log, folder, is_kept=wanted.is_kept)
         except asyncio.CancelledError:
@@ -185,7 +194,7 @@ async def _fetch(puller: "LogPuller", name: str, wanted: _Wanted, progress: "_Pr
     return 1 if failed else 0
 
 
-def _chosen(platform: str, listed: list[LogOnboard], wanted: _Wanted) -> list[LogOnboard]:
+def _chosen(platform: str, listed: list[LogOnboard], wanted: Wanted) -> list[LogOnboard]:
     """The logs that are fetched.
 
     Raises:
@@ -214,32 +223,3 @@ def _share(log: LogOnboard, folder: Path) -> float:
     """How much of a log an attempt has left here, in percent."""
     part = part_of(folder / log.name, log.size)
     return 100.0 * part.stat().st_size / log.size if log.size and part.exists() else 0.0
-
-
-class _Progress:
-    """Tells how far a log has come, now and then."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
-        self._title = ""
-        self.begin("")
-
-    def begin(self, title: str) -> None:
-        """The next log."""
-        self._title, self._pace, self._told_s, self._is_first = title, Pace(), float("-inf"), True
-
-    def tell(self, _: str, here: int, size: int) -> None:
-        """Some of it has come."""
-        words = self._pace.words(here, size, self._loop.time())
-        if self._is_first and here:
-            narrate(f"{self._title}: goes on from {words}")
-        elif self._loop.time() - self._told_s >= TELL_EVERY_S and here:
-            narrate(f"{self._title}: {words}")
-        else:
-            return
-        self._is_first, self._told_s = False, self._loop.time()
-
-    def pause(self, text: str) -> None:
-        """Something is told meanwhile, as that the way is lost."""
-        self._pace.forget()
-        narrate(text)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.ci import Health, LoadMission, MissionSummary, Steer
+from gloc3.ci import CiEvent, ContactSummary, Health, LoadMission, MissionSummary, ReadReports, Steer
 from gloc3.clock import run_virtual
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
@@ -16,7 +16,7 @@ from gloc3_groundstation.narration import Line
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 
-from .scripted_platform import ScriptedPlatform, refused
+from .scripted_platform import ScriptedPlatform, refused, reply_to
 
 PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
 GOLDEN = Path(__file__).parent / "golden" / "narration.txt"
@@ -110,3 +110,55 @@ def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:
 
     run_virtual(main())
     assert "mission 'other': running" in [line.text for line in told]
+
+
+CONTACT = ContactSummary(
+    station="255",
+    t_s=41.0,
+    silent_s=20.0,
+    health=Health.WORKING,
+    mission="cargo hold",
+    state="done",
+    doing="",
+    policy="",
+    landed="on_ground",
+    battery_percent=80,
+    position_m=(1.0, 2.0, 0.0),
+    geo=None,
+    conditions=[],
+    store=5,
+    last=2,
+    delivered=0,
+)
+
+
+def test_a_run_whose_mission_ended_out_of_contact_tells_the_summary_and_all_that_happened_before_it_ends() -> None:
+    told: list[Line] = []
+
+    async def main() -> None:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        station, later = Station(exchange, platform.loop, "255", 11), platform.loop.call_later
+        kept = [[number, int(Severity.WARNING), "depth", f"leak {number}", 15.0 * number] for number in (1, 2)]
+        platform.answer_next(
+            ReadReports, lambda request: reply_to(request, result={"store": 5, "last": 2, "reports": kept})
+        )
+        first = CiEvent(severity=Severity.WARNING, source="depth", text="leak 1", t_s=15.0, number=1, store=5)
+        later(1.2, platform.speak_every, 0.5)
+        later(13.0, lambda: platform.advance(depart="running"))
+        later(15.0, lambda: platform.say("event", first))
+        later(20.0, setattr, platform, "is_deaf", True)
+        later(40.0, setattr, platform, "is_deaf", False)
+        later(40.1, lambda: platform.advance("done"))
+        later(41.0, lambda: platform.publisher.publish("heron/contact", CONTACT, platform.loop.time()))
+        try:
+            await Headless(station, told.append, platform="heron").fly(PLAN, wait_s=20.0)
+        finally:
+            station.close()
+
+    run_virtual(main())
+    texts = [line.text for line in told]
+    assert texts[-1].startswith("'cargo hold': done after")
+    summary = next(at for at, text in enumerate(texts) if text.startswith("contact after 20 s"))
+    assert [text for text in texts if "leak" in text] == ["warning: depth: leak 1", "warning: depth: leak 2"]
+    assert next(at for at, text in enumerate(texts) if "leak 2" in text) > summary

@@ -9,7 +9,18 @@ from typing import Any
 
 import pytest
 
-from gloc3.ci import AboutLogs, CiReply, CiRequest, ConfirmLog, ListLogs, LogChunk, LogOnboard, ReadLog
+from gloc3.ci import (
+    LOOKS,
+    AboutLogs,
+    CiReply,
+    CiRequest,
+    ConfirmLog,
+    ListLogs,
+    LogChunk,
+    LogOnboard,
+    Outcome,
+    ReadLog,
+)
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import LocalExchange, Publisher
@@ -28,13 +39,15 @@ LATENCY_S = 0.3
 class Vessel:
     """A platform's shelf of logs behind a way that loses pieces, and can be cut off."""
 
-    def __init__(self, folder: Path, loss: float = 0.0) -> None:
+    def __init__(self, folder: Path, loss: float = 0.0, unfinished: str = "") -> None:
         self.folder, self.loss, self.is_cut_off = folder, loss, False
+        self.may_only_look = False
+        """Whether the station is one that may look and not command."""
         self.under_way = self.most_under_way = 0
         topics, loop = TopicTable.installed(), asyncio.get_running_loop()
         self.exchange = LocalExchange(topics)
         self._random, self._loop = Random(1), loop
-        self._shelf = LogShelf(folder, set, lambda: None, AtOnce())
+        self._shelf = LogShelf(folder, lambda: {folder / unfinished}, lambda: None, AtOnce())
         self._publisher = Publisher(self.exchange, "auv", "command_server", 1)
         self.exchange.subscribe("auv/ci/request", self._take)
         self.station = Station(self.exchange, loop, "255", 1)
@@ -48,7 +61,7 @@ class Vessel:
     def _take(self, envelope: Envelope[CiRequest]) -> None:
         if self.is_cut_off or not isinstance(envelope.payload.body, AboutLogs):
             return
-        reply = self._shelf.ask(envelope.payload)
+        reply = self._asked(envelope.payload)
         for told in [*([] if reply is None else [reply]), *self._shelf.take()]:
             if isinstance(told, LogChunk):
                 self.under_way += 1
@@ -57,6 +70,11 @@ class Vessel:
                     self.under_way -= 1
                     continue
             self._loop.call_later(LATENCY_S, self._arrive, told)
+
+    def _asked(self, request: CiRequest) -> CiReply | None:
+        if self.may_only_look and not isinstance(request.body, LOOKS):
+            return answer(request, Outcome.REFUSED, "station 255 may look and not command")
+        return self._shelf.ask(request)
 
     def _arrive(self, told: Any) -> None:
         self.under_way -= isinstance(told, LogChunk)

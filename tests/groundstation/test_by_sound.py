@@ -85,7 +85,7 @@ async def test_what_dives_is_seen_and_stopped_by_sound_through_a_relay(
             async with diver.sounding(f"udpout://127.0.0.1:{found[1]}"):
                 await here.until("title", "heron")
                 await here.until("facts", "nothing is heard but by sound")
-                assert "ago: x 0.0  y 0.0  h 0.0 m" in here.shown("facts")
+                assert re.search(r"by sound  x 0.0  y 0.0  h 0.0 m\n +\d+ s ago: running", here.shown("facts"))
                 await here.press("space")
                 await here.wait(lambda: told(here, "heron has taken the order: hold (by sound)"))
             relay.interrupt()

@@ -171,7 +171,7 @@ def link_detail(view: View, platform: PlatformSnapshot) -> Span:
     if planned is not None and platform.is_silent_as_planned(view.now_s):
         return Span(f"silent as planned ({planned.target})", Tone.WARN)
     if planned is not None and platform.is_overdue(view.now_s):
-        return Span(f"OVERDUE by {wording.duration(view.now_s - planned.due_s)} ({planned.target})", Tone.BAD)
+        return Span(f"OVERDUE by {wording.duration(view.now_s - planned.due_s)}", Tone.BAD)
     if not platform.is_met:
         return Span("nothing is heard but by sound", Tone.WARN)
     if platform.is_quiet_link(view.now_s):
@@ -189,14 +189,14 @@ def _silence_facts(platform: PlatformSnapshot, now_s: float) -> list[tuple[str, 
     planned = platform.silence
     if planned is not None and platform.is_quiet_link(now_s):
         left_s = planned.due_s - now_s
-        when = f", in {wording.duration(left_s)}" if left_s > 0.0 else ""
+        when = f", in {wording.roughly(left_s)}" if left_s > 0.0 else ""
         facts.append(("due", Span(f"{planned.due_text}{when}", Tone.WARN if left_s > 0.0 else Tone.BAD)))
     told = wording.told_by_sound(platform) if platform.is_quiet_link(now_s) else []
     if platform.acoustic is not None and told:
         place, *more = told
         facts += [
-            ("by sound", Span(f"{wording.duration(platform.acoustic.age_s(now_s))} ago: {place}", Tone.TEXT)),
-            ("", Span(", ".join(more), Tone.TEXT)),
+            ("by sound", Span(place, Tone.TEXT)),
+            ("", Span(f"{wording.roughly(platform.acoustic.age_s(now_s))} ago: {', '.join(more)}", Tone.TEXT)),
         ]
     return facts
 

@@ -1,0 +1,133 @@
+"""Missions of whole stacks in virtual time, judged by where the vehicle truly was, and by where it took itself to be."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from statistics import fmean
+from typing import NamedTuple
+
+from gloc3.clock import run_virtual
+from gloc3.frames import Vector3
+from gloc3.log.plot import plot_path
+from gloc3.messages import Envelope
+from gloc3.requested_path import RequestedPath
+from gloc3.vehicle import Pose
+from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3_sitl.wind import CALM, gusty
+
+WITHIN_S = 1500.0
+PERIOD_S = 0.1
+DRAWN_M = 0.05
+"""What lies nearer than this to the straight between its neighbours is left out of a picture."""
+
+
+class Around(NamedTuple):
+    """In what a vehicle moves."""
+
+    wind_m_s: float = 0.0
+    waves_m: float = 0.0
+    current_m_s: float = 0.0
+    has_plain_gps: bool = False
+
+    def said(self) -> str:
+        """In words."""
+        parts = [f"wind {self.wind_m_s:g} m/s"] if self.wind_m_s else []
+        parts += [f"waves {self.waves_m:g} m"] if self.waves_m else []
+        parts += [f"current {self.current_m_s:g} m/s"] if self.current_m_s else []
+        parts += ["metre-level fixes"] if self.has_plain_gps else []
+        return ", ".join(parts) or "calm"
+
+
+class Way(NamedTuple):
+    """What was asked for and what was done; NED in metres, down by the true depth or height from home."""
+
+    state: str
+    true: list[Vector3]
+    believed: list[Vector3]
+    """By its own pose, at the same times."""
+    asked: list[Vector3]
+
+
+def gone(mission: str, platform: str, around: Around, seed: int, out: Path | None = None) -> Way:
+    """Carries a mission out, and gives its first way along waypoints."""
+    wind = gusty(around.wind_m_s, from_deg=270.0) if around.wind_m_s else CALM
+    plan = FlightPlan(
+        mission=mission,
+        platform=platform,
+        seed=seed,
+        wind=wind,
+        waves_m=around.waves_m,
+        current_m_s=around.current_m_s,
+        is_plain_gps=around.has_plain_gps,
+        out=out,
+    )
+    return run_virtual(_go(plan))
+
+
+async def _go(plan: FlightPlan) -> Way:
+    seen: list[tuple[float, Vector3, Vector3]] = []
+
+    def see(envelope: Envelope[Pose]) -> None:
+        if flight.samples and (not seen or envelope.t_s - seen[-1][0] >= PERIOD_S - 1e-3):
+            (north, east, _), down = flight.samples[-1].position_ned_m, flight.simulator.truth().position_ned_m[2]
+            seen.append((envelope.t_s, (north, east, down), envelope.payload.position_ned_m))
+
+    async with Flight(plan) as flight:
+        path = RequestedPath(flight.exchange, flight.name)
+        flight.exchange.subscribe(f"{flight.name}/pose", see)
+        end = await flight.await_end(await flight.upload_and_start(), WITHIN_S)
+    asked = max(path.flights, key=lambda one: len(one.polyline_ned_m))
+    end_s = math.inf if asked.end_s is None else asked.end_s
+    under_way = [(true, believed) for t_s, true, believed in seen if asked.start_s <= t_s <= end_s]
+    return Way(end.state, [true for true, _ in under_way], [own for _, own in under_way], asked.polyline_ned_m)
+
+
+def beside_m(places: Sequence[Vector3], asked: Sequence[Vector3], corner_m: float) -> float:
+    """RMS of the distance beside the nearest leg, of places farther than `corner_m` from both its ends, on the map."""
+    legs = [leg for leg in pairwise(asked) if math.dist(leg[0][:2], leg[1][:2]) > 2.0 * corner_m]
+    found = [
+        min((abs(off_m) for leg in legs for off_m, on_m, length_m in [_beside(at, *leg)] if corner_m < on_m < length_m - corner_m), default=None)
+        for at in places
+    ]  # fmt: skip
+    return math.sqrt(fmean(off_m**2 for off_m in found if off_m is not None))
+
+
+def missed_m(places: Sequence[Vector3], asked: Sequence[Vector3]) -> float:
+    """The farthest miss of a waypoint: how near the nearest place was, on the map."""
+    return max(min(math.dist(at[:2], corner[:2]) for at in places) for corner in asked[1:])
+
+
+def _beside(at: Vector3, begin: Vector3, end: Vector3) -> tuple[float, float, float]:
+    """How far beside a leg a place is, how far along it, and how long the leg is."""
+    north, east = end[0] - begin[0], end[1] - begin[1]
+    length_m = math.hypot(north, east)
+    n, e = at[0] - begin[0], at[1] - begin[1]
+    return (e * north - n * east) / length_m, (n * north + e * east) / length_m, length_m
+
+
+def draw(way: Way, file: Path, title: str) -> None:
+    """Draws the path flown against the path requested, with no more points than are seen."""
+    plot_path(_thinned(way.true), way.asked, file, home=way.true[0], waypoints=way.asked[1:], title=title)
+
+
+def _thinned(places: Sequence[Vector3]) -> list[Vector3]:
+    """The places without which the line looks the same."""
+    kept = [places[0]]
+    pending: list[Vector3] = []
+    for place in places[1:]:
+        if any(_off_m(between, kept[-1], place) > DRAWN_M for between in pending):
+            kept.append(pending[-1])
+            pending = []
+        pending.append(place)
+    return [*kept, places[-1]]
+
+
+def _off_m(at: Vector3, begin: Vector3, end: Vector3) -> float:
+    """Distance from a straight piece."""
+    length_m = math.dist(begin, end)
+    if length_m == 0.0:
+        return math.dist(at, begin)
+    on = sum((p - b) * (e - b) for p, b, e in zip(at, begin, end, strict=True)) / length_m
+    on = min(max(on, 0.0), length_m) / length_m
+    return math.dist(at, tuple(b + on * (e - b) for b, e in zip(begin, end, strict=True)))

@@ -92,6 +92,7 @@ class FixedWing(JsbsimBody):
         aileron, elevator, rudder = self._surfaces
         alpha, beta = atan2(w, u), atan2(v, sqrt(u * u + w * w))
         pressure_n = 0.5 * self._density * air * air * m.wing_m2
+        ahead_n = 0.5 * self._density * (u * u + w * w) * m.wing_m2  # what blows along the wing does not lift it
         half = 0.5 / air
         p, q, r = p * m.span_m * half, q * m.chord_m * half, r * m.span_m * half
         cosine, sine = cos(alpha), sin(alpha)
@@ -107,11 +108,11 @@ class FixedWing(JsbsimBody):
         pitch = m.pitch_0 + m.pitch_alpha * alpha + m.pitch_q * q + m.pitch_elevator * elevator
         yaw = m.yaw_beta * beta + m.yaw_p * p + m.yaw_r * r + m.yaw_aileron * aileron + m.yaw_rudder * rudder
         return (
-            pressure_n * (lift * sine - drag * cosine) + thrust_n,
+            ahead_n * (lift * sine - drag * cosine) + thrust_n,
             pressure_n * side,
-            -pressure_n * (lift * cosine + drag * sine),
+            -ahead_n * (lift * cosine + drag * sine),
             pressure_n * m.span_m * roll - torque_n_m,
-            pressure_n * m.chord_m * pitch,
+            ahead_n * m.chord_m * pitch,
             pressure_n * m.span_m * yaw,
         )
 

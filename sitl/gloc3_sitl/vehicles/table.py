@@ -129,6 +129,22 @@ def _diving_sensors(seed: int, home: GeoPoint) -> Sequence[Sensor[Any]]:
     return DepthSensor(seed, home), Altimeter(seed), Compass(seed, home), SurfaceFix(seed, home), LeakSensor(seed)
 
 
+def _submarine_row(kind: str, model: UnderwaterModel) -> VehicleRow:
+    """What dives: an AUV or an ROV, under ArduSub."""
+    return VehicleRow(
+        types=(kind,),
+        body=_diving(model),
+        pack=model,
+        vehicle_class=_submarine(model),
+        styles={"ardupilot": ARDUSUB},
+        world="bay",
+        swims=True,
+        imu_bias_share=_TACTICAL,
+        is_diving=True,
+        sensors=_diving_sensors,
+    )
+
+
 VEHICLES: Final[Mapping[str, VehicleRow]] = {
     "pelican": VehicleRow(
         types=("quadrotor", "hexarotor"),
@@ -137,30 +153,8 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         vehicle_class=MULTIROTOR,
         styles={"px4": PX4, "ardupilot": ARDUPILOT},
     ),
-    "auv": VehicleRow(
-        types=("auv",),
-        body=_diving(AUV),
-        pack=AUV,
-        vehicle_class=_submarine(AUV),
-        styles={"ardupilot": ARDUSUB},
-        world="bay",
-        swims=True,
-        imu_bias_share=_TACTICAL,
-        is_diving=True,
-        sensors=_diving_sensors,
-    ),
-    "rov": VehicleRow(
-        types=("rov",),
-        body=_diving(ROV),
-        pack=ROV,
-        vehicle_class=_submarine(ROV),
-        styles={"ardupilot": ARDUSUB},
-        world="bay",
-        swims=True,
-        imu_bias_share=_TACTICAL,
-        is_diving=True,
-        sensors=_diving_sensors,
-    ),
+    "auv": _submarine_row("auv", AUV),
+    "rov": _submarine_row("rov", ROV),
     "rover": VehicleRow(
         types=("rover",),
         body=partial(SkidRover, JACKAL),

@@ -59,4 +59,4 @@ ARDUPILOT: Final = Style(
     takeoff_in_streamed=True,
     version=(4, 7, 0),
 )
-"""ArduPilot Copter 4.7."""
+"""ArduPilot Copter 4.7; the styles of the other vehicles are this one with what is different there."""

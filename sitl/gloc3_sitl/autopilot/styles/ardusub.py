@@ -1,9 +1,11 @@
 """ArduSub's style: its mode numbers, depth in place of height, no take-off and no landing."""
 
+from dataclasses import replace
 from typing import Final
 
 from gloc3_sitl.autopilot.behaviours.submarine import DepthHold, Sticks, Surface
-from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, Style
+from gloc3_sitl.autopilot.modes import Behaviour, Mode
+from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.ardusub_parameters import PARAMETERS, derive
 
 _MANUAL: Final = 64 | 16
@@ -20,9 +22,8 @@ _MOTOR_DETECT: Final = 20
 
 _TAKE_OFF, _LAND, _RETURN, _VTOL_TAKE_OFF, _VTOL_LAND = 22, 21, 20, 84, 85
 
-ARDUSUB: Final = Style(
-    name="ardupilot",
-    autopilot=3,
+ARDUSUB: Final = replace(
+    ARDUPILOT,
     modes=(
         Mode(name="STABILIZE", custom_mode=_STABILIZE, base_mode=_MANUAL, behaviour=Behaviour.STABILIZE),
         Mode(name="ALT_HOLD", custom_mode=_ALT_HOLD, base_mode=_MANUAL, behaviour=Behaviour.ALTITUDE),
@@ -40,8 +41,6 @@ ARDUSUB: Final = Style(
         ),
     ),
     boot_mode=_MANUAL_MODE,
-    goes_on={},
-    after_disarm={},
     hold_mode=_POSHOLD,
     brake_mode=_POSHOLD,
     takeoff_mode=_GUIDED,
@@ -53,16 +52,6 @@ ARDUSUB: Final = Style(
     altitude_mode=_ALT_HOLD,
     parameters=PARAMETERS,
     derive=derive,
-    refused=Result.FAILED,
-    unknown_mode=Result.FAILED,
-    arming_prefix="PreArm: ",
-    streamed_needs_stream=False,
-    streamed_shapes_positions=True,
-    log_folder="/APM/LOGS",
-    mission_keeps_home=True,
-    pilot_disarms_in_air=True,
-    takeoff_in_streamed=True,
-    version=(4, 7, 0),
     activities={Behaviour.STABILIZE: Sticks, Behaviour.ALTITUDE: DepthHold, Behaviour.LAND: Surface},
     unsupported=frozenset({_TAKE_OFF, _LAND, _RETURN, _VTOL_TAKE_OFF, _VTOL_LAND}),
     disarms_under_way=True,

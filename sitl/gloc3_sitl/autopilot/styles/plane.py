@@ -1,5 +1,6 @@
 """ArduPilot's style with what flies on wings: Plane's modes, its refusals, its Guided."""
 
+from dataclasses import replace
 from typing import Final
 
 from gloc3_sitl.autopilot.behaviours.touching_down import AutoLand
@@ -13,7 +14,8 @@ from gloc3_sitl.autopilot.behaviours.winged import (
     ReturnToCircle,
     RunUp,
 )
-from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, Style
+from gloc3_sitl.autopilot.modes import Behaviour, Mode
+from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.plane_parameters import PARAMETERS, derive
 
 _STICKS: Final = 64
@@ -23,9 +25,8 @@ _MANUAL, _CIRCLE, _STABILIZE, _FBWA, _CRUISE = 0, 1, 2, 5, 7
 _AUTO, _RTL, _LOITER, _TAKEOFF, _GUIDED, _AUTOLAND = 10, 11, 12, 13, 15, 26
 _TAKE_OFF_COMMAND, _LAND_COMMAND, _ORBIT = 22, 21, 34
 
-PLANE: Final = Style(
-    name="ardupilot",
-    autopilot=3,
+PLANE: Final = replace(
+    ARDUPILOT,
     modes=(
         Mode(name="MANUAL", custom_mode=_MANUAL, base_mode=_STICKS, behaviour=Behaviour.DIRECT),
         Mode(name="CIRCLE", custom_mode=_CIRCLE, base_mode=_ITSELF, behaviour=Behaviour.STOP, can_arm=False),
@@ -40,8 +41,6 @@ PLANE: Final = Style(
         Mode(name="AUTOLAND", custom_mode=_AUTOLAND, base_mode=_ITSELF, behaviour=Behaviour.LAND, can_arm=False),
     ),
     boot_mode=_MANUAL,
-    goes_on={},
-    after_disarm={},
     hold_mode=_LOITER,
     brake_mode=_CIRCLE,
     takeoff_mode=_TAKEOFF,
@@ -53,16 +52,6 @@ PLANE: Final = Style(
     altitude_mode=_CRUISE,
     parameters=PARAMETERS,
     derive=derive,
-    refused=Result.FAILED,
-    unknown_mode=Result.FAILED,
-    arming_prefix="PreArm: ",
-    streamed_needs_stream=False,
-    streamed_shapes_positions=True,
-    log_folder="/APM/LOGS",
-    mission_keeps_home=True,
-    pilot_disarms_in_air=True,
-    takeoff_in_streamed=True,
-    version=(4, 7, 0),
     activities={
         Behaviour.DIRECT: Direct,
         Behaviour.STOP: Circle,

@@ -1,6 +1,7 @@
 """ArduPilot's style with what drives or floats: Rover's modes, its refusals, its Guided."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 from gloc3_sitl.autopilot.behaviours.driving import (
@@ -13,7 +14,8 @@ from gloc3_sitl.autopilot.behaviours.driving import (
     SteeredBySticks,
     Stop,
 )
-from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, Style
+from gloc3_sitl.autopilot.modes import Behaviour, Mode, Style
+from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.rover_parameters import derive, with_defaults
 
 _STICKS: Final = 64
@@ -32,9 +34,8 @@ def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> Style:
         defaults: parameters that are the vehicle's own.
         hold_mode: what has it stay: HOLD, or LOITER for what drifts.
     """
-    return Style(
-        name="ardupilot",
-        autopilot=3,
+    return replace(
+        ARDUPILOT,
         modes=(
             Mode(name="MANUAL", custom_mode=_MANUAL, base_mode=_STICKS, behaviour=Behaviour.DIRECT),
             Mode(name="ACRO", custom_mode=_ACRO, base_mode=_STEADIED, behaviour=Behaviour.STEER),
@@ -53,8 +54,6 @@ def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> Style:
             Mode(name="GUIDED", custom_mode=_GUIDED, base_mode=_ITSELF, behaviour=Behaviour.STREAMED),
         ),
         boot_mode=_MANUAL,
-        goes_on={},
-        after_disarm={},
         hold_mode=hold_mode,
         brake_mode=_HOLD,
         takeoff_mode=_GUIDED,
@@ -66,16 +65,6 @@ def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> Style:
         altitude_mode=_MANUAL,
         parameters=with_defaults(defaults),
         derive=derive,
-        refused=Result.FAILED,
-        unknown_mode=Result.FAILED,
-        arming_prefix="PreArm: ",
-        streamed_needs_stream=False,
-        streamed_shapes_positions=True,
-        log_folder="/APM/LOGS",
-        mission_keeps_home=True,
-        pilot_disarms_in_air=True,
-        takeoff_in_streamed=True,
-        version=(4, 7, 0),
         activities={
             Behaviour.DIRECT: Direct,
             Behaviour.STEER: SteeredBySticks,

@@ -72,6 +72,8 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
                 order = arguments
         if order.wall_distance_m is not None:
             raise Refused("what flies on wings keeps no distance from a wall")
+        if order.altitude_m is not None:
+            raise Refused("what flies by plans keeps no height over the ground")
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"what flies on wings points where it flies: heading {order.heading.mode}")
         self._climbs = isinstance(arguments, TakeOff)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import msgspec
+from msgspec import structs
 
 from gloc3.document import load_bytes
 from gloc3.errors import Finding, InputError, nearest
@@ -153,13 +154,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     findings += _capabilities(mission, circumstances)
     findings += _resources(mission, order, circumstances.capabilities())
     findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
-    findings += space_findings(
-        mission,
-        figures,
-        platform.limits if platform else None,
-        home_ned_m=circumstances.home_ned_m,
-        start_ned_m=circumstances.start_ned_m,
-    )
+    findings += _space(mission, figures, circumstances)
     findings += turn_findings(mission, figures, platform.limits if platform else None)
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
@@ -198,6 +193,21 @@ def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mis
         estimate=together(figures),
         order=PartialOrder.of(mission),
     )
+
+
+def _space(mission: Mission, figures: Estimate, circumstances: Circumstances) -> list[Finding]:
+    """What is wrong with the way; and, as warnings, with that on which guards leave out all that they may."""
+    limits = circumstances.platform.limits if circumstances.platform is not None else None
+    home_ned_m, start_ned_m = circumstances.home_ned_m, circumstances.start_ned_m
+    found = space_findings(mission, figures, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
+    if figures.least is None:
+        return found
+    shorter = space_findings(mission, figures.least, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
+    left = [one for one in shorter if one not in found]
+    return found + [
+        structs.replace(one, message=f"{one.message}, where guards leave out what they may", is_warning=True)
+        for one in left
+    ]
 
 
 def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budget) -> Iterator[Finding]:

@@ -111,6 +111,30 @@ contingencies:
 """
 
 
+CORNER = """\
+mission: m
+frame: hold
+geofence: {polygon_m: [[-3, -3], [20, -3], [20, 20], [14, 20], [14, 3], [-3, 3]], ceiling_m: 9}
+tasks:
+  depart: {actions: {climb: {take_off: {height_m: 2}}}}
+  out:
+    after: [depart]
+    actions:
+      corner: {go_to: {position_m: [17, 0, 2]}, GUARD}
+      far:    {go_to: {position_m: [17, 18, 2]}, after: [corner]}
+  end: {after: [out], actions: {down: {land: {}}}}
+"""
+
+
+def test_where_the_way_past_what_a_guard_leaves_out_leaves_the_fence_is_warned_of(pelican: Platform) -> None:
+    assert told(checked(CORNER.replace(", GUARD", ""), pelican)) == []
+    report = checked(CORNER.replace("GUARD", GUARD), pelican)
+    assert report.is_ok
+    assert told(report) == [
+        "warning: the straight way to far's end leaves the fence or its margin of 0.5 m, where guards leave out what they may"
+    ]
+
+
 def test_a_contingency_that_cannot_be_flown_to_straight_from_everywhere_is_warned_of(pelican: Platform) -> None:
     assert told(checked(READY.replace("X", "17"), pelican)) == []
     assert told(checked(READY.replace("X", "0"), pelican)) == [

@@ -10,6 +10,11 @@ import msgspec
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs" / "evidence"
+INDEX = PAGES / "README.md"
+RESULT = "- result: "
+ABOUT = """\
+Each page states a claim, the command that shows it, the commit at which that was done, and its figures beside what they must
+be. `make evidence NAME=flight` makes one of them anew, `make evidence` all and this list."""
 SCRATCH = ROOT / "runs" / "evidence"
 
 
@@ -92,7 +97,7 @@ def write(bar: Bar, figures: Sequence[Figure], of: str) -> bool:
         f"- command: `make evidence NAME={bar.name}`",
         f"- commit: `{of}`",
         f"- seeds: {bar.seeds}",
-        f"- result: {'every bar is met' if is_met else '**not every bar is met**'}",
+        f"{RESULT}{'every bar is met' if is_met else '**not every bar is met**'}",
         "",
         "| figure | value | bar | met |",
         "| --- | --- | --- | --- |",
@@ -102,4 +107,16 @@ def write(bar: Bar, figures: Sequence[Figure], of: str) -> bool:
     ]
     PAGES.mkdir(parents=True, exist_ok=True)
     (PAGES / f"{bar.name}.md").write_text("\n".join(lines))
+    write_index()
     return is_met
+
+
+def write_index() -> None:
+    """Writes the list of all pages, with their titles and results."""
+    rows = []
+    for page in sorted(PAGES.glob("*.md")):
+        if page != INDEX:
+            title, *lines = page.read_text().splitlines()
+            result = next(line.removeprefix(RESULT) for line in lines if line.startswith(RESULT))
+            rows.append(f"| [{title.removeprefix('# ')}]({page.name}) | {result} |")
+    INDEX.write_text("\n".join(["# Evidence", "", ABOUT, "", "| page | result |", "| --- | --- |", *rows, ""]))

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import struct
 from pathlib import Path
 
@@ -173,9 +174,12 @@ async def test_it_is_begun_by_key_goes_while_the_key_is_kept_and_ends_with_the_d
 async def test_a_refusal_and_an_end_by_the_vehicle_are_said() -> None:
     async with scene() as here:
         watcher = await _open(here)
-        here.platform.answer_next(RequestAction, refused("motion is claimed by sweep.wall"))
-        await here.press("enter")
-        await watcher.sees("motion is claimed by sweep.wall")
+        reason = "the vehicle is on the ground, and none of take_off, drive_off, depart and dive has been asked for yet"
+        here.platform.answer_next(RequestAction, refused(reason))
+        await here.press("w", "enter")
+        await watcher.sees("asked for yet")
+        assert re.search(r"surge +\+25% +–", watcher.text), "nothing is asked of a vehicle that is not steered"
+        assert max(len(line) for line in watcher.text.splitlines()) <= 60
         here.platform.answer_next(RequestAction, lambda request: reply_to(request, reason="command-2"))
         await here.press("enter")
         await watcher.sees("NOT HEARD")

@@ -6,7 +6,6 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 
-from gloc3.messages import Severity
 from gloc3_groundstation.mapping.tracks import Track
 from gloc3_groundstation.tui.canvas_panel import CanvasPanel
 from gloc3_groundstation.tui.dialogues.teleoperate import Teleoperate
@@ -54,6 +53,8 @@ class FlightDataScreen(StationScreen):
     _window = 2
     _first = 0
     _frozen_s: float | None = None
+    _by_hand = ""
+    """The capability by which the vehicle in view is steered by hand; empty where it has none."""
 
     def body(self) -> ComposeResult:
         """Attitude and values; charts."""
@@ -63,6 +64,9 @@ class FlightDataScreen(StationScreen):
 
     def look(self, view: View) -> None:
         """Draws it."""
+        if (by_hand := self._steered_by(view)) != self._by_hand:
+            self._by_hand = by_hand
+            self.refresh_bindings()
         attitude, panel = self.query_one("#attitude", CanvasPanel), self.query_one("#charts", CanvasPanel)
         track = self._track(view)
         title = attitude_title(view, track)
@@ -82,16 +86,20 @@ class FlightDataScreen(StationScreen):
         self.look_again()
 
     def action_by_hand(self) -> None:
-        """Steers the vehicle in view by hand, if it can be."""
+        """Steers the vehicle in view by hand."""
         platform = self.view.platform if self.view is not None else None
-        if platform is None:
-            return
-        rows = self.desk.missions.capabilities(platform.name)
-        capability = next((name for name, row in rows.items() if row.arguments == BY_HAND), None)
-        if capability is None:
-            self.desk.station.note(platform.name, Severity.WARNING, "it cannot be steered by hand: no such capability")
-            return
-        self.app.push_screen(Teleoperate(self.desk, platform.name, capability, self.moment, self.desk.gamepad))
+        if platform is not None and self._by_hand:
+            self.app.push_screen(Teleoperate(self.desk, platform.name, self._by_hand, self.moment, self.desk.gamepad))
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offers to steer by hand where the vehicle has that capability."""
+        return bool(self._by_hand) if action == "by_hand" else super().check_action(action, parameters)
+
+    def _steered_by(self, view: View) -> str:
+        if view.platform is None or not view.platform.has_companion:
+            return ""
+        rows = self.desk.missions.capabilities(view.platform.name)
+        return next((name for name, row in rows.items() if row.arguments == BY_HAND), "")
 
     def action_live(self) -> None:
         """Shows now again."""

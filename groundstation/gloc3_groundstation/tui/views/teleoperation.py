@@ -6,10 +6,14 @@ from typing import Final, NamedTuple
 from gloc3.teleoperation import EXPIRES_S, TeleoperationState
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.teleoperation import FullSpeed, Sticks
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone
+from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
 
 TOLD_S: Final = 1.0
 """What the vehicle told longer ago says nothing of now: it tells five times a second."""
+
+WIDTH: Final = 58
+"""Of the dialogue's text."""
+NOTHING: Final = f"{'–':>10}"
 
 
 class Helm(NamedTuple):
@@ -56,12 +60,12 @@ def helm_lines(
     ]
     for index, (name, unit) in enumerate((("surge", "m/s"), ("sway", "m/s"), ("heave", "m/s"), ("turn", "°/s"))):
         stick = helm.sticks[index]
-        line = f"{name:<8}{stick * 100.0:>+7.0f}%{stick * full[index]:>+10.2f}"
+        asked = f"{stick * full[index]:>+10.2f}" if helm.is_begun and helm.is_kept else NOTHING
+        line = f"{name:<8}{stick * 100.0:>+7.0f}%{asked}"
         line += f"{_number(wanted, index)}{_number(measured, index)}  {unit}"
         rows.append((Span(line, Tone.TEXT if stick else Tone.DIM),))
     rows += [EMPTY, _place_line(platform, now_s)]
-    if helm.problem:
-        rows.append((Span(helm.problem, Tone.BAD),))
+    rows += [(Span(line, Tone.BAD),) for line in wrapped(helm.problem, WIDTH)] if helm.problem else []
     return tuple(rows)
 
 
@@ -71,7 +75,7 @@ def _told(platform: PlatformSnapshot | None, now_s: float) -> TeleoperationState
 
 
 def _number(values: tuple[int, ...] | None, index: int) -> str:
-    return f"{'–':>10}" if values is None else f"{values[index] / 100.0:>+10.2f}"
+    return NOTHING if values is None else f"{values[index] / 100.0:>+10.2f}"
 
 
 def _link_line(platform: PlatformSnapshot | None, round_trip_s: float | None, now_s: float) -> Line:

@@ -52,7 +52,7 @@ app = App(
     - `gloc3 sitl --autopilot ardupilot --world open --home 47.3977,8.5456,488,90 --wind 6`: for ground stations of others
     - `gloc3 sitl --vehicle boat --home 63.4396,10.399,0,0 --waves 0.3`: the Otter in the fjord, for `gloc3
       onboard boat`; `--vehicle rover` is a Jackal, `plane` an Aerosonde
-    - `gloc3 sitl --vehicle auv --world bay --dvl a50://127.0.0.1:16171`: with its Doppler velocity log, for `gloc3 onboard
+    - `gloc3 sitl --vehicle auv --dvl a50://127.0.0.1:16171`: with its Doppler velocity log, for `gloc3 onboard
       auv --device dvl=a50://127.0.0.1:16171`; `--vehicle rov`, too
     - `gloc3 sitl --no-gps --sensors 7010`: with cameras and laser scanner, for `gloc3 onboard pelican --device`
     - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world, see docs/firmware.md""",

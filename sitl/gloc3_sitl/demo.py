@@ -12,15 +12,16 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.mission.model import Mission
 from gloc3.narrate import narrate
-from gloc3.platform import Platform
+from gloc3.platform import Limits, Platform
 from gloc3_sitl.child import Child
-from gloc3_sitl.earth import home_of
-from gloc3_sitl.mission_file import MissionFile, is_without_satellites, read_mission_file
+from gloc3_sitl.mission_file import MissionFile, Place, is_without_satellites, place_for, read_mission_file
 from gloc3_sitl.outputs import make_anew
 from gloc3_sitl.sim_rig import SIM_DEVICES
+from gloc3_sitl.vehicles.table import vehicle_of_type
 
 EXIT_FAILED: Final = 1
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
+DVL: Final = "dvl"
 PATIENCE: Final = 3.0
 """Where nobody looks, a flight that takes so many times its estimate, and two minutes, is given up."""
 
@@ -77,7 +78,7 @@ async def run_demo(options: DemoOptions, platform: Platform) -> int:
         code = EXIT_INTERRUPTED
     finally:
         await demo.stop()
-    _report(options, mission.mission, Clock.cost_s() - begin_s)
+    _report(options, mission.mission, platform.limits, Clock.cost_s() - begin_s)
     return code
 
 
@@ -99,11 +100,14 @@ class Demo:
         """
         options, vehicle, onboard = self._options, self._vehicle, self._onboard
         to_companion, to_station = free_ports(2, socket.SOCK_DGRAM)
-        (sensors,) = free_ports(1, socket.SOCK_STREAM)
+        sensors, dvl = free_ports(2, socket.SOCK_STREAM)
+        kind = vehicle_of_type(self._platform.vehicle.type)
+        has_dvl = DVL in _used(self._platform)
         await vehicle.start(
             [
-                "sitl",
-                *_place(self._mission.mission),
+                *("sitl", "--vehicle", kind),
+                *_place(place_for(self._mission.mission, self._platform, kind)),
+                *(["--dvl", f"a50://127.0.0.1:{dvl}"] if has_dvl else []),
                 *(["--no-gps"] if is_without_satellites(self._platform) else []),
                 *("--firmware" if options.is_firmware else "--autopilot", options.autopilot),
                 *("--link", f"companion=udpout://127.0.0.1:{to_companion}"),
@@ -116,7 +120,7 @@ class Demo:
                 *("onboard", options.platform),
                 *("--autopilot", f"udpin://127.0.0.1:{to_companion}"),
                 *("--station", f"udpout://127.0.0.1:{to_station}"),
-                *(word for device in sensed(self._platform, sensors) for word in ("--device", device)),
+                *(word for device in sensed(self._platform, sensors, dvl) for word in ("--device", device)),
                 *("--out", str(options.out)),
             ]
         )
@@ -169,32 +173,39 @@ def free_ports(count: int, kind: socket.SocketKind) -> list[int]:
     return ports
 
 
-def sensed(platform: Platform, port: int) -> list[str]:
+def sensed(platform: Platform, port: int, dvl_port: int) -> list[str]:
     """Where the sensors of a platform are that a simulated vehicle has, as NAME=URL.
 
     Args:
         platform: whose components use them.
         port: where the simulated vehicle serves cameras and laser scanner.
+        dvl_port: where it serves its Doppler velocity log.
     """
-    used = {device for row in platform.components for device in row.devices.values()}
-    places = dict.fromkeys(SIM_DEVICES, f"tcp://127.0.0.1:{port}") | {"imu": "autopilot://"}
+    used = _used(platform)
+    places = dict.fromkeys(SIM_DEVICES, f"tcp://127.0.0.1:{port}")
+    places |= {"imu": "autopilot://", DVL: f"a50://127.0.0.1:{dvl_port}"}
     return [f"{name}={place}" for name, place in places.items() if name in used]
 
 
-def _place(mission: Mission) -> list[str]:
-    """The world for a mission: the hold, or open ground at its own place on Earth."""
-    if mission.frame != "geo":
-        return ["--world", "hold"]
-    home = home_of(mission)
-    return ["--world", "open", f"--home={home.latitude_deg:.8f},{home.longitude_deg:.8f},{home.altitude_m:.2f},0"]
+def _used(platform: Platform) -> set[str]:
+    return {device for row in platform.components for device in row.devices.values()}
 
 
-def _report(options: DemoOptions, mission: Mission, total_s: float) -> None:
+def _place(place: Place) -> list[str]:
+    """The place as the options of `gloc3 sitl`."""
+    if place.home is None:
+        return ["--world", place.world]
+    home, heading = place.home, place.heading_deg or 0.0
+    where = f"{home.latitude_deg:.8f},{home.longitude_deg:.8f},{home.altitude_m:.2f},{heading:.2f}"
+    return ["--world", place.world, f"--home={where}"]
+
+
+def _report(options: DemoOptions, mission: Mission, limits: Limits, total_s: float) -> None:
     """Writes the report from the logs, as far as there are any."""
     from gloc3_sitl.demo_report import write_report
 
     try:
-        lines = write_report(options.out, mission, options.autopilot, total_s)
+        lines = write_report(options.out, mission, limits, options.autopilot, total_s)
     except Gloc3Error as error:
         narrate(f"gloc3 demo: no report, because nothing was flown: {error}")
         return

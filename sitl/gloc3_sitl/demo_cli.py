@@ -19,6 +19,7 @@ app = App(
 
     - `gloc3 demo`: the inspection of a cargo hold
     - `gloc3 demo --platform pelican`: the same without satellites, by its own cameras and laser scanner
+    - `gloc3 demo survey --platform boat`: a survey on the water; rover and auv do it, too
     - `gloc3 demo my.plan --out runs/mine`: a plan of QGroundControl, at its own place on Earth
 
     The folder of --out holds log.mcap (opens in Foxglove), truth.mcap, report.json, path.svg, images, and what the
@@ -35,7 +36,7 @@ def demo(
     /,
     *,
     platform: str | None = None,
-    autopilot: Literal["px4", "ardupilot"] = "px4",
+    autopilot: Literal["px4", "ardupilot"] | None = None,
     firmware: Literal["ardupilot"] | None = None,
     out: Path = Path("runs/demo"),
     headless: Annotated[bool, Parameter(negative=())] = False,
@@ -46,7 +47,7 @@ def demo(
         mission: A mission file (.yaml, .plan, WPL), or an example by its name.
         platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
             Pelican, with a receiver for satellites where the mission is on Earth.
-        autopilot: The style of the simulated autopilot.
+        autopilot: The style of the simulated autopilot; else the usual one of the vehicle.
         firmware: A real autopilot in its place, whose program is on PATH; see docs/firmware.md.
         out: Folder for everything that the flight leaves, in place of an earlier flight's.
         headless: Narrate, also on a terminal.
@@ -54,6 +55,7 @@ def demo(
     from gloc3.platform import load_platform
     from gloc3_sitl.demo import DemoOptions, run_demo
     from gloc3_sitl.mission_file import find_file, platform_for
+    from gloc3_sitl.vehicles.table import style_of, vehicle_of_type
 
     path = find_file(mission)
     platform = platform or platform_for(path)
@@ -62,7 +64,7 @@ def demo(
     options = DemoOptions(
         mission=path,
         platform=platform,
-        autopilot=firmware or autopilot,
+        autopilot=firmware or style_of(vehicle_of_type(known.vehicle.type), autopilot),
         is_firmware=firmware is not None,
         out=out,
         is_headless=headless or not is_terminal or sys.stdin is None,

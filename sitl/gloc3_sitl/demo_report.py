@@ -6,13 +6,14 @@ from gloc3.exchange import LocalExchange
 from gloc3.log.plot import plot_path
 from gloc3.log.reader import LogReader
 from gloc3.mission.model import Mission
+from gloc3.platform import Limits
 from gloc3_sitl.flight_messages import SimTruth
-from gloc3_sitl.flight_report import as_json, as_lines, judge
+from gloc3_sitl.flight_report import as_json, as_lines, judge_within
 from gloc3_sitl.flight_watch import FlightWatch
 from gloc3_sitl.path_error import Sample
 
 
-def write_report(out: Path, mission: Mission, autopilot: str, total_s: float) -> list[str]:
+def write_report(out: Path, mission: Mission, limits: Limits, autopilot: str, total_s: float) -> list[str]:
     """Writes `report.json` and `path.svg`; returns the summary for a person.
 
     Raises:
@@ -37,7 +38,7 @@ def write_report(out: Path, mission: Mission, autopilot: str, total_s: float) ->
     if report.mission_state in ("waiting", "running", "paused"):
         report.reason = f"interrupted while it was {report.mission_state}"
         report.mission_state = "aborted"
-    judge(report, samples, watch.path.flights)
+    judge_within(limits, report, samples, watch.path.flights)
     report.wall = {"total_s": round(total_s, 3), "real_time_factor": 1.0}
     (out / "report.json").write_bytes(as_json(report))
     flown = [sample.position_ned_m for sample in samples]

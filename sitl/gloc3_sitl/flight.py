@@ -63,14 +63,14 @@ from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
 from gloc3_sitl.flight_messages import SimFault, SimTruth
-from gloc3_sitl.mission_file import is_without_satellites
+from gloc3_sitl.mission_file import is_without_satellites, place_for
 from gloc3_sitl.path_error import Sample
 from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
 from gloc3_sitl.sim_devices import NoCamera
 from gloc3_sitl.sim_imu import SimImu
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import LinkKind, Simulator
-from gloc3_sitl.vehicles.table import style_of, vehicle_named, vehicle_of_type
+from gloc3_sitl.vehicles.table import style_of, vehicle_of_type
 from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
@@ -278,21 +278,10 @@ class Flight:
         return LogShelf(self.plan.out, unfinished, self.cut_log, AtOnce())
 
     def _world(self) -> World:
-        """The world that the mission's frame belongs to.
-
-        For frames of the platform that is the open, ground or water, at their origin; for missions on Earth at the first
-        place of the mission.
-        """
+        """The world that is asked for, or the one that the mission's frame belongs to."""
         if self.plan.world:
             return _fitting(World.load(self.plan.world), self.mission)
-        row = self.platform.frames.get(self.mission.frame)
-        if row is not None and self.mission.frame != "hold":
-            return World.load("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
-        if self.mission.frame != "geo":
-            return World.load("hold")
-        from gloc3_sitl.earth import home_of
-
-        return World.load(vehicle_named(self.vehicle).world, home=home_of(self.mission))
+        return World.load(*place_for(self.mission, self.platform, self.vehicle))
 
     def _simulator(self, world: World) -> Simulator | FirmwareInStep:
         plan, is_without_gps = self.plan, is_without_satellites(self.platform)

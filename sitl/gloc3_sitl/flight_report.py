@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import msgspec
 
 from gloc3.mission.estimate import span
+from gloc3.platform import Limits
 from gloc3.requested_path import RequestedFlight
 from gloc3_sitl.path_error import PASSED_M, LegResult, PathResult, Sample, path_error
 
@@ -49,6 +50,15 @@ class FlightReport(msgspec.Struct, kw_only=True):
     events: list[str] = []
     wall: dict[str, float] = {}
     """What the flight cost: seconds of wall time."""
+
+
+def judge_within(
+    limits: Limits, report: FlightReport, samples: Sequence[Sample], requested: Sequence[RequestedFlight]
+) -> None:
+    """Fills in the figures of the path, as near and in as many dimensions as the platform's limits have it."""
+    if limits.survey_height_m == 0.0:  # it stays on the ground or on the water, and is lifted by that
+        samples = [Sample(one.t_s, (one.position_ned_m[0], one.position_ned_m[1], 0.0)) for one in samples]
+    judge(report, samples, requested, max(PASSED_M, limits.survey_acceptance_m))
 
 
 def judge(

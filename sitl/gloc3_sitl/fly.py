@@ -1,7 +1,6 @@
 """Flies a mission in virtual time from start-up to report; what `gloc3 fly` runs."""
 
 import asyncio
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -15,10 +14,9 @@ from gloc3.platform import Platform
 from gloc3_sitl.faults import schedule_faults
 from gloc3_sitl.firmware.in_step import FirmwareInStep
 from gloc3_sitl.flight import Flight, FlightPlan
-from gloc3_sitl.flight_report import FlightReport, as_json, judge
+from gloc3_sitl.flight_report import FlightReport, as_json, judge_within
 from gloc3_sitl.flight_watch import FlightWatch, Narrate
 from gloc3_sitl.mission_file import MissionFile, read_mission_file
-from gloc3_sitl.path_error import PASSED_M, Sample
 from gloc3_sitl.wind import CALM, Wind
 
 START_WITHIN_S: Final = 300.0
@@ -103,14 +101,7 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         if isinstance(flight.simulator, FirmwareInStep) and flight.simulator.problem:
             report.mission_state, report.reason = "failed", flight.simulator.problem
         watch.land(flight.loop.time())
-        limits = flight.platform.limits
-        near_m = max(PASSED_M, limits.survey_acceptance_m)
-        judge(
-            report,
-            _level(flight.samples) if limits.survey_height_m == 0.0 else flight.samples,
-            watch.path.flights,
-            near_m,
-        )
+        judge_within(flight.platform.limits, report, flight.samples, watch.path.flights)
         if flight.recorder is not None:
             flight.recorder.write_requested_path(watch.path.points_ned_m)
         end_s, simulated_s = Clock.cost_s(), flight.loop.time()
@@ -152,11 +143,6 @@ async def _to_the_end(flight: Flight, estimate_s: float) -> tuple[str, str]:
     except TimeoutError:
         return "failed", f"not ended after {PATIENCE:g} times the estimate of {estimate_s:.0f} s, and a minute"
     return end.state, end.reason
-
-
-def _level(samples: Sequence[Sample]) -> list[Sample]:
-    """The way on the map, for what stays on the ground or on the water and is lifted by that."""
-    return [Sample(sample.t_s, (sample.position_ned_m[0], sample.position_ned_m[1], 0.0)) for sample in samples]
 
 
 def _write(out: Path, report: FlightReport, flight: Flight, watch: FlightWatch) -> None:

@@ -5,13 +5,18 @@ from typing import Final, NamedTuple
 
 from gloc3.document import load_bytes, parse
 from gloc3.errors import Finding, InputError, Refused
+from gloc3.frames import GeoPoint
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.estimate import Estimate
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.mission.model import GEO, Mission
 from gloc3.platform import Platform
+from gloc3_sitl.earth import home_of
+from gloc3_sitl.vehicles.table import vehicle_named
 
+HOLD: Final = "hold"
+"""The frame, and the world, of the paper's inspections."""
 INDOORS: Final = "pelican"
 """The platform of a mission in a local frame that names none."""
 OUTDOORS: Final = "pelican_rtk"
@@ -57,6 +62,32 @@ def platform_for(path: Path) -> str:
         return INDOORS
     named = written.get("platform")
     return named if isinstance(named, str) else OUTDOORS if written.get("frame") == GEO else INDOORS
+
+
+class Place(NamedTuple):
+    """Where a flight is simulated."""
+
+    world: str
+    home: GeoPoint | None = None
+    """None for where the world's file says."""
+    heading_deg: float | None = None
+
+
+def place_for(mission: Mission, platform: Platform, vehicle: str) -> Place:
+    """The world that a mission's frame belongs to.
+
+    For frames of the platform that is the open, ground or water, at their origin; for missions on Earth the vehicle's,
+    at the first place of the mission.
+
+    Raises:
+        Gloc3Error: a mission on Earth has no position.
+    """
+    row = platform.frames.get(mission.frame)
+    if row is not None and mission.frame != HOLD:
+        return Place("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
+    if mission.frame != GEO:
+        return Place(HOLD)
+    return Place(vehicle_named(vehicle).world, home_of(mission))
 
 
 def is_without_satellites(platform: Platform) -> bool:

@@ -8,9 +8,16 @@ import pytest
 from tests.commands.programs import processes_that_mention, program
 
 from gloc3.log.reader import LogReader
+from gloc3.platform import load_platform
+from gloc3_sitl.demo import sensed
 from gloc3_sitl.flight_report import FlightReport
 
 pytestmark = pytest.mark.sockets
+
+
+def test_each_platform_gets_the_sensors_that_it_uses_from_the_simulated_vehicle() -> None:
+    assert sensed(load_platform("auv"), 1, 2) == ["ground_camera=tcp://127.0.0.1:1", "dvl=a50://127.0.0.1:2"]
+    assert "imu=autopilot://" in sensed(load_platform("pelican"), 1, 2)
 
 
 def report_in(out: Path) -> FlightReport:

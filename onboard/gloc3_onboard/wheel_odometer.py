@@ -78,8 +78,8 @@ class WheelOdometer:
             seconds: since the ways before.
             felt_rad: how far the body has turned to the right meanwhile, by its gyroscopes; None where that is not known.
         """
-        before, self._last = self._last, (left_m, right_m)
-        if before is None or seconds <= 0.0 or not isfinite(left_m + right_m):
+        before, self._last = self._last, (left_m, right_m) if isfinite(left_m + right_m) else None
+        if before is None or self._last is None or seconds <= 0.0:
             return None
         left, right = left_m - before[0], right_m - before[1]
         if max(abs(left), abs(right)) > self._speed_max_m_s * seconds:

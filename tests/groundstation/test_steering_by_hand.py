@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from textual.widgets import Static
 
-from gloc3.ci import MissionSummary, RequestAction, Steer, Verb
+from gloc3.ci import CiRequest, MissionSummary, RequestAction, Steer, Verb
 from gloc3.clock import VirtualLoop, run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Envelope
@@ -169,6 +169,22 @@ async def test_it_is_begun_by_key_goes_while_the_key_is_kept_and_ends_with_the_d
         assert isinstance(steer, Steer)
         assert (steer.verb, steer.target) == (Verb.ABORT, "command-1")
         assert watcher.demands[-1].velocity_cm_s == (0, 0, 0), "it lets go when it is closed"
+
+
+async def test_what_is_granted_after_the_operator_has_left_is_given_back() -> None:
+    async with scene() as here:
+        await _open(here)
+        held: list[CiRequest] = []
+        here.platform.answer_next(RequestAction, held.append)
+        await here.press("enter")
+        await here.wait(lambda: bool(held))
+        await here.press("escape")
+        assert not here.asked(Steer)
+        here.platform.say("reply", reply_to(held[0], reason="command-1"))
+        await here.wait(lambda: bool(here.asked(Steer)))
+        (steer,) = here.asked(Steer)
+        assert isinstance(steer, Steer)
+        assert (steer.verb, steer.target) == (Verb.ABORT, "command-1")
 
 
 async def test_a_refusal_and_an_end_by_the_vehicle_are_said() -> None:

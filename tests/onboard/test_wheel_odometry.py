@@ -1,7 +1,7 @@
 """Odometry by wheels: ways, turns and slip, what the component reports of them, and whether the pose believes it."""
 
 from cmath import rect
-from math import degrees, pi, radians
+from math import degrees, nan, pi, radians
 
 import pytest
 
@@ -64,6 +64,15 @@ def test_slip_shows_in_the_turn_that_gyroscopes_do_not_feel() -> None:
     assert slipping.ahead_std_m > 4.0 * held.ahead_std_m
     assert not slipping.reason
     assert spinning.reason == "the wheels slip by 1.00 m/s"
+
+
+def test_a_number_that_is_none_is_no_step_and_none_begins_from_it() -> None:
+    odometer = WheelOdometer(BASE)
+    for way in (1.0, nan, 2.0):
+        assert odometer.update(way, way, 0.1, 0.0) is None
+    step = odometer.update(2.1, 2.1, 0.1, 0.0)
+    assert step is not None
+    assert step.ahead_m == pytest.approx(0.1)
 
 
 def test_encoders_that_count_anew_are_no_step() -> None:

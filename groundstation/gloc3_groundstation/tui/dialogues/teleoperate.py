@@ -71,7 +71,7 @@ class Teleoperate(ModalScreen[None]):
         self._is_pad_held = False
         self._begun = ""
         """The vehicle's name for what was begun; empty before."""
-        self._is_asking = False
+        self._is_asking = self._has_left = False
         self._problem = ""
 
     def compose(self) -> ComposeResult:
@@ -116,7 +116,7 @@ class Teleoperate(ModalScreen[None]):
             self._hand.keep(KEPT_S)
         elif not self._is_asking:
             self._is_asking, self._problem = True, ""
-            self.run_worker(self._begin(), exit_on_error=True)
+            self.app.run_worker(self._begin(), exit_on_error=True)
 
     def action_push(self, way: str, steps: int) -> None:
         """Moves a stick by a step."""
@@ -137,15 +137,20 @@ class Teleoperate(ModalScreen[None]):
             self._hand.close()
         if self._begun:
             self.app.run_worker(self._desk.missions.steer(self._platform, Verb.ABORT, self._begun), exit_on_error=True)
+        self._has_left = True
         self.dismiss()
 
     async def _begin(self) -> None:
+        """Asks; what is granted after the operator has left is given back."""
+        missions = self._desk.missions
         try:
-            self._begun = await self._desk.missions.request(self._platform, self._capability, {})
+            self._begun = await missions.request(self._platform, self._capability, {})
         except Gloc3Error as error:
             self._problem = str(error)
         finally:
             self._is_asking = False
+        if self._has_left and self._begun:
+            await missions.steer(self._platform, Verb.ABORT, self._begun)
 
     # --- the gamepad ---
 

@@ -3,8 +3,8 @@
 import asyncio
 import hashlib
 import re
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Final, Protocol
@@ -224,7 +224,8 @@ class LogPuller:
             path, wanted
         ):  # of another run, whose logs were counted from 1, too
             path = path.with_name(f"{path.stem}-{wanted[:8]}{path.suffix}")
-        if not await self._is_here(path, wanted):
+        was_here = await self._is_here(path, wanted)
+        if not was_here:
             for attempt in (1, 2):
                 part = PartFile(path)
                 drops += await self._fetch(log, part)
@@ -238,12 +239,18 @@ class LogPuller:
                 raise Refused(f"{log.name} has the digest {wanted} onboard, and what came had {found}")
         is_deleted = False
         if not is_kept:
-            try:
-                await self._ask(ConfirmLog(name=log.name, sha256=wanted))
-                is_deleted = True
-            except Declined as error:
-                self._told(f"{log.name} is here, and stays onboard: {error}")
+            with _put_aside(path) if was_here else nullcontext():
+                is_deleted = await self._confirm(log, wanted)
         return Pulled(path=path, sha256=wanted, size=log.size, drops=drops, is_deleted=is_deleted)
+
+    async def _confirm(self, log: LogOnboard, sha256: str) -> bool:
+        """Says that a log is here; whether it is deleted onboard."""
+        try:
+            await self._ask(ConfirmLog(name=log.name, sha256=sha256))
+        except Declined as error:
+            self._told(f"{log.name} is here, and stays onboard: {error}")
+            return False
+        return True
 
     async def _digest(self, log: LogOnboard) -> str:
         reply = await self._ask(DigestLog(name=log.name), DIGEST_S)
@@ -304,6 +311,17 @@ class LogPuller:
                     raise
                 self._told(f"{error}; asked again when {self._platform} is heard")
                 await self._heard_again()
+
+
+@contextmanager
+def _put_aside(path: Path) -> Iterator[None]:
+    """Gives a log another name meanwhile: the folder in which it was found may be the vehicle's own, as in simulation."""
+    aside = path.with_name(f"{path.name}.here")
+    path.rename(aside)
+    try:
+        yield
+    finally:
+        aside.rename(path)
 
 
 async def _in_thread(work: Callable[[], str]) -> str:

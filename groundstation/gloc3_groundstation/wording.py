@@ -188,7 +188,10 @@ def contact(told: ContactSummary, missed: int) -> str:
         *told.conditions,
     ]
     if missed > 0:
-        parts.append(f"{missed} events meanwhile" + (f", worst: {told.worst_text}" if told.worst_text else ""))
+        parts.append(
+            f"{missed} events meanwhile"
+            + (f", worst: {told.worst_text}" if told.worst_text and told.worst <= Severity.NOTICE else "")
+        )
     return "; ".join(parts)
 
 

@@ -191,6 +191,19 @@ def test_a_log_of_another_run_is_not_overwritten(there: Path, here: Path) -> Non
     assert (here / "log.mcap").read_bytes() == b"of the first dive"
 
 
+def test_a_log_that_is_pulled_into_the_vehicles_own_folder_is_not_lost(there: Path) -> None:
+    wanted = (there / "log.mcap").read_bytes()
+
+    async def steps() -> Pulled:
+        vessel = Vessel(there)
+        pulled = await _whole(vessel.puller(), there)
+        vessel.close()
+        return pulled
+
+    assert in_virtual_time(steps()).path.read_bytes() == wanted
+    assert sorted(path.name for path in there.iterdir()) == ["log.mcap", "requests.journal"]
+
+
 def test_only_logs_can_be_fetched_and_only_with_the_right_digest_be_deleted(there: Path, here: Path) -> None:
     async def steps() -> Pulled:
         vessel = Vessel(there)

@@ -15,6 +15,7 @@ from gloc3.ci import (
     CiReply,
     CiRequest,
     ConfirmLog,
+    CutLog,
     ListLogs,
     LogChunk,
     LogOnboard,
@@ -219,6 +220,16 @@ def test_only_logs_can_be_fetched_and_only_with_the_right_digest_be_deleted(ther
 
     assert not in_virtual_time(steps()).is_deleted
     assert (there / "log.mcap").exists()
+
+
+def test_a_request_that_comes_twice_ends_one_log(there: Path) -> None:
+    cuts: list[int] = []
+    shelf = LogShelf(there, set, lambda: cuts.append(1), AtOnce())
+    for sequence in (7, 7, 8):
+        reply = shelf.ask(CiRequest(sender="255", boot=1, sequence=sequence, body=CutLog()))
+        assert reply is not None
+        assert reply.outcome is Outcome.ACCEPTED
+    assert len(cuts) == 2
 
 
 def test_a_piece_beyond_the_end_of_a_log_is_empty(there: Path) -> None:

@@ -1,5 +1,7 @@
 """The command interface server's requests: authority, at most once, checks, and what running actions need."""
 
+import math
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -239,6 +241,14 @@ def test_a_single_action_is_checked_like_a_mission(desk: Desk) -> None:
     reply = desk.told(RequestAction(capability="go_to", arguments={"position_m": [1, 1, 500]}))
     assert reply.outcome is Outcome.REFUSED
     assert reply.text
+
+
+@pytest.mark.parametrize(
+    "odd", [b"1.5", {b"up": 1}, {"up": b"1"}, datetime(2026, 1, 1, tzinfo=UTC), math.nan, 1 << 63, "1" * 9_999]
+)
+def test_whatever_the_arguments_of_an_action_are_it_is_refused_and_the_server_goes_on(desk: Desk, odd: object) -> None:
+    reply = desk.told(RequestAction(capability="take_off", arguments={"height_m": odd}))
+    assert reply.outcome is Outcome.REFUSED
 
 
 def test_an_emergency_disarm_takes_the_platforms_typed_name(desk: Desk) -> None:

@@ -70,6 +70,7 @@ class LogShelf:
     ) -> None:
         self._folder, self._unfinished, self._cut, self._workers = folder, unfinished, cut, workers
         self._under_way: set[tuple[str, int, int]] = set()
+        self._cuts: deque[tuple[str, int, int]] = deque(maxlen=MOST_UNDER_WAY)
         self._ready: deque[CiReply | LogChunk] = deque()
         self._digests: dict[tuple[Path, int, int], str] = {}
 
@@ -78,9 +79,11 @@ class LogShelf:
         body, key = request.body, (request.sender, request.boot, request.sequence)
         if isinstance(body, CutLog):
             try:
-                self._cut()
+                if key not in self._cuts:  # a repeat cuts nothing twice
+                    self._cut()
             except Gloc3Error as error:
                 return answer(request, Outcome.REFUSED, str(error))
+            self._cuts.append(key)
             return answer(request)
         if key in self._under_way:
             return None

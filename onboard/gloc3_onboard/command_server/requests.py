@@ -368,7 +368,11 @@ class RequestHandler:
         frame = "geo" if not frames or any(key in body.arguments for key in geo_keys) else frames[0]
         name = executor.free_name()
         action = {body.capability: body.arguments}
-        return json.dumps({"mission": name, "frame": frame, "tasks": {name: {"actions": {body.capability: action}}}})
+        mission = {"mission": name, "frame": frame, "tasks": {name: {"actions": {body.capability: action}}}}
+        try:
+            return json.dumps(mission)
+        except TypeError as error:  # bytes and times travel, and say nothing in a mission
+            raise Refused(f"the arguments of {body.capability} cannot be read: {error}") from None
 
     def _emergency(self, request: CiRequest, body: Emergency, executor: MissionExecutor, now_s: float) -> CiReply:
         author = body.author or f"station {request.sender}"

@@ -371,7 +371,7 @@ class RequestHandler:
         mission = {"mission": name, "frame": frame, "tasks": {name: {"actions": {body.capability: action}}}}
         try:
             return json.dumps(mission)
-        except TypeError as error:  # bytes and times travel, and say nothing in a mission
+        except (TypeError, RecursionError) as error:  # bytes and times travel, and say nothing in a mission
             raise Refused(f"the arguments of {body.capability} cannot be read: {error}") from None
 
     def _emergency(self, request: CiRequest, body: Emergency, executor: MissionExecutor, now_s: float) -> CiReply:

@@ -168,7 +168,7 @@ def told_by_sound(platform: PlatformSnapshot) -> list[str]:
     doing = action_of(told, platform.mission.value if platform.mission is not None else None)
     return [
         f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m" if told.is_pose_valid else "position unknown",
-        *filter(None, (f"policy {told.policy}" if told.policy else "", doing or told.state)),
+        *filter(None, (f"policy {told.policy}" if told.policy else "", doing or told.state or "no mission")),
         *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
         *([f"components {told.health}"] if told.health is not Health.WORKING else []),
         *(["trouble below"] if told.worst <= Severity.WARNING else []),

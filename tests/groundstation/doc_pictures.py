@@ -5,11 +5,15 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from gloc3.acoustic.frames import AcousticSummary
+from gloc3.ci import Health, MissionSummary
+from gloc3.exchange import Publisher
+from gloc3.mission.model import digest_of
 from gloc3_groundstation.configuration import Configuration, LastSession, ThemeName
 
 from .flown import FLOWN, Flight
-from .scripted_platform import CHECKS, CLOCK, LINK_LOSS
-from .station_scene import Scene, scene
+from .scripted_platform import CHECKS, CLOCK, LINK_LOSS, TASKS
+from .station_scene import TEXT, Scene, scene
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"
 
@@ -22,6 +26,8 @@ class Picture(NamedTuple):
     theme: ThemeName = "dark"
     keys: tuple[str, ...] = ()
     """Pressed before it is taken."""
+    is_silent: bool = False
+    """The vehicle has been out of contact for a while, as planned."""
 
 
 PICTURES = {
@@ -30,6 +36,7 @@ PICTURES = {
     "mission": Picture("mission", (100, 26), keys=("down", "right", "down")),
     "map": Picture("map", (110, 34)),
     "checks": Picture("preflight", (100, 24)),
+    "silence": Picture("overview", (100, 26), is_silent=True),
     "daylight": Picture("overview", (80, 24), theme="daylight"),
 }
 
@@ -50,10 +57,52 @@ async def drawn(picture: Picture) -> str:
             flight.fly(54.25)
         elif picture.screen == "preflight":
             await here.until("checks", "NAV_DLL_ACT")
+        elif picture.is_silent:
+            await silent(here)
         else:
             await here.trouble_in_flight()
         await here.press(*picture.keys)
         return await settled(here)
+
+
+async def silent(here: Scene) -> None:
+    """Has the vehicle dive out of contact, for five minutes of its twenty; since then it was heard by sound alone."""
+    begun_s, loop = here.station.now_s(), here.platform.loop
+    here.platform.fly(is_armed=True, mode="GUIDED", landed="in_air", position_m=(4.2, 1.0, -2.1), speed_m_s=0.5)
+    here.platform.mission = MissionSummary(
+        name="cargo hold",
+        digest=digest_of(TEXT),
+        state="running",
+        tasks=TASKS,
+        silence="sweep",
+        silent_until_s=loop.time() + 1200.0,
+    )
+    done, running = (
+        dict.fromkeys(("depart", "depart__climb"), "done"),
+        dict.fromkeys(("sweep", "sweep__wall"), "running"),
+    )
+    here.platform.advance("running", {"sweep.wall": 0.12}, **done, **running)
+    here.platform.speak()
+    await here.until("title", "ARMED")
+    by_sound = AcousticSummary(
+        t_s=loop.time(),
+        position_m=(38.4, 15.1, -5.2),
+        heading_deg=90,
+        speed_m_s=0.5,
+        battery_percent=84,
+        state="running",
+        health=Health.WORKING,
+        is_pose_valid=True,
+        is_armed=True,
+        policy="",
+        doing=list(TASKS).index("sweep.wall"),
+        mission=int(digest_of(TEXT)[:2], 16),
+        worst=7,
+    )
+    here.station.now_s = lambda: begun_s + 260.0  # type: ignore[misc]
+    Publisher(here.exchange, "heron", "acoustic", 3).publish("heron/acoustic", by_sound, loop.time())
+    here.station.now_s = lambda: begun_s + 300.0  # type: ignore[misc]
+    await here.until("facts", "silent as planned")
 
 
 async def settled(here: Scene) -> str:

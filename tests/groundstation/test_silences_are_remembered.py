@@ -111,7 +111,10 @@ def test_a_platform_that_is_heard_by_sound_alone_is_in_view_without_an_alarm_or_
             worst=Severity.INFO,
         )
         Publisher(life.exchange, "auv", "acoustic", 3).publish("auv/acoustic", summary, 0.0)
-        assert "by sound 0 s ago: x 1.0  y 2.0  h -8.0 m" in life.shown()
+        assert "by sound 0 s ago: x 1.0  y 2.0  h -8.0 m, running, battery 80 %" in life.shown()
+        idle = replace(summary, state="", battery_percent=-1)
+        Publisher(life.exchange, "auv", "acoustic", 3).publish("auv/acoustic", idle, 0.0)
+        assert life.shown().endswith("h -8.0 m, no mission")
         assert life.alarms() == []
         await asyncio.sleep(60.0)
         assert life.alarms() == []

@@ -193,10 +193,11 @@ def _silence_facts(platform: PlatformSnapshot, now_s: float) -> list[tuple[str, 
         facts.append(("due", Span(f"{planned.due_text}{when}", Tone.WARN if left_s > 0.0 else Tone.BAD)))
     told = wording.told_by_sound(platform) if platform.is_quiet_link(now_s) else []
     if platform.acoustic is not None and told:
-        place, *more = told
+        place, doing, *more = told
         facts += [
             ("by sound", Span(place, Tone.TEXT)),
-            ("", Span(f"{wording.roughly(platform.acoustic.age_s(now_s))} ago: {', '.join(more)}", Tone.TEXT)),
+            ("", Span(f"{wording.roughly(platform.acoustic.age_s(now_s))} ago: {doing}", Tone.TEXT)),
+            *([("", Span(", ".join(more), Tone.TEXT))] if more else []),
         ]
     return facts
 

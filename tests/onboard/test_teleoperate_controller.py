@@ -143,3 +143,38 @@ def test_roll_and_pitch_do_not_tilt_the_way() -> None:
         helm.step(STEP_S, pose=tilted, motion_demand=demand)
         helm.place = helm.last(Setpoint).position_ned_m
     assert helm.velocity == pytest.approx((1.0, 0.0, 0.0), abs=1e-3)
+
+
+def test_what_coasts_down_when_it_begins_keeps_its_depth_while_it_goes_ahead() -> None:
+    helm = Helm()
+    helm.step(STEP_S, pose=pose(0.0, 0.0, -2.0, velocity_ned_m_s=(0.0, 0.0, 0.4)))
+    helm.drive(4.0, (100, 0, 0))
+    assert helm.place[2] == pytest.approx(2.08, abs=0.03), "0.4 m/s is lost in 0.4 s, whatever is asked for ahead"
+
+
+def test_a_driven_vehicle_is_led_by_speed_and_heading_goes_only_ahead_and_keeps_its_place_when_it_stands() -> None:
+    stage = Stage(TeleoperateController(), TeleoperateSettings(acceleration_m_s2=1.0, is_driven=True))
+    stage.step(limits=LIMITS)
+    stage.begin("teleoperate")
+
+    def drive(seconds: float, velocity_cm_s: tuple[int, int, int], yaw_rate_cdeg_s: int = 0) -> Setpoint:
+        for number in range(round(seconds / STEP_S)):
+            demand = VelocityDemand(
+                sender="255", session=1, sequence=number, velocity_cm_s=velocity_cm_s, yaw_rate_cdeg_s=yaw_rate_cdeg_s
+            )
+            here = pose(3.0, 4.0, 0.0, ned_from_frd=from_yaw(1.0))
+            stage.step(STEP_S, pose=here, motion_demand=demand)
+        found: Setpoint = stage.last(Setpoint)
+        return found
+
+    ahead = drive(2.0, (100, 50, 20))
+    assert ahead.position_ned_m is None
+    assert ahead.yaw_rad is None, "it looks where it goes"
+    assert ahead.velocity_ned_m_s == pytest.approx((math.cos(1.0), math.sin(1.0), 0.0))
+    assert stage.last(TeleoperationState).reason == "it goes ahead and turns; not to the side, up or back"
+    stands = drive(2.0, (-100, 0, 0))
+    assert (stands.position_ned_m, stands.velocity_ned_m_s) == ((3.0, 4.0, 0.0), (0.0, 0.0, 0.0))
+    turns = drive(0.5, (0, 0, 0), 2000)
+    assert (turns.position_ned_m, turns.velocity_ned_m_s) == (None, (0.0, 0.0, 0.0))
+    assert turns.yaw_rad == pytest.approx(1.0 + math.radians(10.0), abs=0.01)
+    assert stage.last(TeleoperationState).reason == ""

@@ -237,14 +237,21 @@ class Hold(Arguments, frozen=True, kw_only=True):
         return (Leg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s or 0.0),)
 
 
+LONGEST_BY_HAND_S: Final = 1800.0
+"""Steering by hand without a stated duration ends after so long."""
+COUNTED_BY_HAND_S: Final = 60.0
+"""So much of it is counted in the estimate."""
+
+
 class Teleoperate(Arguments, frozen=True, kw_only=True):
     """Have an operator steer by hand: velocities from the station, each good for half a second, then it keeps its place."""
 
     moves = True
     example = "{duration_s: 60}"
 
-    duration_s: Seconds = 1800.0
-    """Afterwards it is done, and the vehicle keeps its place."""
+    duration_s: Seconds | None = None
+    """Afterwards it is done, and the vehicle keeps its place; None for half an hour at most, of which a minute is counted before: an
+    operator ends it, or a low battery does."""
     speed_m_s: Speed | None = None
     """No faster than that in any direction; None for the platform's limits."""
     yaw_rate_deg_s: Annotated[float, msgspec.Meta(gt=0.0, le=90.0)] = 20.0
@@ -253,7 +260,8 @@ class Teleoperate(Arguments, frozen=True, kw_only=True):
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
         """Where it goes is not known before: it is counted as staying where it is."""
         del budget
-        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s),)
+        duration_s = COUNTED_BY_HAND_S if self.duration_s is None else self.duration_s
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=duration_s),)
 
 
 class ReturnHome(Arguments, frozen=True, kw_only=True):

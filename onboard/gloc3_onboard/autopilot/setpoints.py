@@ -64,7 +64,7 @@ def setpoint_message(
     elif form is Form.MOVING and wanted.velocity_ned_m_s is None:
         wanted = wanted._replace(velocity_ned_m_s=(0.0, 0.0, 0.0))
     elif form is Form.VELOCITY and pose is not None and math.hypot(*wanted.velocity_ned_m_s or (0.0,)) < STANDING_M_S:
-        wanted = Wanted(None, (0.0, 0.0, 0.0), yaw_of(pose.ned_from_frd))
+        wanted = Wanted(None, (0.0, 0.0, 0.0), yaw_of(pose.ned_from_frd) if wanted.yaw_rad is None else wanted.yaw_rad)
     mask = IGNORE_ACCELERATION | IGNORE_YAW_RATE
     mask |= IGNORE_POSITION if wanted.position_ned_m is None else 0
     mask |= IGNORE_VELOCITY if wanted.velocity_ned_m_s is None else 0

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Final
 from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.frames import Vector3, wrap_pi, yaw_of
-from gloc3.mission.arguments import Teleoperate
+from gloc3.mission.arguments import LONGEST_BY_HAND_S, Teleoperate
 from gloc3.mission.states import ActionState
 from gloc3.ports import Inbox, Input, Output, Result
 from gloc3.settings import Bounds, Settings
@@ -17,6 +17,9 @@ from gloc3.vehicle import MotionLimits, Pose, Setpoint
 STEP_S: Final = 0.1
 """The place moves on by no more than this in one cycle."""
 REPORT_S: Final = 0.2
+STANDING_M_S: Final = 0.1
+"""A driven vehicle that shall go no faster turns on the spot."""
+ONLY_AHEAD: Final = "it goes ahead and turns; not to the side, up or back"
 _STILL: Final = (0.0, 0.0, 0.0)
 
 
@@ -29,6 +32,8 @@ class TeleoperateSettings(Settings, frozen=True):
     """The place that is aimed at is no farther from the vehicle, so that one that is held fast does not leap when free."""
     turn_ahead_rad: Annotated[float, Bounds(0.05, 1.5)] = 0.35
     """The same for the heading."""
+    is_driven: bool = False
+    """The vehicle is led by heading and speed, as rovers and boats are: it goes ahead and turns, and neither to the side nor back."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
     """A pose older than this is lost."""
 
@@ -36,7 +41,8 @@ class TeleoperateSettings(Settings, frozen=True):
 class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
     """Performs `teleoperate`: a place that moves with the demanded velocity, and rests without one.
 
-    The velocity is level, whatever the vehicle's roll and pitch; it turns with the heading that is aimed at.
+    The velocity is level, whatever the vehicle's roll and pitch; it turns with the heading that is aimed at. A driven vehicle is
+    led by that velocity and that heading alone until it stands, and then keeps the place where it does.
     """
 
     settings_type = TeleoperateSettings
@@ -76,7 +82,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
     def begin_action(self, capability: str, arguments: Teleoperate, now_s: float) -> None:
         """Keeps the present place until a demand comes; those from before do not count."""
         self._order = arguments
-        self._ran_s = self.earlier_progress * arguments.duration_s
+        self._ran_s = self.earlier_progress * self._duration_s
         self._last = None
         self.resume_action(now_s)
 
@@ -92,11 +98,15 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
             results = self._lead(now_s, inbox)
             self._ran_s += now_s - self._seen_s
             self._seen_s = now_s
-            duration_s = self._order.duration_s
+            duration_s = self._duration_s
             is_over = self._ran_s >= duration_s
             progress = self._ran_s / duration_s if duration_s else 1.0
             self.advance(now_s, progress, ActionState.DONE if is_over else ActionState.RUNNING)
         return [*results, *self.action_reports(now_s)]
+
+    @property
+    def _duration_s(self) -> float:
+        return LONGEST_BY_HAND_S if self._order.duration_s is None else self._order.duration_s
 
     def _lead(self, now_s: float, inbox: Inbox) -> list[Result]:
         pose = inbox.latest(self.pose)
@@ -111,13 +121,21 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
                 self._velocity_ned_m_s, self._yaw_rad = at.velocity_ned_m_s, yaw_of(at.ned_from_frd)
         velocity, yaw_rate = self._demanded(now_s, inbox, None if limits is None else limits.payload)
         self._move(velocity, yaw_rate, at, min(now_s - self._seen_s, STEP_S))
-        setpoint = Setpoint(
+        return [self._setpoint(yaw_rate, at), *self._report(velocity, yaw_rate, at, now_s)]
+
+    def _setpoint(self, yaw_rate: float, at: Pose) -> Setpoint:
+        """The place that moves; for a driven vehicle that does not stand, how fast it goes and where it looks."""
+        speed_m_s = math.hypot(*self._velocity_ned_m_s)
+        is_driving = self._settings.is_driven and (speed_m_s > 0.0 or yaw_rate != 0.0)
+        if is_driving:
+            self._place_ned_m = at.position_ned_m
+        is_turning = is_driving and speed_m_s < STANDING_M_S
+        return Setpoint(
             action_id=self.action_id,
-            position_ned_m=self._place_ned_m,
-            velocity_ned_m_s=self._velocity_ned_m_s,
-            yaw_rad=self._yaw_rad,
+            position_ned_m=None if is_driving else self._place_ned_m,
+            velocity_ned_m_s=_STILL if is_turning else self._velocity_ned_m_s,
+            yaw_rad=self._yaw_rad if is_turning or not self._settings.is_driven else None,
         )
-        return [setpoint, *self._report(velocity, yaw_rate, at, now_s)]
 
     def _demanded(self, now_s: float, inbox: Inbox, limits: MotionLimits | None) -> tuple[Vector3, float]:
         """Surge, sway and heave in m/s and the rate of turning in rad/s, within the limits; all 0 where none is live."""
@@ -132,6 +150,8 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         self.taken += demand is not self._last
         self._last = demand
         surge, sway, heave = (part / 100.0 for part in demand.velocity_cm_s)
+        if self._settings.is_driven:
+            surge, sway, heave = max(surge, 0.0), 0.0, 0.0
         most = self._order.speed_m_s or math.inf
         across = math.hypot(surge, sway)
         share = min(1.0, min(most, limits.speed_m_s) / across) if across > 0.0 else 1.0
@@ -147,9 +167,14 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         ahead = wrap_pi(self._yaw_rad + yaw_rate_rad_s * duration_s - now_rad)
         self._yaw_rad = wrap_pi(now_rad + min(max(ahead, -settings.turn_ahead_rad), settings.turn_ahead_rad))
         before, wanted = self._velocity_ned_m_s, turned(level_m_s, self._yaw_rad)
-        missing = math.dist(wanted, before)
-        share = min(1.0, settings.acceleration_m_s2 * duration_s / missing) if missing > 0.0 else 1.0
-        after = _towards(before, wanted, share)
+        most = settings.acceleration_m_s2 * duration_s
+        if settings.is_driven:
+            speed_m_s = _next(math.hypot(*before), level_m_s[0], most)
+            after = turned((speed_m_s, 0.0, 0.0), self._yaw_rad)
+        else:
+            missing = math.dist(wanted[:2], before[:2])
+            across = _towards(before, wanted, min(1.0, most / missing) if missing > 0.0 else 1.0)
+            after = (across[0], across[1], _next(before[2], wanted[2], most))
         half_s = 0.5 * duration_s
         north, east, down = self._place_ned_m
         place = (
@@ -157,10 +182,16 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
             east + (before[1] + after[1]) * half_s,
             down + (before[2] + after[2]) * half_s,
         )
-        lead_m = math.dist(place, at.position_ned_m)
-        if lead_m > settings.lead_m:
-            place = _towards(at.position_ned_m, place, settings.lead_m / lead_m)
-        self._place_ned_m, self._velocity_ned_m_s = place, after
+        self._place_ned_m, self._velocity_ned_m_s = _led(place, at.position_ned_m, settings.lead_m), after
+
+    def _why(self, last: VelocityDemand | None) -> str:
+        """Why it does not do what is asked for."""
+        if last is None:
+            return "no demand"
+        if not self._is_live:
+            return "the last demand has expired"
+        surge, sway, heave = last.velocity_cm_s
+        return ONLY_AHEAD if self._settings.is_driven and (surge < 0 or sway or heave) else ""
 
     def _report(self, velocity: Vector3, yaw_rate: float, at: Pose, now_s: float) -> list[Result]:
         """What the stations are told, five times a second and when demands begin or end."""
@@ -180,7 +211,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
             measured_cm_s=_in_cm((measured[0], measured[1], -measured[2])),
             yaw_rate_cdeg_s=round(math.degrees(yaw_rate) * 100.0),
             measured_yaw_rate_cdeg_s=round(math.degrees(at.rate_frd_rad_s[2]) * 100.0),
-            reason="" if self._is_live else "no demand" if last is None else "the last demand has expired",
+            reason=self._why(last),
         )
         return [state]
 
@@ -194,6 +225,19 @@ def turned(level: Vector3, yaw_rad: float) -> Vector3:
 def _towards(here: Vector3, there: Vector3, share: float) -> Vector3:
     a, b, c = (x + (y - x) * share for x, y in zip(here, there, strict=True))
     return (a, b, c)
+
+
+def _next(before: float, wanted: float, most: float) -> float:
+    """A speed, changed by so much at most."""
+    return before + min(max(wanted - before, -most), most)
+
+
+def _led(place: Vector3, here: Vector3, lead_m: float) -> Vector3:
+    """The place, no farther away than allowed on the map, nor in height: what lags on its way keeps its height."""
+    north, east, down = (there - at for there, at in zip(place, here, strict=True))
+    across = math.hypot(north, east)
+    share = lead_m / across if across > lead_m else 1.0
+    return (here[0] + share * north, here[1] + share * east, here[2] + min(max(down, -lead_m), lead_m))
 
 
 def _in_cm(velocity: Vector3) -> Velocity:

@@ -37,7 +37,8 @@ def state_line(platform: PlatformSnapshot | None, helm: Helm, now_s: float) -> L
         return (Span("NOT HEARD", Tone.ALARM), Span(f"  it rests {EXPIRES_S:g} s after the last demand", Tone.DIM))
     is_ours = told.session == helm.session
     if told.is_live and is_ours:
-        return (Span("LIVE", Tone.GOOD), Span("" if helm.is_kept else "  let go", Tone.DIM))
+        note = "let go" if not helm.is_kept else told.reason
+        return (Span("LIVE", Tone.GOOD), Span(f"  {note}" if note else "", Tone.WARN if told.reason else Tone.DIM))
     if helm.is_kept:
         who = "" if is_ours or told.session == 0 else ": it follows another session"
         return (Span("NOT FOLLOWED", Tone.ALARM), Span(f"  {told.reason or 'it does not follow'}{who}", Tone.WARN))

@@ -13,6 +13,7 @@ from cyclopts import App
 from gloc3.counting import counted
 from gloc3.errors import Refused
 from gloc3.narrate import narrate
+from gloc3.vehicle import Style, VehicleClass
 from gloc3_onboard.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID, Flag
 
 T = TypeVar("T")
@@ -148,8 +149,8 @@ def new(
     found = asyncio.run(look(autopilot, wait, system_id))
     narrate(f"found {found.title}")
     kind = KINDS.get(found.setup.vehicle) if found.setup.vehicle is not None else None
-    if kind is None:
-        raise Refused(f"there are no components to begin with for a {found.setup.vehicle}; see docs/autopilots.md")
+    if kind is None or (found.setup.vehicle is VehicleClass.PLANE and found.setup.style is not Style.ARDUPILOT):
+        raise Refused(f"there are no components to begin with for {found.title}; see docs/autopilots.md")
     ask = _Asking(may_ask=not yes)
     answers = Answers(
         name=ask("--name", "Name of the platform", name, f"my_{kind.template}", _name),

@@ -22,6 +22,11 @@ CAMERA: Final = ("ground_camera", "ground_recorder")
 """What of the installed files there is only with a camera."""
 
 
+def _noted(text: str, note: str) -> str:
+    """A line with a comment behind it."""
+    return f"{text:<32}# {note}"
+
+
 class Kind(NamedTuple):
     """A class of vehicle: whose components it has, and what is supposed of it."""
 
@@ -38,6 +43,8 @@ class Kind(NamedTuple):
     fence_margin_m: float
     power: str
     battery_wh: float
+    more: tuple[str, ...] = ()
+    """Further limits, with what they are."""
 
 
 KINDS: Final = {
@@ -57,8 +64,19 @@ KINDS: Final = {
         "submarine", ("auv", "rov"), 11.0, 1.0, 0.5, 0.3, 0.5, (-40.0, 0.5), 1.0,
         "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0,
     ),
+    VehicleClass.PLANE: Kind(
+        "plane", ("aircraft",), 3.0, 25.0, 3.0, 0.8, 2.0, (20.0, 100.0), 30.0,
+        "hover_w: 200, per_m_s_w: 4, climb_w_per_m_s: 60, avionics_w: 12", 150.0,
+        (
+            _noted("  survey_height_m: 50", "of take-offs and patterns that say none"),
+            _noted("  survey_speed_m_s: 18", "of ways that say none; AIRSPEED_CRUISE"),
+            _noted("  survey_acceptance_m: 30", "so near it comes to waypoints"),
+            _noted("  speed_min_m_s: 13", "AIRSPEED_MIN"),
+            _noted("  turn_radius_m: 80", "WP_LOITER_RAD"),
+        ),
+    ),
 }  # fmt: skip
-"""By class. Of a plane there is no installed platform to begin with."""
+"""By class; a plane is ArduPilot's, whose plans its components know."""
 
 
 class Found(NamedTuple):
@@ -143,6 +161,7 @@ def platform_text(found: Found, answers: Answers) -> str:
         _noted(f"  height_min_m: {kind.heights_m[0]:g}", "of waypoints, above home"),
         f"  height_max_m: {answers.height_max_m:g}",
         _noted(f"  fence_margin_m: {kind.fence_margin_m:g}", "that waypoints and legs keep from a mission's fence"),
+        *kind.more,
         "# The energy of a mission is estimated with this: correct it after some flights.",
         f"power: {{{kind.power}, battery_wh: {answers.battery_wh:g}, reserve: 0.2}}",
         *_failsafes(setup),
@@ -199,11 +218,6 @@ def _failsafes(setup: AutopilotSetup) -> Iterator[str]:
 def _source(setup: AutopilotSetup, failsafe: Failsafe) -> str:
     value = setup.parameters.get(failsafe.parameter)
     return "" if value is None else f"   # {failsafe.parameter} {value:g}"
-
-
-def _noted(text: str, note: str) -> str:
-    """A line with a comment behind it."""
-    return f"{text:<32}# {note}"
 
 
 def _components(template: str, answers: Answers) -> str:

@@ -44,7 +44,7 @@ ROWS = (
     Row("auv", Around(current_m_s=0.2), Most(0.1, FIX_M, FIX_M + 0.5), Most(0.3, FIX_M, FIX_M + 0.5)),
     Row("rov", Around(waves_m=0.3, current_m_s=0.1), Most(0.1, FIX_M, FIX_M + 0.5), Most(0.2, FIX_M, FIX_M + 0.5)),
     Row("pelican_rtk", Around(wind_m_s=6.0), Most(0.1, 0.1, 0.25), Most(0.2, 0.2, 0.5)),
-    Row("plane", Around(wind_m_s=6.0), Most(5.0, 5.0, 30.0), Most(10.0, 10.0, 30.0), "mapping", 80.0),
+    Row("plane", Around(wind_m_s=6.0), Most(2.0, 2.0, 35.0), Most(3.0, 3.0, 40.0), "mapping", 200.0),
 )
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from statistics import fmean
@@ -85,12 +86,10 @@ async def _go(plan: FlightPlan) -> Way:
 
 def beside_m(places: Sequence[Vector3], asked: Sequence[Vector3], corner_m: float) -> float:
     """RMS of the distance beside the nearest leg, of places farther than `corner_m` from both its ends, on the map."""
-    legs = [leg for leg in pairwise(asked) if math.dist(leg[0][:2], leg[1][:2]) > 2.0 * corner_m]
-    found = [
-        min((abs(off_m) for leg in legs for off_m, on_m, length_m in [_beside(at, *leg)] if corner_m < on_m < length_m - corner_m), default=None)
-        for at in places
-    ]  # fmt: skip
-    return math.sqrt(fmean(off_m**2 for off_m in found if off_m is not None))
+    flat = [(north, east, 0.0) for north, east, _ in asked]
+    legs = [leg for leg in pairwise(flat) if math.dist(*leg) > 0.0]
+    found = [_beside((at[0], at[1], 0.0), *min(legs, key=partial(_off_m, (at[0], at[1], 0.0)))) for at in places]
+    return math.sqrt(fmean(off_m**2 for off_m, on_m, length_m in found if corner_m < on_m < length_m - corner_m))
 
 
 def missed_m(places: Sequence[Vector3], asked: Sequence[Vector3]) -> float:
@@ -116,15 +115,16 @@ def _thinned(places: Sequence[Vector3]) -> list[Vector3]:
     kept = [places[0]]
     pending: list[Vector3] = []
     for place in places[1:]:
-        if any(_off_m(between, kept[-1], place) > DRAWN_M for between in pending):
+        if any(_off_m(between, (kept[-1], place)) > DRAWN_M for between in pending):
             kept.append(pending[-1])
             pending = []
         pending.append(place)
     return [*kept, places[-1]]
 
 
-def _off_m(at: Vector3, begin: Vector3, end: Vector3) -> float:
+def _off_m(at: Vector3, leg: tuple[Vector3, Vector3]) -> float:
     """Distance from a straight piece."""
+    begin, end = leg
     length_m = math.dist(begin, end)
     if length_m == 0.0:
         return math.dist(at, begin)

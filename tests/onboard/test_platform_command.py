@@ -95,7 +95,8 @@ def test_the_file_of_every_class_of_vehicle_can_be_used(
     file = tmp_path / "it.yaml"
     file.write_text(
         platform_text(
-            found, Answers("it", kind.types[-1], kind.mass_kg, 1.0, kind.heights_m[1], 50.0, False, "hold", camera)
+            found,
+            Answers("it", kind.types[-1], kind.mass_kg, kind.speed_m_s, kind.heights_m[1], 50.0, False, "hold", camera),
         )
     )
     report = report_on(str(file))

@@ -205,7 +205,7 @@ class LogPuller:
         for log in logs:
             if not NAME.fullmatch(log.name):
                 raise Refused(f"{self._platform} tells of a log whose name is none: {log.name!r}")
-        return logs
+        return sorted(logs, key=lambda log: (len(log.name), log.name))  # log, log-2, log-10
 
     async def pull(self, log: LogOnboard, folder: Path, *, is_kept: bool = False) -> Pulled:
         """Fetches a log into a folder; goes on whenever the way is lost, until it is whole or this is cancelled.

@@ -66,8 +66,8 @@ def test_it_tells_how_far_and_how_fast_and_after_an_interruption_where_it_goes_o
     assert left is not None, said
     assert fetched(there, tmp_path, {"is_list": True, "is_uncut": True}) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["log-2.mcap", "5", "bytes", "is", "being", "written"]
-    assert lines[1].split() == ["log.mcap", "6.0", "MB", left[1], "%", "here"]
+    assert lines[0].split() == ["log.mcap", "6.0", "MB", left[1], "%", "here"]
+    assert lines[1].split() == ["log-2.mcap", "5", "bytes", "is", "being", "written"]
     assert fetched(there, tmp_path) == 0
     out, said = capsys.readouterr()
     assert f"log.mcap: goes on from {left[1]} % of 6.0 MB" in said
@@ -90,7 +90,7 @@ def test_a_station_that_may_only_look_fetches_what_is_finished_and_deletes_nothi
 
 
 def test_logs_that_are_not_there_or_not_finished_are_refused_with_what_to_do(there: Path, tmp_path: Path) -> None:
-    with pytest.raises(Gloc3Error, match=r"auv has no log 'log-3.mcap'; it has log-2.mcap, log.mcap"):
+    with pytest.raises(Gloc3Error, match=r"auv has no log 'log-3.mcap'; it has log.mcap, log-2.mcap"):
         fetched(there, tmp_path, {"names": ("log-3.mcap",)})
     with pytest.raises(Gloc3Error, match=r"log-2.mcap is still being written; without --no-cut it is ended first"):
         fetched(there, tmp_path, {"names": ("log-2.mcap",), "is_uncut": True})

@@ -156,11 +156,17 @@ def test_a_platform_is_found_by_its_path_or_not_at_all(tmp_path: Path) -> None:
 def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "p.yaml"
     text = find_platform("pelican_rtk").read_text(encoding="utf-8")
-    path.write_text(text.replace("ports: {image: camera/ground}, dev", "ports: {image: camera/grond}, dev"))
+    text = text.replace("ports: {image: camera/ground}, dev", "ports: {image: camera/grond}, dev")
+    text = text.replace("\ncapabilities:\n", "\ndevices:\n  ground_camra: v4l2:///dev/video0\ncapabilities:\n", 1)
+    path.write_text(text)
     line = next(n for n, row in enumerate(text.splitlines(), start=1) if "name: ground_recorder" in row)
+    unused = next(n for n, row in enumerate(text.splitlines(), start=1) if "ground_camra" in row)
     told: list[Finding] = []
     load_platform(str(path), is_loading_classes=True, warn=told.append)
-    assert [(finding.line, finding.message) for finding in told] == [(line, "nobody here brings 'camera/ground'")]
+    assert [(finding.line, finding.message) for finding in told] == [
+        (unused, "no component uses a device 'ground_camra', so nothing is taken from v4l2:///dev/video0"),
+        (line, "nobody here brings 'camera/ground'"),
+    ]
 
 
 def test_a_folder_that_is_called_like_a_platform_is_not_taken_for_its_file(

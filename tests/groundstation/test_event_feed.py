@@ -2,6 +2,8 @@
 
 import random
 
+import pytest
+
 from gloc3.ci import CiEvent, CiReply, CiRequest, ContactSummary, Health, Outcome, ReadReports, StationRole
 from gloc3.messages import Severity
 from gloc3_groundstation.event_feed import Cursor, EventFeed, ToldEvent
@@ -163,3 +165,19 @@ def test_numbers_that_a_power_cut_took_back_are_not_given_again_to_other_events(
     assert (again.store, again.number) == (99, 3)
     records.append(b"\xc1 of another version")
     assert ReportStore(records, 100, "second start").id == 100, "it counts anew"
+
+
+def test_what_had_no_room_on_the_disk_is_there_with_the_next_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    records = MemoryRecords()
+    store = ReportStore(records, STORE)
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(records, "append", full)
+        store.add(CiEvent(severity=Severity.INFO, source="s", text="1", t_s=0.0))
+    assert store.problem == "events cannot be kept: No space left on device"
+    store.add(CiEvent(severity=Severity.INFO, source="s", text="2", t_s=1.0))
+    assert store.problem == ""
+    assert [event.text for event in ReportStore(records, 99).after(0, 9)] == ["1", "2"]

@@ -105,6 +105,13 @@ def test_the_file_of_every_class_of_vehicle_can_be_used(
     assert ("record_images" in report.platform.capabilities) is bool(camera)
 
 
+def test_what_no_mission_can_be_checked_against_stands_in_the_file_as_a_comment() -> None:
+    multirotor = next(one for one in KINDS if "quadrotor" in KINDS[one].types)
+    setup = AutopilotSetup(style=Style.PX4, vehicle=multirotor, is_complete=True, parameters={"NAV_DLL_ACT": 5.0})
+    text = platform_text(Found(setup, None), Answers("it", "quadrotor", 2.0, 3.0, 30.0, 50.0, False, "hold", ""))
+    assert "# link_loss: it would terminate, which no mission can be checked against" in text
+
+
 @pytest.mark.sockets
 def test_where_no_autopilot_is_heard_nothing_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

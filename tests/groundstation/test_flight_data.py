@@ -204,8 +204,20 @@ def test_times_are_short(seconds: float, text: str) -> None:
 
 
 def test_the_title_says_that_charts_are_frozen_and_since_when() -> None:
-    assert charts_title(100.0, 100.0, 600.0, is_frozen=False) == "last 10 min"
-    assert charts_title(70.0, 100.0, 60.0, is_frozen=True) == "1 min, FROZEN 30 s ago"
+    assert charts_title(None, 100.0, 100.0, 600.0, is_frozen=False) == "last 10 min"
+    assert charts_title(None, 70.0, 100.0, 60.0, is_frozen=True) == "1 min, FROZEN 30 s ago"
+
+
+def test_values_of_a_vehicle_that_is_silent_are_not_shown_as_those_of_now() -> None:
+    track = flown().track
+    assert track.latest_s is not None
+    now_s = track.latest_s + 14.0
+    assert charts_title(track, now_s, now_s, 60.0, is_frozen=False) == "last 1 min, nothing new for 14 s"
+    old, live = (charts(track, at_s, at_s, 60.0, 0, 60, 20)[0] for at_s in (now_s, track.latest_s))
+    assert "was" in text_of(old)
+    assert {span.tone for span in old} <= {Tone.STRONG, Tone.DIM, Tone.STALE, Tone.TEXT}
+    assert "was" not in text_of(live)
+    assert Tone.STALE not in {span.tone for span in live}
 
 
 def test_a_vehicle_without_charge_says_so() -> None:

@@ -213,6 +213,9 @@ def test_vehicles_beside_the_map_have_position_and_say_when_they_are_not_on_it(s
     assert " ► heron" in text
     assert "   x 0.0  y -11.9  h 1.8 m" in text
     assert "   not on this map" not in text
+    assert not any("ago" in line for line in text)
+    later = [text_of(line) for line in vehicle_lines(chart_of(seen._replace(now_s=seen.now_s + 60.0)))]
+    assert any("that was 1 min" in line for line in later)
     assert seen.fleet.platforms["tern"].site is not None
     far = SiteSummary(frame="lab", x_axis_bearing_deg=0.0, origin_geo=(48.0, 11.0, 500.0))
     tern = replace(seen.fleet.platforms["tern"], site=replace(seen.fleet.platforms["tern"].site, value=far))

@@ -77,7 +77,7 @@ class FlightDataScreen(StationScreen):
         self._first = max(0, min(self._first, len(CHARTS) - shown_charts(width, height)))
         end_s, window_s = self._end_s(view), WINDOWS_S[self._window]
         lines = charts(track, end_s, view.now_s, window_s, self._first, width, height)
-        panel.show(lines, charts_title(end_s, view.now_s, window_s, is_frozen=self._frozen_s is not None))
+        panel.show(lines, charts_title(track, end_s, view.now_s, window_s, is_frozen=self._frozen_s is not None))
 
     def action_freeze(self) -> None:
         """Stops the charts, or lets them go on."""

@@ -98,7 +98,9 @@ class MissionScreen(StationScreen):
         is_loaded = told is not None
         is_at_hand = missions.is_at_hand(told)
         if not self._is_text:
-            line = position_line(draft, view.platform, self.size.width, is_loaded=is_loaded, is_at_hand=is_at_hand)
+            line = position_line(
+                draft, view.platform, view.now_s, self.size.width, is_loaded=is_loaded, is_at_hand=is_at_hand
+            )
         else:
             line = text_line(draft)
         waiting = self.desk.queue.of(name) if name is not None else []

@@ -90,13 +90,14 @@ def charts(
     each = (width - 3 * (columns - 1)) // columns
     rows = CHARTS[first : first + shown_charts(width, height)]
     lines_each = -(-len(rows) // columns)
+    is_old = end_s >= now_s and silent_s(track, now_s) > 0.0
     size = max(3, min(MOST_LINES, (height - 1) // max(1, lines_each)))
     window = window_at(end_s, window_s, each - AXIS)
     stacks = []
     for column in range(columns):
         stack: list[Line] = []
         for row in rows[column * lines_each : (column + 1) * lines_each]:
-            stack += chart(row, track, window, each, size)
+            stack += chart(row, track, window, each, size, is_old=is_old)
         stacks.append([*stack, time_axis(window, now_s if end_s < now_s else window.to_s, each)] if stack else [])
     if columns == 1:
         return stacks[0]
@@ -106,8 +107,14 @@ def charts(
     return [(*one, Span("   "), *other) for one, other in zip(left, right, strict=True)]
 
 
-def chart(row: ChartRow, track: Track, window: Window, width: int, height: int) -> list[Line]:
-    """One chart: dotted what should be, as a line what is."""
+def silent_s(track: Track, now_s: float) -> float:
+    """For how long nothing new has come, where what is shown of now is too old for that; else 0."""
+    age_s = 0.0 if track.latest_s is None else now_s - track.latest_s
+    return age_s if age_s >= OLD_S else 0.0
+
+
+def chart(row: ChartRow, track: Track, window: Window, width: int, height: int, *, is_old: bool = False) -> list[Line]:
+    """One chart: dotted what should be, as a line what is; its newest values are marked where they are old."""
     points = 2 * (width - AXIS)
     curves: list[Curve] = []
     about = track.series(row.channel, *window, points).last if row.wrap else None
@@ -132,6 +139,8 @@ def chart(row: ChartRow, track: Track, window: Window, width: int, height: int) 
             curves = near
         else:  # all round: from north to north
             scale = Scale(0.0, row.wrap, 0)
+    if is_old:
+        values = [(f"was {label}".rstrip(), value, Tone.STALE) for label, value, _ in values]
     title = chart_title(row.name, row.unit, values, width)
     return chart_lines(title, curves, window, scale, width, height, row.wrap)
 
@@ -143,10 +152,12 @@ def _around(series: Series, about: float, wrap: float) -> Series:
     return series._replace(lows=lows, highs=highs)
 
 
-def charts_title(end_s: float, now_s: float, window_s: float, *, is_frozen: bool) -> str:
-    """How much time is shown, and whether it stands still."""
-    span = duration(window_s)
-    return f"{span}, FROZEN {duration(max(0.0, now_s - end_s))} ago" if is_frozen else f"last {span}"
+def charts_title(track: Track | None, end_s: float, now_s: float, window_s: float, *, is_frozen: bool) -> str:
+    """How much time is shown, whether it stands still, and for how long nothing has come."""
+    span, old_s = duration(window_s), silent_s(track, now_s) if track is not None else 0.0
+    if is_frozen:
+        return f"{span}, FROZEN {duration(max(0.0, now_s - end_s))} ago"
+    return f"last {span}" + (f", nothing new for {duration(old_s)}" if old_s else "")
 
 
 def attitude_lines(view: View, track: Track | None, width: int, height: int) -> list[Line]:

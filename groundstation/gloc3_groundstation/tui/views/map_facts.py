@@ -63,6 +63,9 @@ def vehicle_lines(chart: Chart) -> list[Line]:
             lines.append((Span(text, Tone.STALE if is_stale else Tone.TEXT),))
             motion = f"   {vehicle.speed_m_s:.1f} m/s, heading {vehicle.heading_deg % 360:03d}°"
             lines.append((Span(motion, Tone.STALE if is_stale else Tone.DIM),))
+            if is_stale and platform.vehicle is not None:
+                ago = wording.duration(platform.vehicle.age_s(chart.view.now_s))
+                lines.append((Span(f"   that was {ago} ago", Tone.BAD),))
         if platform.name not in on_map:
             lines.append((Span("   not on this map", Tone.WARN),))
         lines.append(())

@@ -36,7 +36,13 @@ def detail_lines(outline: Outline | None, told: MissionSummary | None, target: s
 
 
 def position_line(
-    draft: Draft | None, platform: PlatformSnapshot | None, width: int, *, is_loaded: bool, is_at_hand: bool
+    draft: Draft | None,
+    platform: PlatformSnapshot | None,
+    now_s: float,
+    width: int,
+    *,
+    is_loaded: bool,
+    is_at_hand: bool,
 ) -> Line:
     """Which mission is shown: the one on the vehicle, the one at hand, or both in one."""
     name = platform.name if platform is not None else "the vehicle"
@@ -46,6 +52,8 @@ def position_line(
     parts: list[tuple[int, Span]] = []
     if is_loaded:
         parts.append((0, Span(f" on {name}", Tone.STRONG)))
+        if held is not None and held.is_stale(now_s):
+            parts.append((1, Span(f"as last heard {wording.duration(held.age_s(now_s))} ago", Tone.BAD)))
         if is_at_hand and draft is not None:
             parts += [(2, Span(f"the one at hand: {draft.name}", Tone.DIM)), *unsaved]
         elif draft is not None:

@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, Final
 
-from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.errors import Refused
 from gloc3.frames import Vector3, wrap_pi, yaw_of
@@ -12,10 +11,10 @@ from gloc3.line_of_sight import LineOfSight, corner_speed_m_s, heading_vector, s
 from gloc3.messages import Envelope
 from gloc3.mission.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.states import ActionState
-from gloc3.ports import Inbox, Input, Output, Result
+from gloc3.ports import Inbox, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import DriverState, Home, Pose, Setpoint
-from gloc3_onboard.path_follower import next_ahead
+from gloc3.vehicle import DriverState, Pose, Setpoint
+from gloc3_onboard.way_performer import WayPerformer
 
 DRIVER_S: Final = 0.5
 """What the driver said longer ago does not count."""
@@ -65,7 +64,7 @@ class LineOfSightSettings(Settings, frozen=True):
     """A pose older than this is lost."""
 
 
-class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
+class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
     """Streams a velocity whose direction is to be the heading: along the way, and against what sets it off.
 
     It follows the waypoints as `WaypointsController` does, and takes the same orders, but leads no point: in a current
@@ -74,25 +73,12 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
     """
 
     settings_type = LineOfSightSettings
-    performs: ClassVar = {
-        "follow_waypoints": FollowWaypointsOrder,
-        "go_to": FollowWaypointsOrder,
-        "return_home": ReturnHome,
-    }
     loggable = ("waypoint", "cross_track_m", "crab_m", "drift_m_s", "left_m")
-
-    pose = Input(Pose)
-    home = Input(Home)
-    driver = Input(DriverState)
-    setpoint_wanted = Output(Setpoint, frame="ned")
 
     def __init__(self) -> None:
         self.waypoint = 0
         self.cross_track_m = self.crab_m = self.left_m = self.drift_m_s = 0.0
         self._settings = LineOfSightSettings()
-        self._pose: Pose | None = None
-        self._home_ned_m: Vector3 | None = None
-        self._order: FollowWaypointsOrder | None = None
         self._guide = LineOfSight()
         self._forget(0.0)
 
@@ -118,13 +104,7 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
 
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
         """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
-        pose = self._pose
-        if pose is None or not pose.is_valid:
-            raise Refused("there is no valid pose")
-        order = arguments if isinstance(arguments, FollowWaypointsOrder) else self._way_home(arguments)
-        count = len(order.waypoints_ned_m)
-        if not count:
-            raise Refused("there is no waypoint")
+        pose, order = self.wanted(arguments)
         if order.wall_distance_m is not None:
             raise Refused("a vehicle that steers by its heading keeps no distance from a wall")
         if order.altitude_m is not None:
@@ -134,24 +114,21 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
         self._order = order
         self._guide = LineOfSight(self._settings.integral)
         self._forget(now_s)
-        passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
-        if passed and not order.hold_s:
-            passed = next_ahead(pose.position_ned_m, order.waypoints_ned_m, passed, order.acceptance_m)
+        passed = self.passed(order, pose.position_ned_m)
         start = order.waypoints_ned_m[passed - 1] if passed else pose.position_ned_m
-        while not order.hold_s and passed < count - 1:
+        while not order.hold_s and passed < len(order.waypoints_ned_m) - 1:
             here = order.waypoints_ned_m[passed]
             if math.dist(here[:2], pose.position_ned_m[:2]) > order.acceptance_m:
                 break
             start, passed = here, passed + 1
         self._head_for(passed, start, now_s)
 
-    def _way_home(self, arguments: ReturnHome) -> FollowWaypointsOrder:
-        home, pose = self._home_ned_m, self._pose
-        if home is None or pose is None:
-            raise Refused("home is not known")
-        down = pose.position_ned_m[2] if arguments.height_m is None else home[2] - arguments.height_m
+    def way_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
+        """Straight home, nose first."""
+        north, east, home_down = home_ned_m
+        down = here_ned_m[2] if arguments.height_m is None else home_down - arguments.height_m
         return FollowWaypointsOrder(
-            waypoints_ned_m=((home[0], home[1], down),),
+            waypoints_ned_m=((north, east, down),),
             speed_m_s=arguments.speed_m_s or self._settings.return_speed_m_s,
             heading=HeadingOrder(mode="along"),
             acceptance_m=max(1.0, self._settings.lookahead_m),
@@ -169,11 +146,7 @@ class LineOfSightController(ActionPerformer, Controller[LineOfSightSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Steers on."""
-        latest = inbox.latest(self.pose)
-        is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
-        self._pose = latest.payload if latest is not None and is_fresh else None
-        if (home := inbox.latest(self.home)) is not None:
-            self._home_ned_m = home.payload.position_ned_m
+        self.see(inbox, now_s, self._settings.pose_limit_s)
         results: list[Result] = []
         duration_s, self._last_s = now_s - self._last_s, now_s
         if not self.is_running or self._order is None:

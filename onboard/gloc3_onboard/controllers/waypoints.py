@@ -2,25 +2,25 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from msgspec.structs import replace
 
-from gloc3.action import ActionPerformer
 from gloc3.component import Controller
 from gloc3.errors import Refused
 from gloc3.frames import Vector3, wrap_pi, yaw_of
 from gloc3.messages import Envelope
 from gloc3.mission.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.states import ActionState
-from gloc3.ports import Inbox, Input, Output, Result
+from gloc3.ports import Inbox, Input, Result
 from gloc3.settings import Bounds, Settings
-from gloc3.vehicle import DriverState, HeightAboveGround, Home, ObstacleScan, Pose, Setpoint
+from gloc3.vehicle import DriverState, HeightAboveGround, ObstacleScan, Pose, Setpoint
 from gloc3_onboard.floor_keeper import FloorKeeper
 from gloc3_onboard.leader import Leader
 from gloc3_onboard.obstacle_field import ObstacleField
-from gloc3_onboard.path_follower import PathFollower, Target, next_ahead
+from gloc3_onboard.path_follower import PathFollower, Target
 from gloc3_onboard.wall_keeper import WallKeeper, wall_ahead
+from gloc3_onboard.way_performer import WayPerformer
 
 DETOUR_M = 2.0
 """So much farther ahead the point that is followed may be while the vehicle goes around something."""
@@ -69,32 +69,20 @@ class WaypointsSettings(Settings, frozen=True):
     """What the range finder told longer ago does not count."""
 
 
-class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
+class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
     """Streams setpoints along the waypoints of an action; without a valid pose it streams nothing."""
 
     settings_type = WaypointsSettings
-    performs: ClassVar = {
-        "follow_waypoints": FollowWaypointsOrder,
-        "go_to": FollowWaypointsOrder,
-        "return_home": ReturnHome,
-    }
     loggable = ("travelled_m", "waypoint", "cross_track_m")
 
-    pose = Input(Pose)
-    home = Input(Home)
-    driver = Input(DriverState)
     obstacles = Input(ObstacleScan)
     height = Input(HeightAboveGround)
-    setpoint_wanted = Output(Setpoint, frame="ned")
 
     def __init__(self) -> None:
         self.travelled_m = 0.0
         self.waypoint = 0
         self.cross_track_m = 0.0
         self._settings = WaypointsSettings()
-        self._pose: Pose | None = None
-        self._home_ned_m: Vector3 | None = None
-        self._order: FollowWaypointsOrder | None = None
         self._leader: Leader | None = None
         self._wall: WallKeeper | None = None
         self._floor: FloorKeeper | None = None
@@ -119,14 +107,8 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
 
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
         """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
-        pose = self._pose
-        if pose is None or not pose.is_valid:
-            raise Refused("there is no valid pose")
-        order = arguments if isinstance(arguments, FollowWaypointsOrder) else self._way_home(arguments, pose)
+        pose, order = self.wanted(arguments)
         order = replace(order, acceptance_m=max(order.acceptance_m, self._settings.comes_within_m))
-        count = len(order.waypoints_ned_m)
-        if not count:
-            raise Refused("there is no waypoint")
         if order.wall_distance_m is not None and self._points is None:
             raise Refused("nobody sees the wall to keep the distance from: there are no obstacles of a laser scanner")
         self._floor = None
@@ -137,9 +119,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
             order = replace(order, waypoints_ned_m=tuple((n, e, down_m) for n, e, _ in order.waypoints_ned_m))
         self._order = order
         self._is_in_the_way, self._hindered_s = False, 0.0
-        self._passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
-        if self._passed and not order.hold_s:
-            self._passed = next_ahead(pose.position_ned_m, order.waypoints_ned_m, self._passed, order.acceptance_m)
+        self._passed = self.passed(order, pose.position_ned_m)
         self._yaw_rad = yaw_of(pose.ned_from_frd)
         self._last_s = now_s
         follower = PathFollower(
@@ -154,10 +134,9 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
         self._leader = Leader(follower, now_s, self._settings.at_rest_m_s)
         self._wall = None if order.wall_distance_m is None else WallKeeper(order.wall_distance_m)
 
-    def _way_home(self, arguments: ReturnHome, pose: Pose) -> FollowWaypointsOrder:
-        home, (north, east, down) = self._home_ned_m, pose.position_ned_m
-        if home is None:
-            raise Refused("home is not known")
+    def way_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
+        """To the height, then straight home, with the heading that there is."""
+        home, (north, east, down) = home_ned_m, here_ned_m
         height_down = down if arguments.height_m is None else home[2] - arguments.height_m
         return FollowWaypointsOrder(
             waypoints_ned_m=((north, east, height_down), (home[0], home[1], height_down)),
@@ -171,11 +150,7 @@ class WaypointsController(ActionPerformer, Controller[WaypointsSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Moves the target on and asks for it."""
-        latest = inbox.latest(self.pose)
-        is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
-        self._pose = latest.payload if latest is not None and is_fresh else None
-        if (home := inbox.latest(self.home)) is not None:
-            self._home_ned_m = home.payload.position_ned_m
+        self.see(inbox, now_s, self._settings.pose_limit_s)
         scan = inbox.latest(self.obstacles)
         is_seen = scan is not None and inbox.is_fresh(self.obstacles, now_s, self._settings.obstacles_limit_s)
         self._points = scan.payload.points_ne_m if scan is not None and is_seen and scan.payload.is_valid else None

@@ -36,7 +36,7 @@ async def test_u_queues_a_mission_while_nothing_is_heard_x_takes_it_back_and_con
         here.platform.speak()
         await here.go("3")
         await here.until("title", "link ok")
-        await here.wait(lambda: len(here.asked(LoadMission)) == 1)  # the one at hand, at the begin
+        await here.wait(lambda: shown(here, "'cargo hold' is loaded and read back"))  # the one at hand, at the begin
         now_s, later_s = here.station.now_s, 60.0
         here.station.now_s = lambda: now_s() + later_s  # type: ignore[misc]
         await here.until("title", "SILENT")

@@ -94,3 +94,13 @@ def test_a_mission_that_failed_says_why() -> None:
     report = blank()
     report.mission_state, report.reason = "failed", "sweep.wall: too late"
     assert as_lines(report)[0] == "m: failed (sweep.wall: too late)"
+
+
+def test_what_the_flight_took_is_told_beside_the_estimate_or_its_range() -> None:
+    report = blank()
+    report.mission_time_s, report.distance_m, report.energy_wh = 66.0, 60.0, 2.2
+    report.estimate = {"mission_time_s": 60.0, "distance_m": 50.0, "energy_wh": 2.2}
+    assert "  estimate 60 s (+10 %), 50 m (+20 %), 2.2 Wh (+0 %)" in as_lines(report)
+    report.estimate = {"mission_time_s": 100.0, "distance_m": 50.0, "energy_wh": 4.0}
+    report.estimate_least = {"mission_time_s": 40.0, "distance_m": 20.0, "energy_wh": 2.75}
+    assert "  estimate 40 to 100 s (within), 20 to 50 m (+20 %), 2.8 to 4.0 Wh (-20 %)" in as_lines(report)

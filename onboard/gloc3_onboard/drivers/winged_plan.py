@@ -16,6 +16,8 @@ from gloc3.vehicle import AutopilotState, Home, LandedState, Manoeuvre
 from gloc3_onboard.devices import Way
 from gloc3_onboard.plan_flier import PlanControl, PlanFlier, PlanSettings
 
+WIDEST_M: Final = 255.0
+"""Plane keeps the radius of a waypoint in a byte."""
 ON_THE_GROUND: Final = (LandedState.ON_GROUND, LandedState.UNKNOWN)
 
 
@@ -26,7 +28,7 @@ class WingedPlanSettings(PlanSettings, frozen=True):
     """Whether it may arm the vehicle; the platform file's `arm` sets it."""
     cruise_m_s: Annotated[float, Bounds(1.0, 100.0)] = 23.0
     """Air speed of take-offs, and of returns home that name none."""
-    comes_within_m: Annotated[float, Bounds(1.0, 255.0)] = 30.0
+    comes_within_m: Annotated[float, Bounds(1.0, WIDEST_M)] = 30.0
     """So near it comes to a place, or passes it: it begins to turn there. Ways that ask for less get this."""
     take_off_min_m: Annotated[float, Bounds(1.0, 1_000.0)] = 20.0
     """A take-off to less is refused: it circles there."""
@@ -77,9 +79,8 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"what flies on wings points where it flies: heading {order.heading.mode}")
         self._climbs = isinstance(arguments, TakeOff)
-        super().begin_action(
-            capability, replace(order, acceptance_m=max(order.acceptance_m, self._settings.comes_within_m)), now_s
-        )
+        within_m = min(max(order.acceptance_m, self._settings.comes_within_m), WIDEST_M)
+        super().begin_action(capability, replace(order, acceptance_m=within_m), now_s)
 
     def _way_up(self, arguments: TakeOff, place: Vector3) -> FollowWaypointsOrder:
         autopilot, least_m = self._autopilot, self._settings.take_off_min_m

@@ -81,9 +81,8 @@ def test_sent_to_a_place_it_goes_round_it_at_the_height_asked_for() -> None:
         assert height_m(bench) == pytest.approx(70.0, abs=3.0)
 
 
-@pytest.mark.parametrize("wind_m_s", [0.0, 6.0])
-def test_a_mission_takes_off_passes_its_waypoints_and_lands_beside_its_place(wind_m_s: float) -> None:
-    bench = ready(wind=gusty(wind_m_s, 270.0)) if wind_m_s else ready()
+def test_a_mission_in_wind_takes_off_passes_its_waypoints_and_lands_beside_its_place() -> None:
+    bench = ready(wind=gusty(6.0, 270.0))
     corners = ((500.0, 0.0), (500.0, 400.0), (-300.0, 400.0))
     way(
         bench,
@@ -104,7 +103,7 @@ def test_a_mission_takes_off_passes_its_waypoints_and_lands_beside_its_place(win
             slowest = min(slowest, airspeed_m_s(bench))
     assert slowest > 16.5
     assert abs(bench.position[0]) < 300.0
-    assert abs(bench.position[1]) < 5.0 + 10.0 * wind_m_s  # its wheels are not steered, and the wind turns it
+    assert abs(bench.position[1]) < 65.0  # its wheels are not steered, and the wind turns it
     bench.run(4.0)
     assert not bench.is_armed
 

@@ -17,7 +17,8 @@ from gloc3.topics import TopicTable
 from gloc3_groundstation.link import Link
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.ways import NETWORK, Way, Ways
-from gloc3_sitl.flight import STATION_ID, Flight, FlightPlan
+from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3_sitl.ground_side import STATION_ID
 
 
 class FleetGround:

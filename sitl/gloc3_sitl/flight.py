@@ -20,13 +20,8 @@ from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import Publisher
-from gloc3.exchange.mavlink import MavlinkExchange
-from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, Undelivered
-from gloc3.exchange.tunnel.layout import Role
 from gloc3.frames import GeoPoint, TangentPlane
-from gloc3.link.codec import Address, Encoder, Frame, MavlinkMessage, Parser
-from gloc3.link.heartbeat import Heartbeat
+from gloc3.link.codec import Frame, Parser
 from gloc3.link.memory import ACOUSTIC, Conditions, MemoryLink
 from gloc3.messages import Envelope, Message, Severity
 from gloc3.mission.examples import find_mission
@@ -63,7 +58,8 @@ from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
 from gloc3_sitl.flight_messages import SimFault, SimTruth
-from gloc3_sitl.mission_file import is_without_satellites, place_for
+from gloc3_sitl.ground_side import GroundSide
+from gloc3_sitl.mission_file import is_without_satellites, looks_down, place_for
 from gloc3_sitl.path_error import Sample
 from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
 from gloc3_sitl.sim_devices import NoCamera
@@ -75,8 +71,6 @@ from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
 
-STATION_ID: Final = 255
-STATION_COMPONENT: Final = 190
 TRUTH_PERIOD_S: Final = 0.1
 WEST_DEG: Final = 270.0
 DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu")
@@ -126,73 +120,6 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """How often a summary goes to the station by an acoustic modem; 0 where there is none."""
     cycle_cost_s: CycleCost | None = None
     """What a cycle of a component costs at a time, faults aside; None for nothing."""
-
-
-class GroundSide:
-    """A station at the other end of the radio, as `gloc3 station` is one."""
-
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, topics: TopicTable, boot: int, system: int = STATION_ID
-    ) -> None:
-        own = Address(system, STATION_COMPONENT)
-        self.own: Final = own
-        self._listeners: list[Callable[[Frame], None]] = []
-        self._encoder = Encoder(*own)
-        self._parser = Parser(is_datagram=True)
-        self._loop = loop
-        self._endpoint: Any = None
-        self.heartbeat = Heartbeat(own, vehicle_type=6)
-        self.exchange = MavlinkExchange(TunnelEndpoint(Role.STATION, str(system), own, boot, topics), loop, self.send)
-        self.station = Station(self.exchange, loop, str(system), boot)
-        self.exchange.listen(self._happened)
-        self._timer: asyncio.TimerHandle | None = None
-
-    def open(self, endpoint: Any) -> None:
-        """Begins to talk."""
-        self._endpoint = endpoint
-        endpoint.on_data = self._receive
-        self._beat()
-
-    def close(self) -> None:
-        """Falls silent."""
-        self.station.close()
-        self.exchange.close()
-        if self._timer is not None:
-            self._timer.cancel()
-
-    def _happened(self, happening: Happening) -> None:
-        if isinstance(happening, Undelivered):
-            self.station.client.undelivered(happening)
-
-    def _beat(self) -> None:
-        self.heartbeat.tick(self._loop.time())
-        for message in self.heartbeat.outgoing():
-            self.send(message)
-        self._timer = self._loop.call_later(0.5, self._beat)
-
-    def listen(self, listener: Callable[[Frame], None]) -> Callable[[], None]:
-        """Is told every frame that is not of the command link, as services of the station are."""
-        self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener)
-
-    def forward(self, frame: Frame) -> None:
-        """Sends a frame that was made in the station's name."""
-        if self._endpoint is not None:
-            self._endpoint.send(self._encoder.forward(frame))
-
-    def send(self, message: MavlinkMessage) -> None:
-        """Sends a message of the station's."""
-        if self._endpoint is not None:
-            self._endpoint.send(self._encoder.encode(message))
-
-    def _receive(self, data: bytes) -> None:
-        for frame in self._parser.receive(data):
-            message = frame.decode()
-            if message is not None and message.name == "TUNNEL":
-                self.exchange.receive(message, frame.sender)
-            else:
-                for listener in tuple(self._listeners):
-                    listener(frame)
 
 
 class Flight:
@@ -298,17 +225,6 @@ class Flight:
             is_without_gps=is_without_gps,
             battery_remaining=plan.battery,
             parameters=plan.parameters,
-        )
-
-    def _looks_down(self) -> bool:
-        """Whether pictures of the ground are used: one costs as much as everything else together."""
-        if any(action.capability == "record_images" for action in self.mission.actions().values()):
-            return True
-        recorder = self.platform.capabilities.get("record_images")
-        return any(
-            "camera/ground" in row.topics(name) and (recorder is None or row.name != recorder.performed_by)
-            for row in self.platform.components
-            for name in row.load_class().inputs
         )
 
     async def __aenter__(self) -> Self:
@@ -439,13 +355,13 @@ class Flight:
 
     def _sensors(self) -> dict[str, Any]:
         """The devices that samplers read."""
-        ground = {} if self._looks_down() else {"ground_camera": NoCamera()}
+        ground = {} if looks_down(self.platform, self.mission) else {"ground_camera": NoCamera()}
         return {**self.rig.devices, **ground, "imu": self.imu}
 
     def _watch(self, sensors: Mapping[str, Any]) -> SensorWatch:
         """Looks at those that the platform has, but for a camera that is left out because nobody looks at its pictures."""
         used = {device for row in self.platform.components for device in row.devices.values()}
-        if not self._looks_down():
+        if not looks_down(self.platform, self.mission):
             used.discard("ground_camera")
         watched = {name: device for name, device in sensors.items() if name in used}
         places = {name: NOWHERE if isinstance(device, NoCamera) else SIMULATED for name, device in watched.items()}

@@ -111,3 +111,15 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFi
         path.write_text(text, encoding="utf-8")
     duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S
     return MissionFile(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings])
+
+
+def looks_down(platform: Platform, mission: Mission) -> bool:
+    """Whether pictures of the ground are used: one costs as much as everything else together."""
+    if any(action.capability == "record_images" for action in mission.actions().values()):
+        return True
+    recorder = platform.capabilities.get("record_images")
+    return any(
+        "camera/ground" in row.topics(name) and (recorder is None or row.name != recorder.performed_by)
+        for row in platform.components
+        for name in row.load_class().inputs
+    )

@@ -14,7 +14,7 @@ from tests.flight.missions import mission
 from gloc3.ci import Outcome, Preflight, Steer, Verb
 from gloc3.preflight import PreflightReport, red
 from gloc3_sitl.autopilot.surroundings import Power
-from gloc3_sitl.flight import GroundSide
+from gloc3_sitl.ground_side import GroundSide
 
 LINKS = ("station", "autopilot")
 PHASES = ("idle", "taking off", "mission", "paused", "landing")

@@ -25,8 +25,7 @@ from gloc3.link.signing import Signing, timestamp
 from gloc3.link.statustext import StatusTextReceiver
 from gloc3.messages import Severity
 from gloc3.mission.formats.items import FenceArea
-from gloc3.readiness import AutopilotSetup
-from gloc3.vehicle import AutopilotState, FlightMode, Pose, Style
+from gloc3.vehicle import FlightMode, Pose, Style
 from gloc3_onboard.autopilot.arm_leave import ArmLeave
 from gloc3_onboard.autopilot.clockwork import Clockwork
 from gloc3_onboard.autopilot.commands import NOBODY, CommandDesk
@@ -37,14 +36,15 @@ from gloc3_onboard.autopilot.lead import Lead
 from gloc3_onboard.autopilot.plan_upload import PlanUpload
 from gloc3_onboard.autopilot.prearm import PrearmQuestions
 from gloc3_onboard.autopilot.px4 import Px4
-from gloc3_onboard.autopilot.sensors import FIX_HZ, WHEELS_HZ, AutopilotSensors
+from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.setpoints import Wanted
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
+from gloc3_onboard.autopilot.told import ToldByAutopilot
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.devices import Answer, Bell, Manners, Stamped, StampedFix, StampedHeight, StampedWheels, Unwatch, Way
+from gloc3_onboard.devices import Answer, Manners, Way
 
 FORCE: Final = 21196.0
 """What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
@@ -72,7 +72,7 @@ def _say_nothing(_severity: Severity, _text: str) -> None:
     """For links whose events nobody wants."""
 
 
-class AutopilotLink:
+class AutopilotLink(ToldByAutopilot):
     """One autopilot: implements the telemetry, height and control devices.
 
     Args:
@@ -109,8 +109,11 @@ class AutopilotLink:
         self._fence = FenceUpload(self._plans)
         self._plan = PlanUpload(self._plans)
         self._texts = StatusTextReceiver(self.own)
-        self._inspection = Inspection(self.own, self._commands)
-        self._telemetry = Telemetry()
+        super().__init__(
+            Telemetry(),
+            AutopilotSensors(lambda: self._post(self._ask_for_sensors)),
+            Inspection(self.own, self._commands),
+        )
         self._clockwork = Clockwork(self.own, self._telemetry)
         self._lead = Lead(self._telemetry)
         self._leave = ArmLeave(self.own, why_not_arm)
@@ -124,7 +127,6 @@ class AutopilotLink:
             self._leave,
         ]
         self._node = Node(self.own, services)
-        self.sensors = AutopilotSensors(lambda: self._post(self._ask_for_sensors))
         self._wanted = {codec.shape(name).id for name in (*Telemetry.HANDLES, *AutopilotSensors.HANDLES)}
         self._target: Address | None = None
         self._kind = (-1, -1)
@@ -136,8 +138,6 @@ class AutopilotLink:
         self._prearm = PrearmQuestions(self._commands)
         self._restarts = 0
         self._restarted_s = -math.inf
-        self._told: tuple[object, object, object] = (None, None, None)
-        self._on_state, self._on_pose, self._on_height, self._on_setup = Bell(), Bell(), Bell(), Bell()
         self._timer: asyncio.TimerHandle | None = None
 
     # --- life ---
@@ -173,7 +173,7 @@ class AutopilotLink:
                     self.sensors.receive(message, now_s, self._telemetry)
         if not is_settled:
             self._settle(now_s)
-        self._tell()
+        self.ring_for_news()
 
     def send_message(self, message: codec.MavlinkMessage) -> None:
         """Sends one message as the companion."""
@@ -186,7 +186,7 @@ class AutopilotLink:
         now_s = self._loop.time()
         self._node.tick(now_s)
         self._settle(now_s)
-        self._tell()
+        self.ring_for_news()
         self._timer = self._loop.call_later(TICK_S, self._tick)
 
     def _settle(self, now_s: float) -> None:
@@ -317,20 +317,6 @@ class AutopilotLink:
         if self._target is not None:
             for stream in self.sensors.streams(self.style.style):
                 self._streams.ask(stream)
-
-    def _tell(self) -> None:
-        """Rings for what is new."""
-        state, pose, height = self._told
-        telemetry = self._telemetry
-        self._told = (telemetry.state, telemetry.pose, telemetry.height)
-        if telemetry.pose is not pose:
-            self._on_pose.ring()
-        if telemetry.height is not height:
-            self._on_height.ring()
-        if telemetry.state is not state:
-            self._on_state.ring()
-        if self._inspection.events():
-            self._on_setup.ring()
 
     # --- commands ---
 
@@ -487,62 +473,6 @@ class AutopilotLink:
         """Sends nothing again that was commanded so far."""
         self._post(lambda: self._desk.abandon("somebody else has control"))
 
-    # --- the telemetry devices ---
-
-    def t_s_of_boot(self, boot_s: float) -> float | None:
-        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
-        return self._telemetry.t_s_of_boot(boot_s)
-
-    def state(self) -> AutopilotState:
-        """Mode, arming, battery, as known now."""
-        return self._telemetry.state
-
-    def pose(self) -> Stamped | None:
-        """The latest estimate; None before the first."""
-        return self._telemetry.pose
-
-    def height(self) -> StampedHeight | None:
-        """The latest distance to the ground; None before the first."""
-        return self._telemetry.height
-
-    def fix(self) -> StampedFix | None:
-        """What the satellite receiver said last; None before the first."""
-        return self.sensors.satellites
-
-    def wheels(self) -> StampedWheels | None:
-        """How far the wheels have turned; None before the first."""
-        return self.sensors.wheels
-
-    def setup(self) -> AutopilotSetup:
-        """Firmware, parameters that matter, and sensors' health, as known now."""
-        return self._inspection.setup
-
     def read_setup(self, number: int) -> None:
         """Reads these anew; the end is told with this number."""
         self._post(lambda: self._inspection.read(number, self._loop.time()))
-
-    def on_setup(self, changed: Callable[[], None]) -> Unwatch:
-        """Has `changed` called when the setup has changed, or was read anew."""
-        return self._on_setup.listen(changed)
-
-    def on_state(self, changed: Callable[[], None]) -> Unwatch:
-        """Has `changed` called when the state has changed."""
-        return self._on_state.listen(changed)
-
-    def on_pose(self, ready: Callable[[], None]) -> Unwatch:
-        """Has `ready` called when a new estimate is there."""
-        return self._on_pose.listen(ready)
-
-    def on_height(self, ready: Callable[[], None]) -> Unwatch:
-        """Has `ready` called when a new distance is there."""
-        return self._on_height.listen(ready)
-
-    def on_fix(self, ready: Callable[[], None]) -> Unwatch:
-        """Asks for satellite fixes, and has `ready` called when there is a new one."""
-        self.sensors.want("satellites", FIX_HZ)
-        return self.sensors.fix_bell.listen(ready)
-
-    def on_wheels(self, ready: Callable[[], None]) -> Unwatch:
-        """Asks for the encoders of the wheels, and has `ready` called when they have told."""
-        self.sensors.want("wheels", WHEELS_HZ)
-        return self.sensors.wheels_bell.listen(ready)

@@ -203,10 +203,10 @@ def _space(mission: Mission, figures: Estimate, circumstances: Circumstances) ->
     if figures.least is None:
         return found
     shorter = space_findings(mission, figures.least, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
-    left = [one for one in shorter if one not in found]
+    left_out = "where guards leave out what they may"
     return found + [
-        structs.replace(one, message=f"{one.message}, where guards leave out what they may", is_warning=True)
-        for one in left
+        structs.replace(one, message=f"{one.message}, {left_out}", is_warning=True)
+        for one in set(shorter).difference(found)
     ]
 
 

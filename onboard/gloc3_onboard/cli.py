@@ -21,6 +21,7 @@ app = App(
     - `gloc3 onboard pelican_rtk`: with the simulated vehicle of `gloc3 sitl` on the same machine
     - `gloc3 onboard my.yaml --autopilot serial:///dev/ttyACM0:57600 --station udpout://192.168.1.10:14550`
     - `gloc3 onboard my.yaml --device ground_camera=v4l2:///dev/video0 --device laser=rplidar:///dev/ttyUSB0`
+    - `gloc3 onboard auv --device dvl=a50://127.0.0.1:16171`: with the Doppler velocity log that `gloc3 sitl --vehicle auv --dvl` serves
 
     It passes MAVLink on between the autopilot and all stations, so that QGroundControl and others reach the autopilot
     through it. Its log, every MAVLink frame, pictures and what must survive a restart go to the folder of --out.

@@ -19,7 +19,6 @@ class DataLogger:
     def __init__(self, component: type[Component[Any]], items: Sequence[str]) -> None:
         self._loggable = component.loggable
         self._chosen = self._check(items)
-        self._is_enabled = True
         self.items: tuple[str, ...] = self._chosen
         """What is recorded; empty while it is switched off."""
 
@@ -31,7 +30,6 @@ class DataLogger:
         """
         if items is not None:
             self._chosen = self._check(items)
-        self._is_enabled = is_enabled
         self.items = self._chosen if is_enabled else ()
         return list(self.items)
 

@@ -56,8 +56,6 @@ class DeadReckoner:
             [1e8, 1e8, errors.adrift_m_s**2, errors.adrift_m_s**2, errors.heading_rad**2, errors.scale**2]
         )
         """Of the state."""
-        self.velocity_s: float | None = None
-        """When a velocity was taken in last."""
 
     def begin(self, north_m: float, east_m: float, std_m: float) -> None:
         """Begins at a place, with this standard deviation along each axis; what is known of the errors stays."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from gloc3.errors import InputError
+from gloc3.errors import InputError, NotThere
 from gloc3.narrate import narrate
 
 app = App(
@@ -71,6 +71,8 @@ def demo(
     )
     try:
         return asyncio.run(run_demo(options, known))
+    except NotThere:
+        raise
     except InputError as error:
         narrate(f"{error}\nthe mission did not pass the check")
         return 1

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 from cyclopts import App, Parameter
 
 from gloc3.clock import Clock, run_virtual
-from gloc3.errors import InputError, Refused
+from gloc3.errors import InputError, NotThere, Refused
 from gloc3.narrate import narrate
 from gloc3_sitl.wind import CALM, gusty
 
@@ -126,6 +126,8 @@ def fly(
     )
     try:
         report = run_virtual(fly_mission(options, known, None if quiet else narrate, begin_s))
+    except NotThere:
+        raise
     except InputError as error:
         narrate(f"{error}\nthe mission did not pass the check")
         return EXIT_FAILED

@@ -1,6 +1,6 @@
 """What bodies that stay on the ground or on the water have in common: a place on the map, a heading, a small lean."""
 
-from math import atan2, cos, hypot, sin
+from math import cos, sin
 from typing import Final
 
 from gloc3.frames import GRAVITY_M_S2, IDENTITY, Quaternion, TangentPlane, Vector3, from_euler, to_euler
@@ -117,9 +117,3 @@ class LevelBody:
 def clipped(output: float) -> float:
     """An output between -1 and 1; 0 for what is not a number."""
     return 0.0 if output != output else max(-1.0, min(1.0, output))
-
-
-def course_and_speed(truth: Truth) -> tuple[float, float]:
-    """Bearing of the motion over ground in radians, and its speed in m/s."""
-    vn, ve, _ = truth.velocity_ned_m_s
-    return atan2(ve, vn), hypot(vn, ve)

@@ -59,7 +59,8 @@ class VisionPoseSettings(Settings, frozen=True):
     """See `other_source_set`; as long a pose must have come before `source_set` is chosen."""
     in_place_of: str = ""
     """A source of poses, such as *satellites*: while the pose rests on it, the autopilot sees it by itself, and
-    `other_source_set` is chosen; `source_set` is, at once, when it does not. Empty chooses by whether a pose is sent alone."""
+    `other_source_set` is chosen; `source_set` is, at once, when it does not. Back again it goes after `lost_s`: until then the
+    autopilot has followed our pose to where that source has it. Empty chooses by whether a pose is sent alone."""
 
 
 class SendPose(NamedTuple):
@@ -121,6 +122,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         self._begun_s: float | None = None
         self._is_needed = True
         """The autopilot lacks what the pose has."""
+        self._has_it_since_s: float | None = None
         self.chosen_set, self._ticket = 0, 0
 
     def initialize(self, settings: VisionPoseSettings) -> None:
@@ -137,7 +139,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         for envelope in inbox.new(self.pose):
             pose, t_s = envelope.payload, envelope.t_s
             self.reason = self._why_not(pose, t_s)
-            self._is_needed = not self._settings.in_place_of or self._settings.in_place_of not in pose.sources
+            self._is_needed = self._look_whether_needed(pose, t_s)
             pose = _from_their_origin(pose, inbox.latest(self.autopilot_pose))
             if self.reason:
                 self.withheld += 1
@@ -153,6 +155,15 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         if latest is not None:
             results += self._home(latest.payload, inbox, now_s)
         return [*results, *self._sources(now_s)]
+
+    def _look_whether_needed(self, pose: Pose, t_s: float) -> bool:
+        """Whether the autopilot lacks what the pose rests on."""
+        source = self._settings.in_place_of
+        if not source or source not in pose.sources:
+            self._has_it_since_s = None
+        elif self._has_it_since_s is None:
+            self._has_it_since_s = t_s
+        return self._has_it_since_s is None or t_s - self._has_it_since_s < self._settings.lost_s
 
     def _home(self, pose: Pose, inbox: Inbox, now_s: float) -> list[Actuation]:
         """Where it stands is home, for an autopilot that has our origin, and has no home by itself after a while."""

@@ -15,6 +15,7 @@ from gloc3_sitl.path_error import Sample
 
 UNDER_WATER_M = 1.0
 """Deeper than this it counts as diving."""
+_EVERY_M = 2.0
 _WORTH_M = 30.0
 """A share of the way is told from here on."""
 
@@ -38,6 +39,12 @@ class Dive(NamedTuple):
     """Error of the last pose, at the surface."""
     reasons: tuple[str, ...]
     """What the pose said of itself, in order."""
+    along: float
+    """Error along the straight from the begin where it is farthest from there, as a share of that: the velocity's scale."""
+    across: float
+    """Error across it: heading and mounting."""
+    errors: tuple[tuple[float, float], ...]
+    """Way and error, every few metres."""
 
 
 def dive(
@@ -93,6 +100,11 @@ def _judged(state: str, reason: str, poses: list[Envelope[Pose]], samples: list[
     grown = np.hypot(*(off[first : last + 1] - off[first]).T)
     far = way > min(_WORTH_M, 0.5 * way[-1])
     claimed = [hypot(*told[index].payload.position_std_m[:2]) for index in (first, last)]
+    out = true[first : last + 1, :2] - true[first, :2]
+    farthest = int(np.argmax(np.hypot(*out.T)))
+    away = float(np.hypot(*out[farthest]))
+    error, unit = off[first + farthest] - off[first], out[farthest] / max(away, 1e-9)
+    marks = np.searchsorted(way, np.arange(0.0, way[-1], _EVERY_M))
     reasons = dict.fromkeys(envelope.payload.reason for envelope in told if envelope.payload.reason)
     return Dive(
         state=state,
@@ -104,4 +116,7 @@ def _judged(state: str, reason: str, poses: list[Envelope[Pose]], samples: list[
         deepest_m=float(true[:, 2].max()),
         back_m=float(hypot(*off[-1])),
         reasons=tuple(reasons),
+        along=float(error @ unit) / away,
+        across=float(error[1] * unit[0] - error[0] * unit[1]) / away,
+        errors=tuple((round(float(way[mark]), 2), round(float(grown[mark]), 3)) for mark in marks),
     )

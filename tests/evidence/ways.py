@@ -19,8 +19,8 @@ from gloc3_sitl.wind import CALM, gusty
 
 WITHIN_S = 1500.0
 PERIOD_S = 0.1
-DRAWN_M = 0.05
-"""What lies nearer than this to the straight between its neighbours is left out of a picture."""
+DRAWN = 600
+"""So many places of a way are drawn."""
 
 
 class Around(NamedTuple):
@@ -111,14 +111,12 @@ def draw(way: Way, file: Path, title: str) -> None:
 
 
 def _thinned(places: Sequence[Vector3]) -> list[Vector3]:
-    """The places without which the line looks the same."""
+    """Places so near to each other that the line looks the same, and that a height is found its place along the way."""
+    apart_m = min(1.5, sum(math.dist(a, b) for a, b in pairwise(places)) / DRAWN)
     kept = [places[0]]
-    pending: list[Vector3] = []
-    for place in places[1:]:
-        if any(_off_m(between, (kept[-1], place)) > DRAWN_M for between in pending):
-            kept.append(pending[-1])
-            pending = []
-        pending.append(place)
+    for place in places[1:-1]:
+        if math.dist(place, kept[-1]) >= apart_m:
+            kept.append(place)
     return [*kept, places[-1]]
 
 

@@ -8,6 +8,8 @@ _SAMPLES = 160
 """IMU samples that are averaged: 0.8 s at 200 Hz."""
 _STILL_RAD_S = 0.1
 """Largest body rate that still counts as standing."""
+_STILL_AFLOAT_RAD_S = 0.02
+"""The same for what floats: slow rocking would be taken for a bias of the gyros."""
 _PATIENCE = 2000
 """After so many samples without rest, 10 s, it floats: then so much rocking is averaged over several waves."""
 _ROCKING_RAD_S = 1.5
@@ -17,21 +19,22 @@ _ROCKING_SAMPLES = 1600
 class Alignment:
     """Averages the IMU while nothing moves; then gives attitude and gyro bias."""
 
-    __slots__ = ("_count", "_force", "_rate", "_seen", "field_frd")
+    __slots__ = ("_count", "_force", "_is_afloat", "_rate", "_seen", "field_frd")
 
     def __init__(self) -> None:
         self._count = self._seen = 0
+        self._is_afloat = False
         self._force: Vector3 = (0.0, 0.0, 0.0)
         self._rate: Vector3 = (0.0, 0.0, 0.0)
         self.field_frd: Vector3 | None = None
         """The newest magnetic field in the body, in any unit."""
 
-    def add(self, force_frd_m_s2: Vector3, rate_frd_rad_s: Vector3) -> bool:
-        """Takes in one IMU sample; true when the average is complete."""
+    def add(self, force_frd_m_s2: Vector3, rate_frd_rad_s: Vector3, *, floats: bool = False) -> bool:
+        """Takes in one IMU sample, of a vehicle that floats or stands; true when the average is complete."""
         p, q, r = rate_frd_rad_s
         self._seen += 1
-        is_afloat = self._seen > _PATIENCE
-        most = _ROCKING_RAD_S if is_afloat else _STILL_RAD_S
+        is_afloat = self._is_afloat = self._seen > _PATIENCE
+        most = _ROCKING_RAD_S if is_afloat else _STILL_AFLOAT_RAD_S if floats else _STILL_RAD_S
         if p * p + q * q + r * r > most * most:
             self._count = 0
             self._force = self._rate = (0.0, 0.0, 0.0)
@@ -46,7 +49,9 @@ class Alignment:
 
     @property
     def gyro_bias_rad_s(self) -> Vector3:
-        """Mean body rate of the time at rest."""
+        """Mean body rate of the time at rest; none afloat, where it is rather by how much the last wave has turned the vehicle."""
+        if self._is_afloat:
+            return (0.0, 0.0, 0.0)
         p, q, r = self._rate
         return (p / self._count, q / self._count, r / self._count)
 

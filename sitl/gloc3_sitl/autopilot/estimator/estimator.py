@@ -76,7 +76,7 @@ class Estimator:
             return
         inertial = self.inertial
         inertial.t_s = t_s
-        if self._alignment.add(force_frd_m_s2, rate_frd_rad_s):
+        if self._alignment.add(force_frd_m_s2, rate_frd_rad_s, floats=bool(self.sources & Source.DEPTH)):
             inertial.ned_from_frd = self._alignment.attitude(self.declination_rad)
             inertial.gyro_bias_rad_s = self._alignment.gyro_bias_rad_s
             self._horizontal_s = self._vertical_s = t_s

@@ -111,7 +111,7 @@ BARS = (
         "turns too wide for it, `mapping`. By its own pose is what guidance and control leave; the true position has the error of the "
         "pose in it, too: AUV and ROV dive from plain satellite fixes, whose slow error of 1.2 m north and east stays all the way, and so "
         f"does the rover's in rough conditions. Less than {FIX_M:g} m of that are 999 of 1000. Straight is what lies more than 8 m along a leg "
-        "from both its ends (plane: 80 m); a miss is the nearest that the vehicle came to a waypoint. The pictures show the first seed in "
+        "from both its ends (plane: 200 m); a miss is the nearest that the vehicle came to a waypoint. The pictures show the first seed in "
         "rough conditions.",
         vehicle_accuracy,
         seeds="1 to 8",

@@ -141,13 +141,13 @@ def test_a_stuck_method_is_a_time_out_and_its_component_can_be_brought_up_again(
         release = threading.Event()
         diary = Diary()
         with site() as here:
-            host = here.host(lambda: Specimen(diary), begin="idle", timeout_s=0.05)
+            host = here.host(lambda: Specimen(diary), begin="idle", timeout_s=0.25)
             if command == "stop":
                 await here.command("initialize", "start")
             diary.acts[command] = release.wait
             reply = await here.command(command)
             assert (reply.is_accepted, reply.state) == (False, State.FAULTY)
-            assert reply.reason == f"{command} failed: timeout: {command} took over 0.05 s"
+            assert reply.reason == f"{command} failed: timeout: {command} took over 0.25 s"
             diary.acts.clear()
             assert (await here.command("initialize", "start")).state is State.WORKING
             assert host.state is State.WORKING
@@ -161,12 +161,12 @@ def test_a_component_whose_finish_is_stuck_too_can_be_brought_up_at_the_second_t
         release = threading.Event()
         diary = Diary()
         with site() as here:
-            here.host(lambda: Specimen(diary), timeout_s=0.05)
+            here.host(lambda: Specimen(diary), timeout_s=0.25)
             await here.until(lambda: "work" in diary.calls)
             diary.acts["stop"] = diary.acts["finish"] = release.wait
             await here.command("stop")
             reply = await here.command("initialize")
-            assert reply.reason == "initialize failed: timeout: initialize took over 0.05 s"
+            assert reply.reason == "initialize failed: timeout: initialize took over 0.25 s"
             assert (await here.command("initialize", "start")).state is State.WORKING
             release.set()
 

@@ -4,21 +4,19 @@ from collections.abc import Mapping
 from typing import Final
 
 from gloc3.acoustic.frames import AcousticSummary
-from gloc3.ci import (
+from gloc3.ci import CiReply, CiRequest, LogChunk
+from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.ci_summaries import (
     CiEvent,
-    CiReply,
-    CiRequest,
     ComponentTable,
     ComponentTrouble,
     ContactSummary,
     ControlState,
-    LogChunk,
     MissionSummary,
     StationHeard,
     Summary,
     VehicleSummary,
 )
-from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.host_messages import ClockAnswer, ClockQuestion, HostNames, HostPresence, HostStatus, HostSummary
 from gloc3.mission.messages import ActionStatus
 from gloc3.perception import (

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import inf
 from typing import Final, NamedTuple
 
-from gloc3.ci import Health, health_of
+from gloc3.ci_summaries import Health, health_of
 from gloc3.deployment import ComponentRow, FaultPolicy, OnFault, Reinitialize
 from gloc3.errors import Refused
 from gloc3.lci import OPERATING, Command, State, transition

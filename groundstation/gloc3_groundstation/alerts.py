@@ -11,7 +11,7 @@ from typing import Final
 import msgspec
 from msgspec.structs import replace
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.messages import Severity
 from gloc3.preflight import Verdict
 from gloc3.software import Software, compared

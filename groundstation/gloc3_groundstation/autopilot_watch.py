@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci import VehicleSummary
+from gloc3.ci_summaries import VehicleSummary
 from gloc3.link import codec
 from gloc3.link.flight_modes import mode_name
 from gloc3.link.heartbeat import ARMED

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from gloc3.ci import FORCE, WELL, AnyBody, CallFunction, CommandComponent, Health, Outcome
+from gloc3.ci import FORCE, AnyBody, CallFunction, CommandComponent, Outcome
+from gloc3.ci_summaries import WELL, Health
 from gloc3.component import FunctionEntry
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.functions import GENERIC

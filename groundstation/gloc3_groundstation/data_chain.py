@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.errors import Gloc3Error
 from gloc3.messages import Kind
 from gloc3.platform import Platform

@@ -5,7 +5,8 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci import CiEvent, CiReply, ContactSummary, Outcome, ReadReports
+from gloc3.ci import CiReply, Outcome, ReadReports
+from gloc3.ci_summaries import CiEvent, ContactSummary
 from gloc3.messages import Severity
 
 ASK_AGAIN_S: Final = 3.0

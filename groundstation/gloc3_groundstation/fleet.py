@@ -6,9 +6,10 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from gloc3.acoustic.frames import AcousticSummary
-from gloc3.ci import (
+from gloc3.ci import CiReply
+from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.ci_summaries import (
     CiEvent,
-    CiReply,
     ComponentTable,
     ComponentTrouble,
     ContactSummary,
@@ -17,7 +18,6 @@ from gloc3.ci import (
     Summary,
     VehicleSummary,
 )
-from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.clock import utc_text
 from gloc3.host_messages import HostNames, HostSummary
 from gloc3.messages import Envelope, Severity

@@ -6,7 +6,8 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci import WELL, MissionSummary, Verb
+from gloc3.ci import Verb
+from gloc3.ci_summaries import WELL, MissionSummary
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages import Severity
 from gloc3.mission.states import ENDED, ActionState

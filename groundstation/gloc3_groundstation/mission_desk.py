@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from gloc3.ci import MissionSummary, ReadMission, RequestAction, Verb
+from gloc3.ci import ReadMission, RequestAction, Verb
+from gloc3.ci_summaries import MissionSummary
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages import Severity
 from gloc3.mission.abilities import ARMING

@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from gloc3.ci import Elsewhere, MissionSummary
+from gloc3.ci import Elsewhere
+from gloc3.ci_summaries import MissionSummary
 from gloc3_groundstation.command_client import CommandClient
 from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
 

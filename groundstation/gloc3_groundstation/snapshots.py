@@ -6,7 +6,8 @@ from typing import Final, Generic, TypeVar
 import msgspec
 
 from gloc3.acoustic.frames import AcousticSummary
-from gloc3.ci import (
+from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.ci_summaries import (
     ComponentLine,
     ComponentTable,
     ComponentTrouble,
@@ -17,7 +18,6 @@ from gloc3.ci import (
     Summary,
     VehicleSummary,
 )
-from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.host_messages import HostLine, HostNames
 from gloc3.messages import Kind, Message, Severity
 from gloc3.standard_topics import TOPICS

@@ -5,7 +5,8 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, Final
 
 from gloc3.acoustic.frames import AcousticSummary
-from gloc3.ci import CiEvent, ContactSummary, Hello, MissionSummary, ReadReports
+from gloc3.ci import Hello, ReadReports
+from gloc3.ci_summaries import CiEvent, ContactSummary, MissionSummary
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages import Envelope, Severity

@@ -3,7 +3,7 @@
 from typing import Final, NamedTuple
 
 from gloc3.acoustic.frames import action_of
-from gloc3.ci import ContactSummary, Health, MissionSummary, VehicleSummary
+from gloc3.ci_summaries import ContactSummary, Health, MissionSummary, VehicleSummary
 from gloc3.messages import Severity
 from gloc3.mission.estimate import span
 from gloc3.vehicle import LandedState

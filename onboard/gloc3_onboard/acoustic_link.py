@@ -5,19 +5,8 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gloc3.acoustic.frames import AcousticCode, Order, Receipt, Verb, summary_of
-from gloc3.ci import (
-    CiEvent,
-    CiReply,
-    CiRequest,
-    Emergency,
-    EmergencyVerb,
-    Health,
-    MissionSummary,
-    Outcome,
-    StationHeard,
-    Summary,
-    VehicleSummary,
-)
+from gloc3.ci import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
+from gloc3.ci_summaries import CiEvent, Health, MissionSummary, StationHeard, Summary, VehicleSummary
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Envelope

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.ci import WELL, Summary
+from gloc3.ci_summaries import WELL, Summary
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Envelope
 

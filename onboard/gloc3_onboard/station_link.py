@@ -6,7 +6,8 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from gloc3.ci import CiEvent, CiRequest, Health, StationHeard, StationRole, Summary
+from gloc3.ci import CiRequest, StationRole
+from gloc3.ci_summaries import CiEvent, Health, StationHeard, Summary
 from gloc3.clock import Clock
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange

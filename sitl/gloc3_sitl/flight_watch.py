@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from gloc3.ci import CiEvent, MissionSummary
+from gloc3.ci_summaries import CiEvent, MissionSummary
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Envelope
 from gloc3.requested_path import RequestedPath

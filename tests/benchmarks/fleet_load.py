@@ -5,7 +5,8 @@ import sys
 
 from tests.groundstation.scripted_platform import TASKS, ScriptedPlatform
 
-from gloc3.ci import CiRequest, ComponentLine, ComponentTable, Health, MissionSummary, Summary, TableRow
+from gloc3.ci import CiRequest
+from gloc3.ci_summaries import ComponentLine, ComponentTable, Health, MissionSummary, Summary, TableRow
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.tunnel.pacing import LinkBudget
 from gloc3.link.endpoints import open_endpoint

@@ -5,7 +5,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.deployment import FaultPolicy
 from gloc3.errors import Refused
 from gloc3.lci import Command, State

@@ -40,7 +40,7 @@ def tools(progress: Progress) -> list[Figure]:
 
 def growth() -> dict[str, float]:
     """What strangers leave behind: kilobytes after each round in which each of them asks for everything once."""
-    from gloc3.ci import ControlState
+    from gloc3.ci_summaries import ControlState
     from gloc3.clock import Clock, run_virtual
     from gloc3.exchange import LocalExchange, Publisher
     from gloc3.link.codec import Encoder, Parser, message

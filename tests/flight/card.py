@@ -7,20 +7,8 @@ from typing import Any, TypeVar
 
 import pytest
 
-from gloc3.ci import (
-    AnyBody,
-    CiEvent,
-    CiReply,
-    CommandComponent,
-    Emergency,
-    EmergencyVerb,
-    Health,
-    MissionSummary,
-    Outcome,
-    RequestAction,
-    Steer,
-    Verb,
-)
+from gloc3.ci import AnyBody, CiReply, CommandComponent, Emergency, EmergencyVerb, Outcome, RequestAction, Steer, Verb
+from gloc3.ci_summaries import CiEvent, Health, MissionSummary
 from gloc3.clock import VirtualLoop
 from gloc3.lci import State
 from gloc3.link.codec import MavlinkMessage, Parser

@@ -12,7 +12,8 @@ from typing import Any
 
 import msgspec
 
-from gloc3.ci import CallFunction, CiReply, Control, ControlState, ControlVerb, Outcome
+from gloc3.ci import CallFunction, CiReply, Control, ControlVerb, Outcome
+from gloc3.ci_summaries import ControlState
 from gloc3.clock import VirtualLoop
 from gloc3.link.memory import Conditions
 from gloc3_groundstation import flights

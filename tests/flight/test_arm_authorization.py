@@ -3,7 +3,7 @@
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.link.codec import MavlinkMessage, message
 
 ASKS = {"COM_ARM_AUTH_REQ": 1.0, "COM_ARM_AUTH_ID": 1.0}

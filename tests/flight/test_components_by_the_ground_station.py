@@ -3,7 +3,7 @@
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3_groundstation.component_desk import ComponentDesk
 from gloc3_groundstation.data_chain import stages
 from gloc3_groundstation.desk import Desk

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from tests.flight.card import ONE_STYLE, Card
 
-from gloc3.ci import Summary
+from gloc3.ci_summaries import Summary
 from gloc3.link.memory import Conditions
 from gloc3.messages import Envelope
 from gloc3.vehicle import Pose

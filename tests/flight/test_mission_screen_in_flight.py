@@ -14,7 +14,7 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from gloc3.ci import MissionSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.tui.app import StationApp
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission

@@ -4,7 +4,7 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import OUT, mission
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus
 from gloc3.platform import load_platform

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.flight.card import ONE_STYLE, Card
 
-from gloc3.ci import VehicleSummary
+from gloc3.ci_summaries import VehicleSummary
 from gloc3_groundstation.mapping.mission_texts import MissionTexts
 from gloc3_groundstation.mapping.requested import requested
 from gloc3_groundstation.mapping.tracks import Channel, Tracks

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gloc3.acoustic.frames import AcousticSummary
-from gloc3.ci import Health, MissionSummary
+from gloc3.ci_summaries import Health, MissionSummary
 from gloc3.exchange import Publisher
 from gloc3.mission.model import digest_of
 from gloc3_groundstation.configuration import Configuration, LastSession, ThemeName

@@ -9,7 +9,8 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, TextArea
 
-from gloc3.ci import CommandComponent, ControlState, RequestAction
+from gloc3.ci import CommandComponent, RequestAction
+from gloc3.ci_summaries import ControlState
 from gloc3.messages import Severity
 from gloc3.preflight import Check, Group, Verdict
 from gloc3.vehicle import ObstacleScan

@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 from textual.screen import Screen
 from textual.widgets import Input
 
-from gloc3.ci import MissionSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity

@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from gloc3.ci import ComponentLine, ComponentTrouble, Health
+from gloc3.ci_summaries import ComponentLine, ComponentTrouble, Health
 from gloc3.messages import Severity
 from gloc3.software import own_software
 from gloc3_groundstation import fleet as reducers

@@ -10,7 +10,8 @@ import pytest
 from tests.commands.programs import program
 
 from gloc3.acoustic.frames import MOST_BYTES
-from gloc3.ci import CiReply, CiRequest, Emergency, EmergencyVerb, MissionSummary, Outcome
+from gloc3.ci import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
+from gloc3.ci_summaries import MissionSummary
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.link.endpoints import open_endpoint
 from gloc3.link.signing_key import read_signing_key

@@ -6,7 +6,8 @@ from collections.abc import Awaitable, Callable
 import msgspec
 import pytest
 
-from gloc3.ci import CallFunction, CommandComponent, Health
+from gloc3.ci import CallFunction, CommandComponent
+from gloc3.ci_summaries import Health
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange

@@ -5,18 +5,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
-from gloc3.ci import (
-    CiReply,
-    CiRequest,
-    Control,
-    ControlState,
-    LoadMission,
-    MissionSummary,
-    Outcome,
-    ReadMission,
-    Steer,
-    Verb,
-)
+from gloc3.ci import CiReply, CiRequest, Control, LoadMission, Outcome, ReadMission, Steer, Verb
+from gloc3.ci_summaries import ControlState, MissionSummary
 from gloc3.clock import VirtualLoop
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.messages import Envelope

@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from gloc3.ci import ComponentLine, Health
+from gloc3.ci_summaries import ComponentLine, Health
 from gloc3.platform import load_platform
 from gloc3_groundstation.data_chain import Wiring, stages
 from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot

@@ -4,7 +4,8 @@ import random
 
 import pytest
 
-from gloc3.ci import CiEvent, CiReply, CiRequest, ContactSummary, Health, Outcome, ReadReports, StationRole
+from gloc3.ci import CiReply, CiRequest, Outcome, ReadReports, StationRole
+from gloc3.ci_summaries import CiEvent, ContactSummary, Health
 from gloc3.messages import Severity
 from gloc3_groundstation.event_feed import Cursor, EventFeed, ToldEvent
 from gloc3_onboard.command_server.contacts import Contacts

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gloc3.ci import (
+from gloc3.ci_summaries import (
     CiEvent,
     ComponentLine,
     ComponentTable,

@@ -6,18 +6,8 @@ from typing import Any, TypeVar
 
 import pytest
 
-from gloc3.ci import (
-    CiReply,
-    CiRequest,
-    Control,
-    ControlState,
-    ControlVerb,
-    Emergency,
-    LoadMission,
-    Outcome,
-    Steer,
-    Verb,
-)
+from gloc3.ci import CiReply, CiRequest, Control, ControlVerb, Emergency, LoadMission, Outcome, Steer, Verb
+from gloc3.ci_summaries import ControlState
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange

@@ -3,7 +3,8 @@
 import msgspec
 import pytest
 
-from gloc3.ci import ControlState, ControlVerb, Emergency, Steer, Verb
+from gloc3.ci import ControlVerb, Emergency, Steer, Verb
+from gloc3.ci_summaries import ControlState
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station import Station

@@ -6,7 +6,8 @@ from typing import TypeVar
 import msgspec
 import pytest
 
-from gloc3.ci import Control, ControlState, Health, MissionSummary
+from gloc3.ci import Control
+from gloc3.ci_summaries import ControlState, Health, MissionSummary
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.ci import CiEvent, ContactSummary, Health, LoadMission, MissionSummary, ReadReports, Steer
+from gloc3.ci import LoadMission, ReadReports, Steer
+from gloc3.ci_summaries import CiEvent, ContactSummary, Health, MissionSummary
 from gloc3.clock import run_virtual
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange

@@ -3,7 +3,8 @@
 import pytest
 from textual.widgets import Input, Static
 
-from gloc3.ci import CallFunction, CommandComponent, Health, Steer, Verb
+from gloc3.ci import CallFunction, CommandComponent, Steer, Verb
+from gloc3.ci_summaries import Health
 from gloc3_groundstation.tui.component_dialogues import ComponentMenu, FunctionForm
 from gloc3_groundstation.tui.lines import text_of
 from gloc3_groundstation.tui.list_panel import ListPanel

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.ci import VehicleSummary
 from gloc3.ci_motion import SiteSummary
+from gloc3.ci_summaries import VehicleSummary
 from gloc3.frames import GeoPoint, LocalFrame
 from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.mapping.progress import Progress

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from gloc3.ci import MissionSummary
 from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.log.reader import LogReader

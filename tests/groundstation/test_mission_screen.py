@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from textual.widgets import Input
 
-from gloc3.ci import LoadMission, MissionSummary, ReadMission, RequestAction, Steer, Verb
+from gloc3.ci import LoadMission, ReadMission, RequestAction, Steer, Verb
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model import digest_of
 from gloc3_groundstation.configuration import Configuration, LastSession

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from textual.widgets import Input
 
-from gloc3.ci import LoadMission, MissionSummary, Steer, Verb
+from gloc3.ci import LoadMission, Steer, Verb
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.model import digest_of
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
 from gloc3_groundstation.tui.mission_editor import MissionEditor

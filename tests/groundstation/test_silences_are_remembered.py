@@ -7,7 +7,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from gloc3.acoustic.frames import AcousticSummary
-from gloc3.ci import Health, MissionSummary
+from gloc3.ci_summaries import Health, MissionSummary
 from gloc3.clock import VirtualLoop
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.messages import Severity

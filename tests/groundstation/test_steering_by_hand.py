@@ -10,7 +10,8 @@ import msgspec
 import pytest
 from textual.widgets import Static
 
-from gloc3.ci import CiRequest, MissionSummary, RequestAction, Steer, Verb
+from gloc3.ci import CiRequest, RequestAction, Steer, Verb
+from gloc3.ci_summaries import MissionSummary
 from gloc3.clock import VirtualLoop, run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Envelope

@@ -6,7 +6,8 @@ import pytest
 from textual.command import CommandPalette
 from textual.widgets import ContentSwitcher, Input, OptionList
 
-from gloc3.ci import ControlState, Emergency, EmergencyVerb, LoadMission, Steer, Verb
+from gloc3.ci import Emergency, EmergencyVerb, LoadMission, Steer, Verb
+from gloc3.ci_summaries import ControlState
 from gloc3_groundstation.configuration import Configuration, LastSession
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.tui.help import HelpScreen

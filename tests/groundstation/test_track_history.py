@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.ci import MissionSummary
 from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.messages import Envelope, Message, Source
 from gloc3.wire import type_name
 from gloc3_groundstation import fleet as reducers

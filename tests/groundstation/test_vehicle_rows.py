@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3_groundstation.snapshots import HEALTHS, Fleet, PlatformSnapshot
 from gloc3_groundstation.tui.lines import Line, Span
 from gloc3_groundstation.tui.list_panel import ListPanel

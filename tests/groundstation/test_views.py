@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from gloc3.ci import (
+from gloc3.ci_summaries import (
     ComponentLine,
     ComponentTable,
     ComponentTrouble,

@@ -17,7 +17,8 @@ from tests.commands.programs import program
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
-from gloc3.ci import ControlState, Emergency, Steer
+from gloc3.ci import Emergency, Steer
+from gloc3.ci_summaries import ControlState
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity

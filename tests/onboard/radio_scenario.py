@@ -11,7 +11,8 @@ from random import Random
 
 import msgspec
 
-from gloc3.ci import CiRequest, ComponentLine, Health, LoadMission, Summary
+from gloc3.ci import CiRequest, LoadMission
+from gloc3.ci_summaries import ComponentLine, Health, Summary
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.tunnel.pacing import RADIO

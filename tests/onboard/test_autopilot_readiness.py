@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gloc3.ci import Health, Summary
+from gloc3.ci_summaries import Health, Summary
 from gloc3.clock import VirtualLoop
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.link.codec import message

@@ -3,7 +3,8 @@
 import msgspec
 import pytest
 
-from gloc3.ci import ComponentLine, Control, ControlVerb, Health
+from gloc3.ci import Control, ControlVerb
+from gloc3.ci_summaries import ComponentLine, Health
 from gloc3.deployment import ComponentRow
 from gloc3.errors import Refused
 from gloc3.lci import State

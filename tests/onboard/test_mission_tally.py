@@ -2,7 +2,7 @@
 
 from msgspec import structs
 
-from gloc3.ci import MissionSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.frames import GeoPoint, LocalFrame
 from gloc3.mission.estimate import Figures
 from gloc3.mission.items import Program

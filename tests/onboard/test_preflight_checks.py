@@ -5,7 +5,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.host_messages import HostPresence, HostStatus
 from gloc3.platform import Failsafes, HostRow, LinkLossFailsafe, LowBatteryFailsafe, PoseLostFailsafe, load_platform
 from gloc3.preflight import Check, Verdict, in_order, red, summary, worst

@@ -5,7 +5,8 @@ from random import Random
 
 import pytest
 
-from gloc3.ci import CiRequest, ContactSummary, Health, Hello, StationHeard, StationRole
+from gloc3.ci import CiRequest, Hello, StationRole
+from gloc3.ci_summaries import ContactSummary, Health, StationHeard
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.link.codec import Encoder, Frame, Parser, message

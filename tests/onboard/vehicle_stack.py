@@ -6,7 +6,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, Generic, TypeVar
 
-from gloc3.ci import CiEvent, CiReply, Outcome, Steer, Verb
+from gloc3.ci import CiReply, Outcome, Steer, Verb
+from gloc3.ci_summaries import CiEvent
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange
 from gloc3.link.memory import Conditions, MemoryEnd, MemoryLink

@@ -14,7 +14,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci import Health, MissionSummary, VehicleSummary
+from gloc3.ci_summaries import Health, MissionSummary, VehicleSummary
 from gloc3.messages import Message
 from gloc3.mission.policy import Policy
 from gloc3.mission.states import ActionState

@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci import Health, health_of
+from gloc3.ci_summaries import Health, health_of
 from gloc3.errors import Refused
 from gloc3.lci import State
 from gloc3.log.figure import drawing

@@ -12,7 +12,8 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from gloc3.ci import LOOKS, CiRequest, StationHeard, StationRole
+from gloc3.ci import LOOKS, CiRequest, StationRole
+from gloc3.ci_summaries import StationHeard
 from gloc3.exchange.base import Exchange, Publisher, Unsubscribe
 from gloc3.exchange.tunnel.layout import Role as End
 from gloc3.exchange.tunnel.routes import route

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.ci import VehicleSummary
 from gloc3.ci_motion import MotionSummary
+from gloc3.ci_summaries import VehicleSummary
 from gloc3.mission.states import ActionState
 from gloc3_groundstation.mapping.history import History, Level, Series, Singles
 from gloc3_groundstation.mapping.trail import Trail

@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci import MissionSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.checker import Report
 from gloc3.mission.estimate import Estimate, Figures
 from gloc3.mission.model import Action, Mission, Task, digest_of

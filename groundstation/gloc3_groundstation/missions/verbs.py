@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from gloc3.ci import MissionSummary, Verb
+from gloc3.ci import Verb
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.states import ENDED, ActionState, Trigger, allowed
 from gloc3_groundstation.missions.outline import COMMANDS
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from gloc3.ci import WELL, Health
+from gloc3.ci_summaries import WELL, Health
 from gloc3.preflight import Check, Group, Verdict
 from gloc3_onboard.checks.readings import Readings
 

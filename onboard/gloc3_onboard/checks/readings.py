@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.host_messages import HostPresence
 from gloc3.mission.model import Mission
 from gloc3.platform import Platform

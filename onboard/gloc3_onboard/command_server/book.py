@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gloc3.ci import ComponentLine, ComponentTable, ComponentTrouble, Health, Summary, TableRow, health_of
+from gloc3.ci_summaries import ComponentLine, ComponentTable, ComponentTrouble, Health, Summary, TableRow, health_of
 from gloc3.deployment import Begin, ComponentRow
 from gloc3.lci import OPERATING, State
 from gloc3.messages import ComponentStatus

@@ -2,17 +2,8 @@
 
 from typing import Final
 
-from gloc3.ci import (
-    CiEvent,
-    CiReply,
-    CiRequest,
-    ContactSummary,
-    Health,
-    MissionSummary,
-    ReadReports,
-    StationRole,
-    VehicleSummary,
-)
+from gloc3.ci import CiReply, CiRequest, ReadReports, StationRole
+from gloc3.ci_summaries import CiEvent, ContactSummary, Health, MissionSummary, VehicleSummary
 from gloc3.messages import Severity
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.report_store import ReportStore

@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from gloc3.ci import Control, ControlState, ControlVerb
+from gloc3.ci import Control, ControlVerb
+from gloc3.ci_summaries import ControlState
 from gloc3.errors import Refused
 
 ANSWER_S: Final = 10.0

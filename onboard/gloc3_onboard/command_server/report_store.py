@@ -5,7 +5,7 @@ from typing import Final, Protocol
 import msgspec
 from msgspec.structs import replace
 
-from gloc3.ci import CiEvent
+from gloc3.ci_summaries import CiEvent
 from gloc3.messages import Severity
 
 MOST_KEPT: Final = 4000

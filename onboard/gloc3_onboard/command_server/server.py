@@ -3,22 +3,20 @@
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from gloc3.ci import (
+from gloc3.ci import CiReply, CiRequest, LogChunk
+from gloc3.ci_motion import MotionSummary, SiteSummary
+from gloc3.ci_summaries import (
     CiEvent,
-    CiReply,
-    CiRequest,
     ComponentTable,
     ComponentTrouble,
     ContactSummary,
     ControlState,
     Health,
-    LogChunk,
     MissionSummary,
     StationHeard,
     Summary,
     VehicleSummary,
 )
-from gloc3.ci_motion import MotionSummary, SiteSummary
 from gloc3.component import CommandInterface
 from gloc3.deployment import FaultPolicy
 from gloc3.host_messages import HostPresence

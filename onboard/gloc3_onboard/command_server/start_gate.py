@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from gloc3.ci import CiReply, CiRequest, RequestAction, RequestTask, Steer, health_of
+from gloc3.ci import CiReply, CiRequest, RequestAction, RequestTask, Steer
+from gloc3.ci_summaries import health_of
 from gloc3.errors import Refused
 from gloc3.host_messages import HostPresence
 from gloc3.mission.model import Mission

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from gloc3.ci import MissionSummary, VehicleSummary
+from gloc3.ci_summaries import MissionSummary, VehicleSummary
 from gloc3.frames import TangentPlane, yaw_of
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.formats.from_mission import fence_areas

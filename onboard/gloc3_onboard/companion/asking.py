@@ -5,16 +5,8 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.ci import (
-    AnyBody,
-    CiReply,
-    CiRequest,
-    Control,
-    ControlState,
-    ControlVerb,
-    MissionSummary,
-    Outcome,
-)
+from gloc3.ci import AnyBody, CiReply, CiRequest, Control, ControlVerb, Outcome
+from gloc3.ci_summaries import ControlState, MissionSummary
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange, Publisher
 from gloc3.link.message import Address

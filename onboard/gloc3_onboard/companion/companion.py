@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from gloc3 import __version__
-from gloc3.ci import StationHeard
+from gloc3.ci_summaries import StationHeard
 from gloc3.clock import Clock
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange

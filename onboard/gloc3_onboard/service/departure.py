@@ -4,7 +4,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.ci import CiReply, CiRequest, Emergency, EmergencyVerb, MissionSummary, Outcome, VehicleSummary
+from gloc3.ci import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
+from gloc3.ci_summaries import MissionSummary, VehicleSummary
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Envelope, Severity

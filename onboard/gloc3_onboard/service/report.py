@@ -4,7 +4,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Final
 
-from gloc3.ci import WELL, Health, MissionSummary, Summary, VehicleSummary
+from gloc3.ci_summaries import WELL, Health, MissionSummary, Summary, VehicleSummary
 from gloc3.exchange.base import Exchange
 from gloc3.hosted import HUNG
 from gloc3.lci import State

@@ -10,7 +10,7 @@ from pathlib import Path
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, pair_on, standard_topics
 
-from gloc3.ci import CiEvent
+from gloc3.ci_summaries import CiEvent
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.exchange.zenoh import open_exchange

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from tests.common.exchange.middlewares import ALL, EVENT, PLATFORM, TABLE, event, hear, until
 
-from gloc3.ci import ComponentTable
+from gloc3.ci_summaries import ComponentTable
 from gloc3.exchange import Publisher
 from gloc3.messages import Envelope
 

@@ -13,7 +13,7 @@ import pytest
 from msgspec.structs import replace
 from tests.common.exchange.middlewares import EVENT, PLATFORM, TABLE, Ends, event, hear, until, zenoh
 
-from gloc3.ci import ComponentTable
+from gloc3.ci_summaries import ComponentTable
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import UNIX, Node, new_session

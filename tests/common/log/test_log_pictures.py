@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.log.fields import plot_series, read_series
 from gloc3.log.flight_path import distances_along, read_flight_path

@@ -14,7 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
-from gloc3.ci import VehicleSummary
+from gloc3.ci_summaries import VehicleSummary
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.local import LocalExchange

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 from tests.common.exchange.middlewares import until
 from tests.common.network.yard import Yard
 
-from gloc3.ci import AnyBody, CiEvent, CiReply, CiRequest, Hello, Outcome, StationRole, Steer, Verb
+from gloc3.ci import AnyBody, CiReply, CiRequest, Hello, Outcome, StationRole, Steer, Verb
+from gloc3.ci_summaries import CiEvent
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.messages import Envelope, Severity
 from gloc3.network.access import Role

@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.ci import MissionSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.examples import find_mission
 from gloc3_groundstation.missions.draft import Draft, checked, opened
 from gloc3_groundstation.missions.outline import Outline, Stage, Step, told_outline

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from gloc3.ci import CiReply, CiRequest, Summary
+from gloc3.ci import CiReply, CiRequest
+from gloc3.ci_summaries import Summary
 from gloc3.errors import Misuse, Refused
 from gloc3.exchange.tunnel.body import ReliableBody, pack_reliable, unpack_reliable, unpack_status
 from gloc3.exchange.tunnel.frames import (

@@ -7,17 +7,8 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.ci import (
-    CiReply,
-    CiRequest,
-    ComponentTable,
-    ContactSummary,
-    Emergency,
-    LoadMission,
-    ReadMission,
-    Steer,
-    Verb,
-)
+from gloc3.ci import CiReply, CiRequest, Emergency, LoadMission, ReadMission, Steer, Verb
+from gloc3.ci_summaries import ComponentTable, ContactSummary
 from gloc3.exchange.tunnel.layout import Lane, Role
 from gloc3.teleoperation import VelocityDemand
 from gloc3.topics import TopicRow

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, Final
 
-from gloc3.ci import Summary
 from gloc3.ci_motion import MotionSummary
+from gloc3.ci_summaries import Summary
 from gloc3.exchange.tunnel.body import pack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters

@@ -8,7 +8,8 @@ from textual.binding import Binding, BindingType
 from textual.timer import Timer
 from textual.widgets import TextArea
 
-from gloc3.ci import MissionSummary, Verb
+from gloc3.ci import Verb
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.states import ActionState
 from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.missions.verbs import legal_verbs

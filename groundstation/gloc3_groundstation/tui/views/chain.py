@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3_groundstation.data_chain import Stage, Wiring, stages
 from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut

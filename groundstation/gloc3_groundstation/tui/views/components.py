@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.ci import Health
+from gloc3.ci_summaries import Health
 from gloc3_groundstation import wording
 from gloc3_groundstation.component_desk import Answer
 from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot

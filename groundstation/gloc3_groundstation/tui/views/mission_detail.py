@@ -1,6 +1,6 @@
 """What is under the cursor of the graph in full: what it does, when its turn comes, how far it is, and what went wrong."""
 
-from gloc3.ci import MissionSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.states import ActionState
 from gloc3_groundstation import wording
 from gloc3_groundstation.missions.draft import NEW_NAME, Draft

@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from gloc3.ci import MissionSummary
+from gloc3.ci_summaries import MissionSummary
 from gloc3.mission.states import ActionState
 from gloc3_groundstation import wording
 from gloc3_groundstation.missions.outline import COMMANDS, Outline, Stage, Step

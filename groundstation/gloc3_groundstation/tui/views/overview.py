@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.ci import Health, VehicleSummary
+from gloc3.ci_summaries import Health, VehicleSummary
 from gloc3.mission.states import ActionState
 from gloc3_groundstation import wording
 from gloc3_groundstation.snapshots import PlatformSnapshot, Timed

@@ -8,20 +8,8 @@ from math import log2
 from random import Random
 from typing import Any, TypeVar
 
-from gloc3.ci import (
-    AnyBody,
-    CiReply,
-    CiRequest,
-    ComponentLine,
-    ControlState,
-    Health,
-    LoadMission,
-    MissionSummary,
-    Outcome,
-    ReadMission,
-    Summary,
-    VehicleSummary,
-)
+from gloc3.ci import AnyBody, CiReply, CiRequest, LoadMission, Outcome, ReadMission
+from gloc3.ci_summaries import ComponentLine, ControlState, Health, MissionSummary, Summary, VehicleSummary
 from gloc3.exchange.base import Publisher
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint

@@ -12,7 +12,8 @@ import pytest
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import PLATFORM, RADIO_CONDITIONS, Platform, Station, pair_on, text_of
 
-from gloc3.ci import LoadMission, Steer, Summary, Verb
+from gloc3.ci import LoadMission, Steer, Verb
+from gloc3.ci_summaries import Summary
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.link.memory import Conditions

@@ -18,7 +18,8 @@ from tests.common.exchange.mavlink.ends import (
     text_of,
 )
 
-from gloc3.ci import CiEvent, ControlState, LoadMission, Steer, Summary, Verb
+from gloc3.ci import LoadMission, Steer, Verb
+from gloc3.ci_summaries import CiEvent, ControlState, Summary
 from gloc3.clock import run_virtual
 from gloc3.errors import Misuse, Refused
 from gloc3.exchange.local import LocalExchange

@@ -8,7 +8,8 @@ import pytest
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Station, pair_on, text_of
 
-from gloc3.ci import AnyBody, CiEvent, Emergency, EmergencyVerb, LoadMission, Query, ReadMission, Steer, Verb
+from gloc3.ci import AnyBody, Emergency, EmergencyVerb, LoadMission, Query, ReadMission, Steer, Verb
+from gloc3.ci_summaries import CiEvent
 from gloc3.clock import run_virtual
 from gloc3.link.memory import MemoryLink
 from gloc3.link.message import Address

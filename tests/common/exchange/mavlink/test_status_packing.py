@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.ci import ComponentLine, ControlState, Health, MissionSummary, Summary
 from gloc3.ci_motion import MotionSummary
+from gloc3.ci_summaries import ComponentLine, ControlState, Health, MissionSummary, Summary
 from gloc3.exchange.tunnel import summary as packing
 from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows

@@ -7,8 +7,9 @@ from random import Random
 import pytest
 from tests.common.exchange.mavlink.ends import PLATFORM, Platform, Station, pair_on, standard_topics, text_of
 
-from gloc3 import ci
-from gloc3.ci import ComponentLine, Health, LoadMission, Steer, VehicleSummary, Verb
+from gloc3 import ci, ci_summaries
+from gloc3.ci import LoadMission, Steer, Verb
+from gloc3.ci_summaries import ComponentLine, Health, VehicleSummary
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, VERSION, Lane
 from gloc3.exchange.tunnel.routes import RELIABLE
@@ -55,7 +56,7 @@ async def of_two_versions() -> tuple[Station, Platform]:
     await asyncio.sleep(4.0)
     request = CiRequest(sender="255", boot=1, sequence=0, body="x", priority=3)
     station.publisher.publish(f"{PLATFORM}/ci/request", request, station.loop.time())
-    platform.say("control", ci.ControlState(holder="255"))
+    platform.say("control", ci_summaries.ControlState(holder="255"))
     platform.report(2)
     await asyncio.sleep(6.0)
     return station, platform
@@ -73,7 +74,7 @@ def test_a_request_of_another_version_is_refused_and_shown_at_both_ends() -> Non
 
 def test_status_of_another_version_is_counted_and_the_rest_goes_on() -> None:
     station, _ = run_virtual(of_two_versions())
-    assert not station.heard(ci.ControlState)
+    assert not station.heard(ci_summaries.ControlState)
     assert station.heard(VehicleSummary)
     assert station.counters.versions_differ >= 1
     assert len([text for text in station.troubles() if "ControlState" in text]) == 1
@@ -105,8 +106,8 @@ def test_a_station_can_not_publish_what_only_a_platform_says() -> None:
             0,
             0.0,
             "",
-            type_name(ci.CiEvent),
-            ci.CiEvent(severity=Severity.INFO, source="x", text="x", t_s=0.0),
+            type_name(ci_summaries.CiEvent),
+            ci_summaries.CiEvent(severity=Severity.INFO, source="x", text="x", t_s=0.0),
         )
         station.endpoint._submit(forged, station.loop.time())
         await asyncio.sleep(4.0)
@@ -158,13 +159,13 @@ def test_status_that_is_too_long_is_counted_and_not_sent() -> None:
         await asyncio.sleep(4.0)
         random = Random(1)
         tasks = {text_of(20, random, is_random=True): "waiting" for _ in range(100)}
-        platform.say("mission", ci.MissionSummary(name="m", digest="", state="running", tasks=tasks))
+        platform.say("mission", ci_summaries.MissionSummary(name="m", digest="", state="running", tasks=tasks))
         await asyncio.sleep(4.0)
         return station, platform
 
     station, platform = run_virtual(fly())
     assert platform.counters.too_long == 1
-    assert not station.heard(ci.MissionSummary)
+    assert not station.heard(ci_summaries.MissionSummary)
 
 
 def test_topics_that_do_not_cross_the_link_stay_here() -> None:
@@ -173,7 +174,7 @@ def test_topics_that_do_not_cross_the_link_stay_here() -> None:
         await asyncio.sleep(3.0)
         line = ComponentLine(0, 0, 0, 0, 0, 0)
         platform.say("request", ci.CiRequest(sender="255", boot=1, sequence=0, body=PAUSE))  # not in this direction
-        platform.publisher.publish("other/ci/summary", ci.Summary(table=1, health=Health.IDLE, lines=[line]), 0.0)
+        platform.publisher.publish("other/ci/summary", ci_summaries.Summary(table=1, health=Health.IDLE, lines=[line]), 0.0)
         await asyncio.sleep(3.0)
         return station, platform
 

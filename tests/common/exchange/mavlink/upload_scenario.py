@@ -10,7 +10,8 @@ from random import Random
 import msgspec
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, pair_on, text_of
 
-from gloc3.ci import LoadMission, ReadMission, Summary
+from gloc3.ci import LoadMission, ReadMission
+from gloc3.ci_summaries import Summary
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.link.memory import Conditions

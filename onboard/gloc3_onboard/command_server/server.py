@@ -1,7 +1,7 @@
 """CI: the platform's command interface server: the one path from stations to components, and the mission's executor."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Any
 
 from gloc3.ci import CiReply, CiRequest, LogChunk
 from gloc3.ci_motion import MotionSummary, SiteSummary
@@ -28,7 +28,6 @@ from gloc3.messages import (
     Event,
     FunctionReply,
     FunctionRequest,
-    Message,
     Severity,
 )
 from gloc3.mission.executor import MissionExecutor, Verb
@@ -36,13 +35,11 @@ from gloc3.mission.messages import ActionStatus
 from gloc3.mission.policy import Policy
 from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
 from gloc3.mission.restore import restore
-from gloc3.mission.snapshot import Snapshot
 from gloc3.mission.states import ActionState
 from gloc3.places import place_of
 from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
 from gloc3.preflight import PreflightReport
 from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
-from gloc3.settings import Bounds, Settings
 from gloc3.supervision import Order, Step, Supervision, Verdict
 from gloc3.teleoperation import VelocityDemand
 from gloc3.vehicle import (
@@ -50,7 +47,6 @@ from gloc3.vehicle import (
     DriverState,
     EmergencyDisarm,
     FenceState,
-    FlightMode,
     GeoFence,
     HeightAboveGround,
     Home,
@@ -66,9 +62,12 @@ from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.demands import Demands
 from gloc3_onboard.command_server.facts import VehicleFacts
-from gloc3_onboard.command_server.handover import OURS, TAKE_OVER_S, Handover
+from gloc3_onboard.command_server.handover import TAKE_OVER_S, Handover
+from gloc3_onboard.command_server.kept_flight import flies_for_us, was_under_way
 from gloc3_onboard.command_server.motion import motion_summary, site_summary
+from gloc3_onboard.command_server.news import News
 from gloc3_onboard.command_server.requests import RequestHandler
+from gloc3_onboard.command_server.settings import ServerSettings
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.standstill import Standstill
 from gloc3_onboard.command_server.summaries import geofence_of, mission_summary, motion_limits, vehicle_summary
@@ -78,23 +77,6 @@ COME_UP_S = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 COMPARE_S = 0.2
 """How often it is looked for changes to tell, when nothing was asked of the server or of its executor."""
-
-
-class ServerSettings(Settings, frozen=True):
-    """Settings of the command interface server."""
-
-    summary_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
-    """How often the components and the vehicle are summarised."""
-    motion_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
-    """How often it is told how the vehicle moves."""
-    site_period_s: Annotated[float, Bounds(0.5, 60.0)] = 2.0
-    """How often it is told where the vehicle's frame lies, and home."""
-    grant_period_s: Annotated[float, Bounds(0.02, 1.0)] = 0.2
-    """How often the owner of motion is repeated."""
-    settle_s: Annotated[float, Bounds(0.0, 60.0)] = 1.0
-    """After a restart: how long the autopilot is listened to before what was kept is taken up."""
-    event_severity: Annotated[int, Bounds(0, 7)] = 5
-    """Events of components that are at least so severe (MAV_SEVERITY) go to the stations."""
 
 
 class CommandServer(CommandInterface[ServerSettings]):
@@ -176,12 +158,10 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._granted = Grant(action_id="", component="")
         self._waiting: dict[str, tuple[str, Verb]] = {}
         self._events: list[CiEvent] = []
-        self._told: dict[type, Message] = {}
-        """What was told last, of each type that is told when it changes."""
+        self._news = News()
         self._connected_s: float | None = None
         self._count = 0
         self._compared_s = float("-inf")
-        self._due = dict.fromkeys(("summary", "motion", "site", "grant", "slow"), float("-inf"))
         self._now_s = 0.0
         self._unkept = self._site.problems()
         """Why something is not kept, as it was told last."""
@@ -269,7 +249,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     def _supervise(self, now_s: float, inbox: Inbox) -> list[Result]:
         """Has standbys take over and faulty components come up again; what is lost for good goes to the executor."""
         if self._supervision is None:  # the first cycle: only now is the time known
-            if _was_under_way(self._snapshot):
+            if was_under_way(self._snapshot):
                 self._authority.restore(self._site.holder, now_s)
             self._supervision = Supervision(self._site.platform.components, f"supervision-{now_s:.3f}")
             self._requests.components.supervision = self._supervision
@@ -329,7 +309,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._executor = MissionExecutor(self._site.platform)
         elif waited_s < 0.0 or not facts.is_flight_known:
             return []
-        elif waited_s < TAKE_OVER_S and self._flies_for_us(kept):
+        elif waited_s < TAKE_OVER_S and flies_for_us(facts, kept):
             return [TakeOver(is_resumed=True)]
         elif waited_s < COME_UP_S and not self._requests.is_urgent and self._is_still_coming(now_s):
             return []
@@ -345,15 +325,6 @@ class CommandServer(CommandInterface[ServerSettings]):
             return False
         is_tried = self._supervision is not None and self._supervision.is_bringing_up
         return is_tried or self._book.is_coming_up(now_s)
-
-    def _flies_for_us(self, kept: Snapshot) -> bool:
-        """Whether the vehicle does what a former life of this process had begun, and the driver takes it for a pilot's."""
-        facts = self._facts
-        state = facts.autopilot
-        modes = (*OURS, FlightMode.MISSION) if _flew_a_plan(kept) else OURS
-        is_ours = state is not None and state.is_armed and state.mode in modes
-        is_taken = facts.driver is None or facts.driver.has_pilot_control
-        return _was_under_way(kept) and is_ours and is_taken and not kept.has_pilot
 
     def _is_handing_over(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> bool:
         """Whether the driver has come up anew and only takes for a pilot's what is ours."""
@@ -457,37 +428,30 @@ class CommandServer(CommandInterface[ServerSettings]):
                 CiEvent(severity=event.severity, source=envelope.source.component, text=event.text, t_s=envelope.t_s)
             )
 
-    def _is_due(self, what: str, period_s: float, now_s: float) -> bool:
-        if now_s - self._due[what] < period_s - 1e-6:
-            return False
-        self._due[what] = now_s
-        return True
-
     def _report(self, now_s: float, *, is_eventful: bool) -> list[Result]:
         results: list[Result] = [*self._contact(now_s), *self._book.new_troubles()]
         results += [self._site.reports.add(event) for event in self._events]
         self._events.clear()
         if self._requests.wants_everything:
             self._requests.wants_everything = False
-            self._told.clear()
-            self._due["site"] = float("-inf")
+            self._news.forget("site")
         self._authority.tick(now_s)
-        is_slow = self._is_due("slow", 1.0, now_s)
+        is_slow = self._news.is_due("slow", 1.0, now_s)
         if is_slow:
             self._tell_what_is_not_kept()
         if is_slow or is_eventful or now_s - self._compared_s >= COMPARE_S - 1e-6:
             self._compared_s = now_s
             results += self._changes(is_slow)
-        if self._is_due("grant", self._settings.grant_period_s, now_s):
+        if self._news.is_due("grant", self._settings.grant_period_s, now_s):
             results.append(self._grant_message())
-        if self._is_due("summary", self._settings.summary_period_s, now_s):
+        if self._news.is_due("summary", self._settings.summary_period_s, now_s):
             assert self._supervision is not None
             health = self._supervision.health()
             results += [self._book.summary(health, now_s), vehicle_summary(self._site.platform, self._facts, now_s)]
-        if self._is_due("motion", self._settings.motion_period_s, now_s):
+        if self._news.is_due("motion", self._settings.motion_period_s, now_s):
             motion = motion_summary(self._site.platform, self._facts, now_s)
             results += [] if motion is None else [motion]
-        if self._is_due("site", self._settings.site_period_s, now_s):
+        if self._news.is_due("site", self._settings.site_period_s, now_s):
             whereabouts = site_summary(self._site.platform, self._facts)
             results += [] if whereabouts is None else [whereabouts]
         return results
@@ -525,35 +489,16 @@ class CommandServer(CommandInterface[ServerSettings]):
         self.policy = self._executor.policy if self._executor is not None else ""
         is_kept = self._executor is None and self._snapshot is not None and bool(self._snapshot.programs)
         mission = mission_summary(self._executor, self._tally)
-        results += [] if is_kept else self._news(mission, is_slow)  # who is told of none would give it up for lost
-        results += self._news(self._authority.state(), is_slow)
-        results += self._news(self._book.table(), False)
-        results += self._news(motion_limits(self._site.platform, self._facts, self._executor), is_slow)
-        results += [] if is_kept else self._news(geofence_of(self._executor), is_slow)
+        results += (
+            [] if is_kept else self._news.of(mission, is_due=is_slow)
+        )  # who is told of none would give it up for lost
+        results += self._news.of(self._authority.state(), is_due=is_slow)
+        results += self._news.of(self._book.table(), is_due=False)
+        results += self._news.of(motion_limits(self._site.platform, self._facts, self._executor), is_due=is_slow)
+        results += [] if is_kept else self._news.of(geofence_of(self._executor), is_due=is_slow)
         if is_slow and self._facts.home is not None:
             results.append(Home(position_ned_m=self._facts.home.position_ned_m))
         return results
 
-    def _news(self, message: Message, is_due: bool) -> list[Result]:
-        """A message, if it is due or is not what was told last."""
-        if not is_due and self._told.get(type(message)) == message:
-            return []
-        self._told[type(message)] = message
-        return [message]
-
     def _grant_message(self) -> MotionGrant:
         return MotionGrant(action_id=self._granted.action_id, component=self._granted.component)
-
-
-def _flew_a_plan(kept: Snapshot) -> bool:
-    """Whether the autopilot had been given a plan to fly by itself."""
-    items = (item for program in kept.programs for item in program.items.values())
-    return any(item.is_planned and item.state is ActionState.RUNNING for item in items)
-
-
-def _was_under_way(kept: Snapshot | None) -> bool:
-    """Whether a mission, a single command or a policy had begun and not ended."""
-    return kept is not None and (
-        kept.policy is not None
-        or any(program.own.state in (ActionState.RUNNING, ActionState.PAUSED) for program in kept.programs)
-    )

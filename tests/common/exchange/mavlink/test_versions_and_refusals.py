@@ -174,7 +174,9 @@ def test_topics_that_do_not_cross_the_link_stay_here() -> None:
         await asyncio.sleep(3.0)
         line = ComponentLine(0, 0, 0, 0, 0, 0)
         platform.say("request", ci.CiRequest(sender="255", boot=1, sequence=0, body=PAUSE))  # not in this direction
-        platform.publisher.publish("other/ci/summary", ci_summaries.Summary(table=1, health=Health.IDLE, lines=[line]), 0.0)
+        platform.publisher.publish(
+            "other/ci/summary", ci_summaries.Summary(table=1, health=Health.IDLE, lines=[line]), 0.0
+        )
         await asyncio.sleep(3.0)
         return station, platform
 

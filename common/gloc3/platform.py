@@ -30,6 +30,8 @@ class Vehicle(_Row, frozen=True, kw_only=True):
 
     type: Literal["quadrotor", "hexarotor", "aircraft", "rover", "boat", "auv", "rov"]
     mass_kg: Positive
+    airframe: str = ""
+    """What stands for it in simulation, of `gloc3 sitl --vehicle`; empty for the usual one of its type."""
 
 
 class FrameOrigin(_Row, frozen=True, kw_only=True):

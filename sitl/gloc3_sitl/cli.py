@@ -21,6 +21,7 @@ from gloc3_sitl.record_cli import record
 from gloc3_sitl.sensor_server import SensorServer
 from gloc3_sitl.simulator import LinkKind, Simulator
 from gloc3_sitl.truth_log import TruthLog
+from gloc3_sitl.vehicles import MULTIROTORS
 from gloc3_sitl.vehicles.table import check_sea, style_of, vehicle_named
 from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, gusty
@@ -206,7 +207,7 @@ def sitl(
     dvl_address = None if dvl is None else read_dvl(dvl)
     place, heading = (None, None) if home is None else read_home(home)
     air = gusty(wind, wind_from) if wind > 0.0 else CALM
-    there = World.load(world or (INDOORS if vehicle == PELICAN else vehicle_named(vehicle).world), place, heading)
+    there = World.load(world or (INDOORS if vehicle in MULTIROTORS else vehicle_named(vehicle).world), place, heading)
     there.water = rough(there.water, waves_m=waves, waves_from_deg=wind_from, current_m_s=current)
     parameters = dict(read_parameter(text) for text in param or ())
     if firmware is not None:

@@ -17,7 +17,7 @@ from gloc3_sitl.child import Child
 from gloc3_sitl.mission_file import MissionFile, Place, is_without_satellites, place_for, read_mission_file
 from gloc3_sitl.outputs import make_anew
 from gloc3_sitl.sim_rig import SIM_DEVICES
-from gloc3_sitl.vehicles.table import vehicle_of_type
+from gloc3_sitl.vehicles.table import vehicle_of
 
 EXIT_FAILED: Final = 1
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
@@ -101,7 +101,7 @@ class Demo:
         options, vehicle, onboard = self._options, self._vehicle, self._onboard
         to_companion, to_station = free_ports(2, socket.SOCK_DGRAM)
         sensors, dvl = free_ports(2, socket.SOCK_STREAM)
-        kind = vehicle_of_type(self._platform.vehicle.type)
+        kind = vehicle_of(self._platform)
         has_dvl = DVL in _used(self._platform)
         await vehicle.start(
             [

@@ -55,7 +55,7 @@ def demo(
     from gloc3.platform import load_platform
     from gloc3_sitl.demo import DemoOptions, run_demo
     from gloc3_sitl.mission_file import find_file, platform_for
-    from gloc3_sitl.vehicles.table import style_of, vehicle_of_type
+    from gloc3_sitl.vehicles.table import style_of, vehicle_of
 
     path = find_file(mission)
     platform = platform or platform_for(path)
@@ -64,7 +64,7 @@ def demo(
     options = DemoOptions(
         mission=path,
         platform=platform,
-        autopilot=firmware or style_of(vehicle_of_type(known.vehicle.type), autopilot),
+        autopilot=firmware or style_of(vehicle_of(known), autopilot),
         is_firmware=firmware is not None,
         out=out,
         is_headless=headless or not is_terminal or sys.stdin is None,

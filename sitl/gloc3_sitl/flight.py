@@ -66,7 +66,7 @@ from gloc3_sitl.sim_devices import NoCamera
 from gloc3_sitl.sim_imu import SimImu
 from gloc3_sitl.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.simulator import LinkKind, Simulator
-from gloc3_sitl.vehicles.table import style_of, vehicle_of_type
+from gloc3_sitl.vehicles.table import style_of, vehicle_of
 from gloc3_sitl.water import rough
 from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
@@ -131,7 +131,7 @@ class Flight:
         self.mission_file: Final = find_mission(plan.mission)
         self.mission: Final[Mission] = load_mission(plan.mission, Surroundings.of(self.platform))
         self.loop: Final = asyncio.get_running_loop()
-        self.vehicle: Final = vehicle_of_type(self.platform.vehicle.type)
+        self.vehicle: Final = vehicle_of(self.platform)
         """What stands for the platform in the simulation."""
         self.clock: Final = Clock(self.loop)
         self.random: Final = Random(plan.seed)

@@ -97,14 +97,14 @@ def fly(
     from gloc3_sitl.fly import FlyOptions, fly_mission
     from gloc3_sitl.mission_file import find_file, platform_for
     from gloc3_sitl.outputs import make_anew
-    from gloc3_sitl.vehicles.table import check_sea, vehicle_of_type
+    from gloc3_sitl.vehicles.table import check_sea, vehicle_of
     from gloc3_sitl.world import World
 
     path = find_file(mission)
     platform = platform or platform_for(path)
     warn = None if quiet else lambda found: narrate(str(found))
     known = load_platform(platform, is_loading_classes=True, devices=DEVICES, warn=warn)
-    check_sea(vehicle_of_type(known.vehicle.type), waves, current)
+    check_sea(vehicle_of(known), waves, current)
     for text in fault or ():
         read_fault(text)
     if world:

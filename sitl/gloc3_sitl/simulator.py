@@ -124,6 +124,8 @@ class Simulator:
         """Name of the autopilot."""
         self._style: Final = row.styles[style]
         self.autopilot = self._new_autopilot()
+        for name, value in row.parameters.get(style, {}).items():
+            self.autopilot.parameters.set(name, value)
         if is_without_gps:
             self.sensors.fail("fix", "lost")
             for name, value in WITHOUT_SATELLITES[style].items():

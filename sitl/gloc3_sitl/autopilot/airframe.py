@@ -1,6 +1,6 @@
 """What the controller must know of the vehicle that it flies: thrust, its curve, and the gains that suit it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 
@@ -36,3 +36,5 @@ PELICAN: Final = Airframe(
     landing_gear_m=0.1,
 )
 """The AscTec Pelican of the simulation."""
+HUMMINGBIRD: Final = replace(PELICAN, name="hummingbird", hover_thrust=0.29, landing_gear_m=0.06)
+"""The AscTec Hummingbird of the simulation: a command turns it as fast as the Pelican, to a tenth."""

@@ -2,10 +2,11 @@
 
 from typing import Final
 
+from gloc3_sitl.vehicles.hummingbird import HUMMINGBIRD
 from gloc3_sitl.vehicles.model import MultirotorModel
 from gloc3_sitl.vehicles.pelican import PELICAN
 
-MULTIROTORS: Final = {"pelican": PELICAN}
+MULTIROTORS: Final = {"pelican": PELICAN, "hummingbird": HUMMINGBIRD}
 """Models by name."""
 
-__all__ = ["MULTIROTORS", "PELICAN", "MultirotorModel"]
+__all__ = ["HUMMINGBIRD", "MULTIROTORS", "PELICAN", "MultirotorModel"]

@@ -1,12 +1,15 @@
 """The vehicles that can be simulated: one row each, which names all in which they differ."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final
 
 from gloc3.errors import Misuse, Refused, nearest
 from gloc3.frames import GeoPoint
+from gloc3.platform import Platform
+from gloc3_sitl.autopilot import airframe
+from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
 from gloc3_sitl.autopilot.control.underwater import UnderwaterControl
 from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
@@ -32,7 +35,7 @@ from gloc3_sitl.sensors.sensor import Sensor
 from gloc3_sitl.sensors.surface_fix import SurfaceFix
 from gloc3_sitl.sensors.wheels import WheelEncoders
 from gloc3_sitl.underwater import UnderwaterVehicle
-from gloc3_sitl.vehicles import PELICAN
+from gloc3_sitl.vehicles import HUMMINGBIRD, PELICAN, MultirotorModel
 from gloc3_sitl.vehicles.aerosonde import AEROSONDE
 from gloc3_sitl.vehicles.auv import AUV
 from gloc3_sitl.vehicles.jackal import JACKAL
@@ -77,17 +80,24 @@ class VehicleRow:
     """The ground under it is the floor of the water."""
     sensors: MakeSensors = _none
     """Sensors beside those that every vehicle has, or in place of one of the same name."""
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """How its autopilots are set otherwise than they come, by their names."""
 
 
-def _pelican(situation: Situation) -> Body:
-    return Quadrotor(
-        "pelican",
-        situation.home,
-        wind=situation.wind,
-        seed=situation.seed,
-        rate_hz=situation.rate_hz,
-        heading_deg=situation.heading_deg,
-    )
+def _quadrotor(model: MultirotorModel) -> MakeBody:
+    """A body on four rotors."""
+
+    def make(situation: Situation) -> Body:
+        return Quadrotor(
+            model.aircraft,
+            situation.home,
+            wind=situation.wind,
+            seed=situation.seed,
+            rate_hz=situation.rate_hz,
+            heading_deg=situation.heading_deg,
+        )
+
+    return make
 
 
 def _diving(model: UnderwaterModel) -> MakeBody:
@@ -148,10 +158,21 @@ def _submarine_row(kind: str, model: UnderwaterModel) -> VehicleRow:
 VEHICLES: Final[Mapping[str, VehicleRow]] = {
     "pelican": VehicleRow(
         types=("quadrotor", "hexarotor"),
-        body=_pelican,
+        body=_quadrotor(PELICAN),
         pack=PELICAN,
         vehicle_class=MULTIROTOR,
         styles={"px4": PX4, "ardupilot": ARDUPILOT},
+    ),
+    "hummingbird": VehicleRow(
+        types=(),
+        body=_quadrotor(HUMMINGBIRD),
+        pack=HUMMINGBIRD,
+        vehicle_class=replace(MULTIROTOR, control=partial(MultirotorControl, airframe=airframe.HUMMINGBIRD)),
+        styles={"px4": PX4, "ardupilot": ARDUPILOT},
+        parameters={
+            "px4": {"MPC_THR_HOVER": airframe.HUMMINGBIRD.hover_thrust},
+            "ardupilot": {"MOT_THST_HOVER": airframe.HUMMINGBIRD.hover_thrust},
+        },
     ),
     "auv": _submarine_row("auv", AUV),
     "rov": _submarine_row("rov", ROV),
@@ -185,9 +206,16 @@ STYLES: Final = sorted({style for row in VEHICLES.values() for style in row.styl
 """Autopilots that can be simulated."""
 
 
-def vehicle_of_type(platform_type: str) -> str:
-    """The vehicle that stands for a platform's type of vehicle; the Pelican for those that have none of their own."""
-    return next((name for name, row in VEHICLES.items() if platform_type in row.types), "pelican")
+def vehicle_of(platform: Platform) -> str:
+    """The vehicle that stands for a platform: the airframe that it names, or that of its type.
+
+    Raises:
+        Misuse: it names one that there is not.
+    """
+    if platform.vehicle.airframe:
+        vehicle_named(platform.vehicle.airframe)
+        return platform.vehicle.airframe
+    return next((name for name, row in VEHICLES.items() if platform.vehicle.type in row.types), "pelican")
 
 
 def vehicle_named(name: str) -> VehicleRow:

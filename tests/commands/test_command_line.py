@@ -53,7 +53,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["demo", "hop", "--out", "/proc/nowhere"], "the folder /proc/nowhere cannot be written"),
     (["sitl", "--world", "nosuch"], "no world named 'nosuch'"),
     (["sitl", "record", "kitti", "/proc/nowhere", "--speed", "0"], "--speed must be above 0"),
-    (["sitl", "--vehicle", "nosuch"], "known: auv, boat, pelican"),
+    (["sitl", "--vehicle", "nosuch"], "known: auv, boat, hummingbird, pelican"),
     (["sitl", "--vehicle", "rover", "--current", "1"], "for what swims (auv, rov, boat), not for 'rover'"),
     (["sitl", "--home", "here"], "must be LAT,LON,ALT,HEADING"),
     (["sitl", "--speed", "0"], "--speed must be above 0"),

@@ -8,6 +8,7 @@ import os
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from gloc3.link.baud import RATES, BaudSearch
@@ -87,8 +88,9 @@ class SerialEndpoint:
         self._waiting.put_nowait(None)
         port = self._port
         if port is not None:
-            port.cancel_read()
-            port.cancel_write()
+            with suppress(OSError, TypeError):  # its threads may be closing it already
+                port.cancel_read()
+                port.cancel_write()
         for thread in self._threads:
             await self._loop.run_in_executor(None, thread.join)
 

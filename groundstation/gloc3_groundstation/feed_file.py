@@ -4,9 +4,8 @@ import asyncio
 from pathlib import Path
 from typing import Final
 
-import msgspec
-
 from gloc3_groundstation.event_feed import Cursor, EventFeed
+from gloc3_groundstation.kept_file import read_kept, write_kept
 
 FILE: Final = "shown.json"
 LOOK_EVERY_S: Final = 1.0
@@ -36,20 +35,11 @@ class FeedFile:
         self._write()
 
     def _read(self) -> dict[str, Cursor]:
-        try:
-            return msgspec.json.decode(self._path.read_bytes(), type=dict[str, Cursor])
-        except (OSError, msgspec.DecodeError):  # none is kept, or by another version: the platforms tell where to begin
-            return {}
+        return read_kept(self._path, Cursor)
 
     def _write(self) -> None:
         cursors = self.feed.cursors()
         if cursors == self._kept:
             return
         self._kept = cursors
-        fresh = self._path.with_suffix(".new")
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            fresh.write_bytes(msgspec.json.encode(cursors))
-            fresh.replace(self._path)
-        except OSError:  # the recording says that the folder cannot be written
-            return
+        write_kept(self._path, cursors)

@@ -8,6 +8,7 @@ import msgspec
 
 from gloc3.clock import utc_text
 from gloc3_groundstation import fleet as reducers
+from gloc3_groundstation.kept_file import read_kept, write_kept
 from gloc3_groundstation.snapshots import PlannedSilence
 from gloc3_groundstation.station import Station
 
@@ -82,20 +83,11 @@ class SilenceFile:
         }
 
     def _read(self) -> dict[str, KeptSilence]:
-        try:
-            return msgspec.json.decode(self._path.read_bytes(), type=dict[str, KeptSilence])
-        except (OSError, msgspec.DecodeError):  # none is kept, or by another version: the platforms tell when heard
-            return {}
+        return read_kept(self._path, KeptSilence)
 
     def _write(self) -> None:
         now = self._now()
         if now == self._kept:
             return
         self._kept = now
-        fresh = self._path.with_suffix(".new")
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            fresh.write_bytes(msgspec.json.encode(now))
-            fresh.replace(self._path)
-        except OSError:  # the recording says that the folder cannot be written
-            return
+        write_kept(self._path, now)

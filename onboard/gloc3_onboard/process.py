@@ -43,6 +43,7 @@ from gloc3_onboard.companion.files import shared_files
 from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.computer import HostComputer, start_of_computer
 from gloc3_onboard.herald import Herald
+from gloc3_onboard.link_watch import LinkWatch
 from gloc3_onboard.log_files import LogFiles, log_stem
 from gloc3_onboard.nodes.host_clock import ClockServer
 from gloc3_onboard.nodes.host_process import HostOptions, run_host
@@ -60,7 +61,7 @@ from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.service import Service
 from gloc3_onboard.signing_memory import SigningMemory
-from gloc3_onboard.sources.asked import source_urls
+from gloc3_onboard.sources.asked import is_asked_here, source_urls
 from gloc3_onboard.sources.factory import SourceHost, make_sources
 from gloc3_onboard.sources.url import Sensor
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
@@ -71,8 +72,6 @@ from gloc3_onboard.vitals import VitalSigns
 
 DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
 """What this host has; installed packages bring more."""
-LOOK_AFTER_S: Final = 3.0
-LOOK_EVERY_S: Final = 1.0
 
 
 def _lament(options: ProcessOptions, _kind: str, text: str) -> None:
@@ -182,9 +181,7 @@ class OnboardProcess:
             self.say(Severity.WARNING, str(warning))
         self._rows = rows_at(platform, self._place)
         used = sorted({device for row in self._rows for device in row.devices.values()})
-        asked = [
-            each for each in options.devices if each.partition("=")[0] in used or not _is_elsewhere(platform, each)
-        ]
+        asked = [each for each in options.devices if is_asked_here(platform, used, each)]
         urls = source_urls(platform, used, asked)
         source_host = SourceHost(loop, folder, self._autopilot.t_s_of_boot, self._autopilot.sensors, self._autopilot)
         self._sources = make_sources(urls, source_host)
@@ -216,9 +213,7 @@ class OnboardProcess:
         self._clock_server = ClockServer(self.exchange, platform.platform, loop)
         self._host_watch = HostWatch(context, self._place.host, host_names(platform), self.say)
         self._onboard: Onboard | None = None
-        self._links: dict[str, str] = {}
-        """What was told last of each link, by its URL."""
-        self._timer: asyncio.TimerHandle | None = None
+        self._link_watch = LinkWatch(loop, self._endpoints, self.say)
         self._path = RequestedPath(self.exchange, platform.platform)
         self.exchange.subscribe(f"{platform.platform}/components/*/event", self._narrate)
 
@@ -257,7 +252,7 @@ class OnboardProcess:
         self._onboard = Onboard(platform, self._context, devices, rows=self._rows, led=self._keeper.led)
         self._onboard.begin()
         self.say(Severity.INFO, f"{platform.platform}: {len(platform.components)} components; log in {log}")
-        self._timer = self._loop.call_later(LOOK_AFTER_S, self._look_at_links)
+        self._link_watch.begin()
 
     @property
     def platform(self) -> Platform:
@@ -287,8 +282,7 @@ class OnboardProcess:
 
     async def close(self) -> None:
         """Stops the components, then closes what they used."""
-        if self._timer is not None:
-            self._timer.cancel()
+        self._link_watch.close()
         self._keeper.give_up_beginning()
         if self._onboard is not None:
             await self._onboard.stop(lambda text: self.say(Severity.WARNING, text))
@@ -461,7 +455,6 @@ class OnboardProcess:
         send = link.send if isinstance(link, StationLink) else link.send_message
         is_for_observers = is_to_stations and StationRole(parse_url(url).role) is StationRole.OBSERVER
         hear = None if is_for_observers else self._companion.attach(send, is_to_stations=is_to_stations)
-
         watch = RateWatch(self._autopilot.ask_streams_again, self._loop.time) if is_to_stations else None
 
         def listen(frames: list[Frame]) -> None:
@@ -471,10 +464,9 @@ class OnboardProcess:
             if watch is not None:
                 watch.hear(frames)
 
-        keeps: Callable[[Frame], bool] | None = None
-        if is_for_observers:
-            keeps = _all_of_them
-        elif is_to_stations and self._options.takes_plans:
+        # What observers send reaches our own command interface alone, which tells looking from commanding.
+        keeps: Callable[[Frame], bool] | None = (lambda _: True) if is_for_observers else None
+        if is_to_stations and not is_for_observers and self._options.takes_plans:
             keeps = self._companion.keeps
         routed = RoutedLink(url, self._router, self._loop, listen, self._keep, link.signed_only, keeps)
         endpoint = await open_endpoint(url, self._loop, routed.receive)
@@ -482,15 +474,6 @@ class OnboardProcess:
         self._routed.append(routed)
         routed.open(endpoint)
         link.open(routed)
-
-    def _look_at_links(self) -> None:
-        """Tells of links that lead nowhere, and when that changes."""
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look_at_links)
-        for endpoint in self._endpoints:
-            problem = "" if endpoint.is_connected else endpoint.problem or "nothing is heard there"
-            if problem != self._links.get(endpoint.url, ""):
-                self.say(Severity.WARNING if problem else Severity.NOTICE, f"{endpoint.url}: {problem or 'connected'}")
-            self._links[endpoint.url] = problem
 
     def _devices(self, log: Path) -> dict[str, Any]:
         """What the components use; the pictures go to a folder of each log's own: `images`, `images-2`..."""
@@ -512,13 +495,3 @@ class OnboardProcess:
             "taps": ExchangeTaps(self.exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),
         }
-
-
-def _all_of_them(_: Frame) -> bool:
-    """What observers send reaches nobody but our own command interface, which tells looking from commanding."""
-    return True
-
-
-def _is_elsewhere(platform: Platform, device: str) -> bool:
-    """Whether a source that was asked for, as NAME=URL, is one of another process's."""
-    return any(device.partition("=")[0] in row.devices.values() for row in platform.components)

@@ -35,9 +35,9 @@ class Handover:
             self._was_ours = not report.payload.has_pilot_control
             self._mode = autopilot.mode if autopilot is not None else FlightMode.OTHER
 
-    def is_ours(self, autopilot: AutopilotState | None, now_s: float) -> bool:
+    def is_ours(self, driver: DriverState, autopilot: AutopilotState | None, now_s: float) -> bool:
         """Whether what the new driver takes for a pilot's is what the one before it flew: it is to be told so."""
-        if now_s >= self._until_s or autopilot is None or not autopilot.is_armed:
+        if not driver.has_pilot_control or now_s >= self._until_s or autopilot is None or not autopilot.is_armed:
             return False
         modes = (*OURS, FlightMode.MISSION)  # of a plan that goes on by itself
         return autopilot.mode in modes and autopilot.mode in (self._mode, FlightMode.HOLD)

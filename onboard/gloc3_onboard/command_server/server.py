@@ -328,8 +328,7 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     def _is_handing_over(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> bool:
         """Whether the driver has come up anew and only takes for a pilot's what is ours."""
-        is_new = driver.has_pilot_control and not executor.board.has_pilot
-        return is_new and self._handover.is_ours(self._facts.known_autopilot, now_s)
+        return not executor.board.has_pilot and self._handover.is_ours(driver, self._facts.known_autopilot, now_s)
 
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""
@@ -383,7 +382,7 @@ class CommandServer(CommandInterface[ServerSettings]):
                 self._site.keep_snapshot(snapshot)
             case Grant():
                 self._granted = ask
-                return [self._grant_message()]
+                return [MotionGrant(action_id=self._granted.action_id, component=self._granted.component)]
             case Start(progress=progress):
                 arguments = {"capability": ask.capability, "arguments": ask.arguments, "progress": progress}
                 start = self._ask(ask.component, ask.action_id, "start", arguments)
@@ -443,7 +442,7 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._compared_s = now_s
             results += self._changes(is_slow)
         if self._news.is_due("grant", self._settings.grant_period_s, now_s):
-            results.append(self._grant_message())
+            results.append(MotionGrant(action_id=self._granted.action_id, component=self._granted.component))
         if self._news.is_due("summary", self._settings.summary_period_s, now_s):
             assert self._supervision is not None
             health = self._supervision.health()
@@ -499,6 +498,3 @@ class CommandServer(CommandInterface[ServerSettings]):
         if is_slow and self._facts.home is not None:
             results.append(Home(position_ned_m=self._facts.home.position_ned_m))
         return results
-
-    def _grant_message(self) -> MotionGrant:
-        return MotionGrant(action_id=self._granted.action_id, component=self._granted.component)

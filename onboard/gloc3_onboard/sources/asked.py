@@ -31,6 +31,12 @@ def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str
     return urls
 
 
+def is_asked_here(platform: Platform, used: Sequence[str], text: str) -> bool:
+    """Whether a source that was asked for, as NAME=URL, is for this process, or for none of the platform's at all."""
+    name = text.partition("=")[0]
+    return name in used or not any(name in row.devices.values() for row in platform.components)
+
+
 def _from_here(scheme: str, place: str) -> str:
     """On a command line files are relative to where it was typed, in a platform file to that file."""
     return str(Path.cwd() / place) if scheme in FILES and not place.startswith("/") else place

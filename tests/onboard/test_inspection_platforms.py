@@ -4,8 +4,12 @@ import pytest
 
 from gloc3.component import DataProcessor
 from gloc3.deployment import Begin, ComponentRow, OnFault
+from gloc3.frames import GeoPoint
 from gloc3.platform import Platform, load_platform
 from gloc3.vehicle import Image
+from gloc3_sitl.physics import Quadrotor
+from gloc3_sitl.vehicles.table import vehicle_of
+from gloc3_sitl.world.world import World
 
 SENSORS = {"imu", "height", "front_cameras", "ground_camera", "tracker_camera"}
 SOURCES = {"odometry/stereo", "odometry/ground", "position_fix/tracker"}
@@ -54,3 +58,13 @@ def test_the_pose_has_a_quiet_double_that_hears_and_believes_the_same(platform: 
     assert (double.class_name, double.rate_hz, double.settings) == (pose.class_name, pose.rate_hz, pose.settings)
     for row in (pose, double):
         assert {*row.topics("odometry"), *row.topics("position_fix")} == PLATFORMS[platform.platform][1]
+
+
+def test_the_tracker_is_where_it_stands_in_the_hold_seen_from_how_high_the_vehicle_stands(platform: Platform) -> None:
+    follower, tracker = platform.component("optical_follower"), World.load("hold").file.tracker
+    assert follower is not None
+    assert tracker is not None
+    standing_m = Quadrotor(vehicle_of(platform), GeoPoint(39.5528, 2.6285, 2.0)).standing_height_m
+    x, y, height_m = tracker.position_m
+    assert follower.settings["position_ned_m"] == pytest.approx([x, -y, standing_m - height_m], abs=1e-3)
+    assert follower.settings["floor_height_m"] == pytest.approx(-standing_m, abs=1e-3)

@@ -5,11 +5,12 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, Final
 
 from gloc3 import __version__
 from gloc3.errors import Gloc3Error, InputError, NotHeard, nearest
+from gloc3.installed import installed_points
 from gloc3.narrate import ERROR, narrate
 
 SUMMARIES: Final = {
@@ -89,7 +90,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _run(arguments: list[str]) -> int:
     """Finds the subcommand, loads only its package, and runs it."""
-    commands = {point.name: point for point in entry_points(group="gloc3.commands")}
+    commands = {point.name: point for point in installed_points("gloc3.commands")}
     if not arguments:
         narrate(_overview(commands))
         return EXIT_WRONG_USE

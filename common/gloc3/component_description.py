@@ -5,7 +5,6 @@ import types
 import typing
 from enum import Enum
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Any, Final
 
 import msgspec
@@ -13,6 +12,7 @@ import msgspec
 from gloc3.component import Component, FunctionEntry
 from gloc3.errors import Gloc3Error, nearest
 from gloc3.functions import GENERIC
+from gloc3.installed import installed_points
 from gloc3.messages import Kind
 from gloc3.ports import Input, Port
 from gloc3.settings import field_docs
@@ -81,7 +81,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
 def installed() -> dict[str, str]:
     """The component classes of all installed packages: name to `package.module:Class`."""
-    return {point.name: point.value for point in sorted(entry_points(group=GROUP), key=lambda p: (p.name, p.value))}
+    return {point.name: point.value for point in installed_points(GROUP)}
 
 
 def find_class(name: str) -> type[Component[Any]]:

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from enum import StrEnum
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Annotated, Any, Final
 
 import msgspec
 
 from gloc3.component import Component
 from gloc3.errors import Gloc3Error
+from gloc3.installed import installed_points
 
 DEVICES: Final = "gloc3.devices"
 """Entry points of devices that packages bring: a name to a class or function that makes one, without arguments."""
@@ -129,7 +129,7 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     def _device(self, name: str, devices: Mapping[str, Any]) -> Any:
         if name in devices:
             return devices[name]
-        points = {point.name: point for point in entry_points(group=DEVICES)}
+        points = {point.name: point for point in installed_points(DEVICES)}
         if name not in points:
             known = sorted({*devices, *points})
             raise Gloc3Error(

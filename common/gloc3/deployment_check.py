@@ -3,12 +3,12 @@
 import inspect
 from collections.abc import Collection, Iterator, Sequence
 from fnmatch import fnmatchcase
-from importlib.metadata import entry_points
 from typing import Any, Final, NamedTuple
 
 from gloc3.component import Component
 from gloc3.deployment import DEVICES, Begin, ComponentRow, OnFault
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
+from gloc3.installed import installed_points
 from gloc3.settings import load_settings
 from gloc3.topics import TopicTable, matches
 
@@ -148,7 +148,7 @@ def _device_problems(index: int, row: ComponentRow, component: type[Component[An
 def _host_problems(index: int, row: ComponentRow, devices: Collection[str] | None) -> Iterator[Problem]:
     if devices is None:
         return
-    known = sorted({*devices, *(point.name for point in entry_points(group=DEVICES))})
+    known = sorted({*devices, *(point.name for point in installed_points(DEVICES))})
     for argument, name in row.devices.items():
         if not any(fnmatchcase(name, pattern) for pattern in known):
             yield Problem(index, ("devices", argument), f"the host has no device {name!r}", nearest(name, known))

@@ -1,7 +1,6 @@
 """The platform file: what a vehicle is, can do, is limited to, and which components make it up."""
 
 from collections.abc import Callable, Collection
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +12,7 @@ from gloc3.deployment import ComponentRow, FaultPolicy
 from gloc3.document import load_bytes, parse
 from gloc3.errors import Finding, Gloc3Error, InputError, NotThere, nearest
 from gloc3.frames import GeoPoint, LocalFrame
+from gloc3.installed import installed_points
 
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
@@ -261,7 +261,7 @@ def find_platform(name: str) -> Path:
 def platform_files() -> dict[str, Path]:
     """The files of all platforms that installed packages bring, by the files' names."""
     known: dict[str, Path] = {}
-    for point in sorted(entry_points(group="gloc3.platforms"), key=lambda p: (p.name, p.value)):
+    for point in installed_points("gloc3.platforms"):
         for folder in point.load().__path__:
             known.update({file.stem: file for file in sorted(Path(folder).glob("*.yaml"))})
     return known

@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from fnmatch import fnmatchcase
-from importlib.metadata import entry_points
 from math import inf
 from typing import Final
 
 import msgspec
 
 from gloc3.errors import Misuse
+from gloc3.installed import installed_points
 from gloc3.messages import (
     CommandReply,
     CommandRequest,
@@ -95,7 +95,7 @@ class TopicTable:
     def installed(cls) -> "TopicTable":
         """The table with the rows of every installed package."""
         table = cls()
-        for point in sorted(entry_points(group="gloc3.topics"), key=lambda p: (p.name, p.value)):
+        for point in installed_points("gloc3.topics"):
             table.add(point.load())
         return table
 

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import msgspec
 
+from gloc3.document import load_bytes
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
-from gloc3.platform import Platform, find_platform, load_platform, platform_files
+from gloc3.platform import Platform, find_platform, load_platform, platform_files, read_platform
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
@@ -94,8 +95,9 @@ def known_platform(name: str | None, components: Collection[str] = ()) -> Platfo
         return found
     for file in platform_files().values():
         with suppress(InputError):
-            other = load_platform(str(file))
-            if other.platform == name and _has(other, components):
+            text = load_bytes(file)
+            other = read_platform(text, str(file)) if name.encode() in text else None
+            if other is not None and other.platform == name and _has(other, components):
                 return other
     return found
 

@@ -41,7 +41,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
         EntryPoint("specimen", HERE, component_description.GROUP),
         EntryPoint("broken", "nowhere:Thing", component_description.GROUP),
     ]
-    monkeypatch.setattr(component_description, "entry_points", lambda group: points)
+    monkeypatch.setattr(component_description, "installed_points", lambda group: points)
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def test_installed_components_are_listed_and_go_by_their_names(capsys: pytest.Ca
 def test_without_installed_components_it_says_how_they_come(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(component_description, "entry_points", lambda group: [])
+    monkeypatch.setattr(component_description, "installed_points", lambda group: [])
     assert "entry points gloc3.components" in run(capsys, "list")
     assert json.loads(run(capsys, "list", "--json")) == []
 

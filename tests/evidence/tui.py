@@ -267,7 +267,7 @@ def preview(progress: Progress, seeds: int = RADIO_SEEDS) -> list[Figure]:
         ("obstacles, uncertainty and trails from a recorded MCAP", "groundstation/test_map_views.py"),
     )
     for number, (name, file) in enumerate(shown):
-        result = progress.part(file, partial(run_tests, f"preview_{number}", [f"tests/{file}"]))
+        result = progress.part(file, partial(run_tests, f"preview_{number}", ["--every-style", f"tests/{file}"]))
         passed = sum(outcome == "passed" for outcome in result["outcomes"].values())
         count = len(result["outcomes"])
         figures.append(Figure(f"{name} (`tests/{file}`)", f"{passed} of {count} passed", "all", 0 < passed == count))

@@ -69,6 +69,7 @@ def test_a_fix_that_is_late_or_noisy_and_a_biased_barometer_leave_the_mission_do
     assert flight.position_m[0] == pytest.approx(8.0, abs=0.8)
 
 
+@pytest.mark.both_styles
 def test_a_failsafe_of_the_autopilot_counts_as_somebody_elses_and_is_left_alone(flight: Card) -> None:
     low = "COM_LOW_BAT_ACT" if flight.style == "px4" else "BATT_FS_LOW_ACT"
     alone = platform({"  low_battery: {action: return, at: 0.1}": "  {}"})

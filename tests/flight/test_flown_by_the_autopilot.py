@@ -48,6 +48,7 @@ def leaves(flight: Card) -> None:
     flight.until(lambda: flight.speed_m_s < 0.1, 4.0, "it stands")
 
 
+@pytest.mark.both_styles
 def test_a_task_is_flown_by_plans_of_the_autopilot_paused_and_gone_on_with(flight: Card) -> None:
     on_the_second_leg(flight)
     flight.command("pause")

@@ -3,6 +3,7 @@
 from typing import Any
 
 import msgspec
+import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
@@ -37,6 +38,7 @@ def test_a_vehicle_that_is_set_up_like_its_platform_file_has_no_red_or_doubtful_
     assert found["failsafes: low battery"].finding.startswith("return at 10 %")
 
 
+@pytest.mark.both_styles
 def test_a_failsafe_that_is_set_otherwise_refuses_the_start_and_says_what_to_do(flight: Card) -> None:
     name = LINK_LOSS[flight.style]
     ready(flight, parameters={name: RETURNS[flight.style]})

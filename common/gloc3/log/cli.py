@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -11,6 +10,7 @@ import msgspec
 from cyclopts import App, Parameter
 
 from gloc3.errors import Gloc3Error, Refused
+from gloc3.installed import installed_points
 from gloc3.log.commands import list_commands, render_commands
 from gloc3.log.fields import plot_series, read_series
 from gloc3.log.flight_path import read_flight_path
@@ -42,7 +42,7 @@ app = App(
     version_flags=[],
 )
 
-for _point in sorted(entry_points(group="gloc3.log_commands"), key=lambda point: point.name):
+for _point in installed_points("gloc3.log_commands"):
     app.command(_point.load(), name=_point.name)
 
 DONE: Final = 0

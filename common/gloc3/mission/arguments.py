@@ -7,7 +7,7 @@ kinds through the entry points `gloc3.capabilities`, which are subclasses of `Ar
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from math import radians
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from gloc3.errors import Gloc3Error, Misuse, Refused
 from gloc3.frames import Vector3
+from gloc3.installed import installed_points
 from gloc3.mission.legs import Budget, Leg, climb, fly
 from gloc3.mission.placement import Placement, written_for
 from gloc3.platform import Limits
@@ -431,7 +432,7 @@ def argument_kinds() -> Mapping[str, type[Arguments]]:
         Misuse: one is no subclass of `Arguments`, two packages use one name, or ours are not there.
     """
     kinds: dict[str, type[Arguments]] = {}
-    for point in sorted(entry_points(group="gloc3.capabilities"), key=lambda p: (p.name, p.value)):
+    for point in installed_points("gloc3.capabilities"):
         found = _loaded(point)
         if kinds.setdefault(point.name, found) is not found:
             raise Misuse(f"two packages bring arguments called {point.name!r}")

@@ -3,7 +3,6 @@
 import json
 import sys
 from collections.abc import Sequence
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -11,6 +10,7 @@ from cyclopts import App, Parameter
 
 from gloc3.counting import counted
 from gloc3.errors import Finding, InputError, NotThere
+from gloc3.installed import installed_points
 from gloc3.mission.checker import Circumstances, Report, check_text
 from gloc3.mission.estimate import about
 from gloc3.mission.examples import find_mission
@@ -51,7 +51,7 @@ app = App(
 _BROUGHT: Final = {"simulate": "Fly a mission in simulation, and compare what it took with its estimate."}
 """What the list of commands says of those of other packages, without loading any of them."""
 
-for _point in sorted(entry_points(group="gloc3.mission_commands"), key=lambda point: point.name):
+for _point in installed_points("gloc3.mission_commands"):
     app.command(_point.value, name=_point.name, help=_BROUGHT.get(_point.name, f"From {_point.value}."))  # loaded late
 
 OK: Final = 0

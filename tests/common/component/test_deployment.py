@@ -206,7 +206,7 @@ def test_a_class_is_loaded_and_made_with_its_devices() -> None:
 
 def test_a_device_that_the_host_does_not_have_comes_from_an_installed_package(monkeypatch: pytest.MonkeyPatch) -> None:
     points = [EntryPoint("d", "io:BytesIO", "gloc3.devices"), EntryPoint("x", "nowhere:Thing", "gloc3.devices")]
-    monkeypatch.setattr(deployment, "entry_points", lambda group: points)
+    monkeypatch.setattr(deployment, "installed_points", lambda group: points)
     made = source().create({})
     assert isinstance(made, Source)
     assert isinstance(made.device, io.BytesIO)

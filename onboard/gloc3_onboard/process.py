@@ -53,6 +53,7 @@ from gloc3_onboard.nodes.pipe import Order
 from gloc3_onboard.nodes.shared import Shared, alone, check_member, open_shared, renew
 from gloc3_onboard.process_options import ProcessOptions
 from gloc3_onboard.rate_watch import RateWatch
+from gloc3_onboard.records import RecordFile
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
 from gloc3_onboard.run_log import RunLog
@@ -65,7 +66,7 @@ from gloc3_onboard.sources.asked import is_asked_here, source_urls
 from gloc3_onboard.sources.factory import SourceHost, make_sources
 from gloc3_onboard.sources.url import Sensor
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
-from gloc3_onboard.storage import PictureFolder, RecordFile
+from gloc3_onboard.storage import PictureFolder
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_onboard.vitals import VitalSigns
@@ -491,6 +492,7 @@ class OnboardProcess:
                 self._random.getrandbits(31),
                 LogShelf(self._logs, self._unfinished_logs, self._cut_log, self._readers),
                 start_of_computer(),
+                ThreadPoolExecutor(1, "mission check"),
             ),
             "taps": ExchangeTaps(self.exchange, self._loop, self._platform.platform),
             "catalogue": Catalogue(self._platform, self._topics),

@@ -9,7 +9,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.link.signing import MAY_BE_OFF, TICKS_PER_S, Signing, Stream, Streams, timestamp
-from gloc3_onboard.storage import RecordFile
+from gloc3_onboard.records import RecordFile
 
 AHEAD: Final = 4 * TICKS_PER_S
 """So much more than was heard is written down, so that it is not done with each frame: after a crash, who did not sleep
@@ -53,6 +53,7 @@ class _Kept:
 
     def __init__(self, path: Path, clock: Clock, told: Callable[[str], None]) -> None:
         self._path, self._told = path, told
+        self._records = RecordFile(path)
         self._written = self._read(clock)
         """In the file; a frame that is later is taken only after that is."""
         self.streams: Final = Streams(self._written, self._noted)
@@ -62,7 +63,7 @@ class _Kept:
         self._written = {stream: time + ahead for stream, time in self.streams.latest.items()}
         record = msgspec.msgpack.encode([(*stream, time) for stream, time in self._written.items()])
         try:
-            RecordFile(self._path).rewrite([record], outlives_power_cut=not ahead)
+            self._records.rewrite([record], outlives_power_cut=not ahead)
         except OSError as error:
             told, self._told = self._told, lambda _: None
             told(
@@ -77,7 +78,7 @@ class _Kept:
     def _read(self, clock: Clock) -> dict[Stream, int]:
         """What still matters: new streams of older times are refused anyway, and those of later ones."""
         try:
-            records = RecordFile(self._path).load()
+            records = self._records.load()
             rows = msgspec.msgpack.decode(records[0], type=list[tuple[int, int, int, int]]) if records else []
         except (OSError, msgspec.DecodeError) as error:
             self._told(f"{self._path} cannot be read ({error}): it is begun anew")

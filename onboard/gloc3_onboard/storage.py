@@ -1,13 +1,7 @@
-"""Files of the onboard process: records that survive a crash, and pictures with their poses."""
+"""Pictures with their poses, as files."""
 
-import errno
 import json
-import os
-import struct
-import zlib
-from contextlib import suppress
 from pathlib import Path
-from typing import Final
 
 import msgspec
 
@@ -16,108 +10,6 @@ from gloc3.log.recording import CAMERAS, POSES
 from gloc3.opencv import load_opencv
 from gloc3_onboard.devices import Rig
 from gloc3_onboard.drivers.image_recorder import Picture
-
-_HEADER: Final = struct.Struct("<II")
-"""Length and CRC-32 of a record."""
-
-
-class RecordFile:
-    """Records, one after the other, each with its length and checksum; a torn end is cut off when it is read."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        path.parent.mkdir(parents=True, exist_ok=True)
-
-    def load(self) -> list[bytes]:
-        """All whole records, oldest first."""
-        data = self._path.read_bytes() if self._path.exists() else b""
-        records: list[bytes] = []
-        at = 0
-        while at + _HEADER.size <= len(data):
-            length, checksum = _HEADER.unpack_from(data, at)
-            record = data[at + _HEADER.size : at + _HEADER.size + length]
-            if len(record) < length or zlib.crc32(record) != checksum:
-                break
-            records.append(record)
-            at += _HEADER.size + length
-        if at < len(data):
-            with suppress(OSError):  # where that cannot be, nothing can be added behind it either
-                os.truncate(self._path, at)
-        return records
-
-    def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:
-        """Adds a record and does not return before it is on disk.
-
-        Args:
-            record: the new one.
-            outlives_power_cut: waits until it is on disk; otherwise only the end of this process does no harm.
-
-        Raises:
-            OSError: it could not be written; the file is as it was.
-        """
-        is_new = not self._path.exists()
-        framed = _framed(record)
-        with self._path.open("ab", buffering=0) as file:
-            whole = file.tell()
-            try:
-                if file.write(framed) != len(framed):
-                    raise OSError(errno.ENOSPC, f"no room for a record of {len(framed)} bytes in {self._path.name}")
-                if outlives_power_cut:
-                    os.fsync(file.fileno())
-            except OSError:
-                # What comes behind a torn record would never be read again.
-                os.truncate(self._path, whole)
-                raise
-        if is_new and outlives_power_cut:
-            self._sync_folder()
-
-    def rewrite(self, records: list[bytes], *, outlives_power_cut: bool = True) -> None:
-        """Replaces all records at once.
-
-        Args:
-            records: the new ones.
-            outlives_power_cut: waits until they are on disk; otherwise only the end of this process does no harm.
-        """
-        fresh = self._path.with_name(self._path.name + ".new")
-        with fresh.open("wb") as file:
-            file.write(b"".join(_framed(record) for record in records))
-            if outlives_power_cut:
-                file.flush()
-                os.fsync(file.fileno())
-        fresh.replace(self._path)
-        if outlives_power_cut:
-            self._sync_folder()
-
-    def _sync_folder(self) -> None:
-        """Puts the file's name on disk too: without it a power cut would bring back the file that was replaced."""
-        folder = os.open(self._path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-
-
-def _framed(record: bytes) -> bytes:
-    return _HEADER.pack(len(record), zlib.crc32(record)) + record
-
-
-class MemoryRecords:
-    """Records for one run in virtual time; a restarted onboard process is given the same object."""
-
-    def __init__(self) -> None:
-        self._records: list[bytes] = []
-
-    def load(self) -> list[bytes]:
-        """All records, oldest first."""
-        return list(self._records)
-
-    def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:
-        """Adds a record."""
-        self._records.append(record)
-
-    def rewrite(self, records: list[bytes]) -> None:
-        """Replaces all records."""
-        self._records = list(records)
 
 
 class PictureFolder:

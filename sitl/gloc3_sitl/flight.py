@@ -48,11 +48,12 @@ from gloc3_onboard.companion.files import LOGS, Folders
 from gloc3_onboard.companion.files import LogFiles as SharedLogs
 from gloc3_onboard.computer import SimulatedComputer
 from gloc3_onboard.log_files import LogFiles
+from gloc3_onboard.records import MemoryRecords
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.sources.asked import NOWHERE
 from gloc3_onboard.station_link import HeartbeatSource, StationLink
-from gloc3_onboard.storage import MemoryRecords, NoPictures, PictureFolder
+from gloc3_onboard.storage import NoPictures, PictureFolder
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.firmware.body import BodySettings

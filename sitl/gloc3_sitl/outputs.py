@@ -14,13 +14,12 @@ FILES: Final = (
     "mission-converted.yaml",
     "sitl.txt",
     "onboard.txt",
-    "requests.journal",
-    "progress.state",
 )
 """What flights write, besides pictures."""
 PROBE_BYTES: Final = 1 << 18
 """The folder must take so much before a flight begins, which leaves more."""
 
+_KEPT: Final = re.compile(r"(requests\.journal|progress\.state|events\.store)\.(\d+|new)")
 _PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")
 
 
@@ -34,6 +33,9 @@ def make_anew(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name in FILES:
             (folder / name).unlink(missing_ok=True)
+        for path in sorted(folder.iterdir()):
+            if _KEPT.fullmatch(path.name):
+                path.unlink()
         images = folder / "images"
         if images.is_dir():
             for path in sorted(images.iterdir()):

@@ -10,7 +10,7 @@ from gloc3.messages import Severity
 from gloc3_groundstation.event_feed import Cursor, EventFeed, ToldEvent
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.report_store import MOST_KEPT, SPARE, ReportStore
-from gloc3_onboard.storage import MemoryRecords
+from gloc3_onboard.records import MemoryRecords
 
 STORE = 7
 

@@ -16,7 +16,7 @@ from gloc3_groundstation.acoustic_way import AcousticWay
 from gloc3_onboard.acoustic_link import AcousticLink
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.journal import Journal
-from gloc3_onboard.storage import MemoryRecords
+from gloc3_onboard.records import MemoryRecords
 
 KEY = b"a key of the modem"
 _boots = itertools.count()

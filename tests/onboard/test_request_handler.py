@@ -1,7 +1,11 @@
 """The command interface server's requests: authority, at most once, checks, and what running actions need."""
 
 import math
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from datetime import UTC, datetime
+from threading import Event
 from typing import Any
 
 import pytest
@@ -30,6 +34,7 @@ from gloc3.ci import (
 )
 from gloc3.lci import State
 from gloc3.messages import CommandReply, ComponentStatus, Envelope, FunctionReply, FunctionRequest, Kind, Source
+from gloc3.mission.checker import Report, check_text
 from gloc3.mission.executor import MissionExecutor
 from gloc3.platform import Platform, load_platform
 from gloc3.vehicle import AutopilotState, LandedState, Pose
@@ -40,7 +45,7 @@ from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.requests import MOST_FINDINGS, RequestHandler
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.storage import MemoryRecords
+from gloc3_onboard.records import MemoryRecords
 
 HOP = """
 mission: hop
@@ -63,6 +68,7 @@ class Desk:
         self.said: list[str] = []
         self.sequence = -1
         self.executor = MissionExecutor(self.platform)
+        self.worker: Executor | None = None
         self.handler = self.begin()
 
     def begin(self) -> RequestHandler:
@@ -82,7 +88,7 @@ class Desk:
         for row in self.platform.components:
             self.book.hear(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
         self.authority = ControlAuthority()
-        site = Site(self.platform, self.journal, MemoryRecords(), MemoryRecords())
+        site = Site(self.platform, self.journal, MemoryRecords(), MemoryRecords(), worker=self.worker)
         handler = RequestHandler(
             site, facts, self.book, self.authority, Contacts(site.reports), lambda _, text: self.said.append(text)
         )
@@ -325,3 +331,62 @@ def test_a_viewer_that_does_not_answer_leaves_the_request_unknown(desk: Desk) ->
     (answer,) = desk.handler.expire(100.0)
     assert answer.outcome is Outcome.UNKNOWN
     assert len(desk.journal.load()) == before
+
+
+@pytest.fixture
+def checking(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Desk, Event]]:
+    """A handler that has missions checked in a thread, and what lets a check end."""
+    may_end = Event()
+
+    def check_slowly(*args: Any) -> Report:
+        assert may_end.wait(30.0)
+        return check_text(*args)
+
+    monkeypatch.setattr("gloc3_onboard.command_server.mission_checks.check_text", check_slowly)
+    with ThreadPoolExecutor(1) as worker:
+        made = Desk()
+        made.worker = worker
+        made.handler = made.begin()
+        made.told(Control(verb=ControlVerb.REQUEST))
+        yield made, may_end
+        may_end.set()
+
+
+def answered(desk: Desk, count: int = 1) -> list[CiReply]:
+    """The answers that come later."""
+    end_s, replies = time.monotonic() + 30.0, list[CiReply]()
+    while len(replies) < count and time.monotonic() < end_s:
+        time.sleep(0.005)
+        replies += desk.handler.expire(1.0)
+    return replies
+
+
+def test_while_a_mission_is_checked_everything_else_goes_on(checking: tuple[Desk, Event]) -> None:
+    desk, may_end = checking
+    assert desk.ask(LoadMission(name="hop", text=HOP)) is None
+    assert desk.handler.expire(0.5) == []
+    assert desk.told(Control(verb=ControlVerb.REQUEST)).outcome is Outcome.ACCEPTED
+    assert desk.ask(LoadMission(name="bad", text="mission: bad\n")) is None
+    may_end.set()
+    accepted, refused = answered(desk, 2)
+    assert (accepted.outcome, refused.outcome) == (Outcome.ACCEPTED, Outcome.REFUSED)
+    assert desk.executor.mission is not None
+    assert "error(s)" in refused.reason
+    assert desk.executor.mission.mission.text == HOP
+
+
+def test_what_has_changed_while_a_mission_was_checked_counts(checking: tuple[Desk, Event]) -> None:
+    desk, may_end = checking
+    assert desk.ask(LoadMission(name="hop", text=HOP)) is None
+    assert desk.told(Control(verb=ControlVerb.RELEASE)).outcome is Outcome.ACCEPTED
+    may_end.set()
+    (reply,) = answered(desk)
+    assert (reply.outcome, desk.executor.mission) == (Outcome.REFUSED, None)
+    assert "control" in reply.reason
+
+
+def test_missions_beyond_what_can_wait_for_their_check_are_refused(checking: tuple[Desk, Event]) -> None:
+    desk, _ = checking
+    for _ in range(8):
+        assert desk.ask(LoadMission(name="hop", text=HOP)) is None
+    assert "8 missions are being checked" in desk.told(LoadMission(name="hop", text=HOP)).reason

@@ -19,9 +19,10 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import SimulatedComputer
+from gloc3_onboard.records import MemoryRecords
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.runner import Onboard
-from gloc3_onboard.storage import MemoryRecords, NoPictures
+from gloc3_onboard.storage import NoPictures
 from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.sim_devices import NoCamera

@@ -23,7 +23,7 @@ class Store(Protocol):
         """All whole records, oldest first; a torn one at the end is left out."""
 
     def append(self, record: bytes) -> None:
-        """Adds a record and does not return before it is on disk."""
+        """Adds a record, on its way to the disk when this returns."""
 
     def rewrite(self, records: list[bytes]) -> None:
         """Replaces all records at once."""
@@ -69,7 +69,7 @@ class Journal:
                 self._note(record)
 
     def begin(self, request: CiRequest) -> Known:
-        """Whether a request is to be executed; if so, that is on disk when this returns."""
+        """Whether a request is to be executed; if so, that is on its way to the disk when this returns."""
         known = self._senders.get(request.sender, OrderedDict())
         key = (request.boot, request.sequence)
         if key in known:

@@ -1,12 +1,13 @@
 """What the platform has told its stations, numbered and on disk, so that whoever was out of contact is told all of it once."""
 
-from typing import Final, Protocol
+from typing import Final
 
 import msgspec
 from msgspec.structs import replace
 
 from gloc3.ci_summaries import CiEvent
 from gloc3.messages import Severity
+from gloc3_onboard.records import Records
 
 MOST_KEPT: Final = 4000
 """Events on disk: some 400 kB; the oldest make room."""
@@ -14,19 +15,6 @@ SPARE: Final = 1000
 """So many more are appended before the file is written anew."""
 MOST_TEXT: Final = 300
 """Characters of an event that are kept."""
-
-
-class Records(Protocol):
-    """A file of records that survives the process."""
-
-    def load(self) -> list[bytes]:
-        """All whole records, oldest first."""
-
-    def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:
-        """Adds a record."""
-
-    def rewrite(self, records: list[bytes]) -> None:
-        """Replaces all records at once."""
 
 
 class _Head(msgspec.Struct, frozen=True, array_like=True):
@@ -82,7 +70,7 @@ class ReportStore:
         return max(0, self._head.delivered)
 
     def add(self, event: CiEvent) -> CiEvent:
-        """Numbers an event and keeps it; warnings are on disk when this returns, others outlive the process."""
+        """Numbers an event and keeps it; the disk is asked to take warnings, others outlive the process."""
         kept = replace(event, number=self.last + 1, store=self.id, text=event.text[:MOST_TEXT])
         self._events.append(kept)
         try:
@@ -125,13 +113,22 @@ class ReportStore:
         except OSError as error:
             self._fail(error)
 
+    def mark(self) -> int:
+        """A number for all that was written so far."""
+        return self._records.mark()
+
+    def wait(self, mark: int, most_s: float) -> bool:
+        """Whether nothing of that is on its way to the disk any more, after a wait of at most so long."""
+        return self._records.wait(mark, most_s)
+
     def try_again(self) -> None:
         """Writes everything that should be on disk, if something of it is not."""
-        if self._is_behind:
-            try:
+        try:
+            self._records.check()
+            if self._is_behind:
                 self._rewrite()
-            except OSError as error:
-                self._fail(error)
+        except OSError as error:
+            self._fail(error)
 
     def _fail(self, error: OSError) -> None:
         self._is_behind = True

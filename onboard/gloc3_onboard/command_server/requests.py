@@ -1,6 +1,7 @@
 """Carries out what stations ask for: authority and checks here, the work in the executor and the components."""
 
 import json
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final, NamedTuple
@@ -38,7 +39,7 @@ from gloc3.errors import Finding, Gloc3Error, Refused
 from gloc3.frames import GeoPoint
 from gloc3.messages import CommandReply, FunctionReply, Severity
 from gloc3.mission.abilities import abilities
-from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.checker import Circumstances, Report
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, read_mission
@@ -52,10 +53,12 @@ from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.hearsay import Hearsay
+from gloc3_onboard.command_server.held_back import AT_ONCE_S, LONGEST_S
 from gloc3_onboard.command_server.journal import Journal
+from gloc3_onboard.command_server.mission_checks import Checked, MissionChecks
 from gloc3_onboard.command_server.senders import Senders
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.command_server.start_gate import Begin, RedChecks, StartGate
+from gloc3_onboard.command_server.start_gate import Begin, Held, RedChecks, StartGate
 from gloc3_onboard.command_server.summaries import geofence_of
 
 THERE_S: Final = 30.0
@@ -81,8 +84,14 @@ class _FenceWait(NamedTuple):
     until_s: float
 
 
-class _Urgent(NamedTuple):
+class _Waiting(NamedTuple):
     request: CiRequest
+    until_s: float
+
+
+class _Noted(NamedTuple):
+    request: CiRequest
+    mark: int
     until_s: float
 
 
@@ -106,11 +115,14 @@ class RequestHandler:
         """What every start has to pass."""
         self.components: Final = ComponentRequests(book, say)
         """What is asked of components."""
+        self._checks = MissionChecks(site.worker)
         self._senders = Senders()
         self._journal = Journal(site.journal)
         self._fence_wait: _FenceWait | None = None
-        self._urgent: list[_Urgent] = []
+        self._urgent: list[_Waiting] = []
         """Emergencies for which there is no executor yet."""
+        self._noted: deque[_Noted] = deque()
+        """What is on its way to the disk: only then it is carried out, so that a power cut has nothing done twice."""
         self._emergencies: dict[tuple[str, int], int] = {}
         self._software: dict[str, Software] = {}
         """Of the stations that have said hello."""
@@ -155,8 +167,12 @@ class RequestHandler:
         known = self._journal.begin(request)
         if not known.is_new:
             return known.reply
-        if self.executor is None and isinstance(request.body, Emergency):
-            self._urgent.append(_Urgent(request, now_s + URGENT_S))
+        if isinstance(request.body, Emergency):
+            if self.executor is None:
+                self._urgent.append(_Waiting(request, now_s + URGENT_S))
+                return None
+        elif self._noted or not self._site.journal.wait(self._site.journal.mark(), AT_ONCE_S):
+            self._noted.append(_Noted(request, self._site.journal.mark(), now_s + LONGEST_S))
             return None
         return self._try(request, lambda: self._carry_out(request, now_s))
 
@@ -258,16 +274,20 @@ class RequestHandler:
 
     def _load(self, request: CiRequest, body: LoadMission, executor: MissionExecutor, now_s: float) -> CiReply | None:
         executor.refuse_under_way()  # before the check, which takes its time, and the vehicle is on its way
-        report = check_text(body.text, body.name, self.circumstances())
-        findings = _lines(report.findings)
-        if not report.is_ok:
-            count = sum(not finding.is_warning for finding in report.findings)
-            return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
-        executor.load(report.flyable(), now_s)
-        if geofence_of(executor).areas:
-            self._fence_wait = _FenceWait(request, findings, now_s + FENCE_S)
-            return None
-        return answer(request, text=findings)
+
+        def judge(report: Report, at_s: float) -> CiReply | None:
+            self._authority.require(request.sender)
+            findings = _lines(report.findings)
+            if not report.is_ok:
+                count = sum(not finding.is_warning for finding in report.findings)
+                return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
+            executor.load(report.flyable(), at_s)
+            if geofence_of(executor).areas:
+                self._fence_wait = _FenceWait(request, findings, at_s + FENCE_S)
+                return None
+            return answer(request, text=findings)
+
+        return self._checks.answer(request, body.text, body.name, self.circumstances(), judge, now_s)
 
     def _steer(self, request: CiRequest, body: Steer, executor: MissionExecutor, now_s: float) -> CiReply:
         if body.verb is Verb.CLEAR:
@@ -346,21 +366,24 @@ class RequestHandler:
         return [reply]
 
     def _single(self, request: CiRequest, text: str, executor: MissionExecutor, now_s: float) -> CiReply | None:
-        report = check_text(text, "command", self.circumstances())
-        if not report.is_ok:
-            first = next(finding for finding in report.findings if not finding.is_warning)
-            return answer(request, Outcome.REFUSED, first.message, text=_lines(report.findings))
-        mission, rows = report.flyable(), abilities(self._site.platform)
+        def judge(report: Report, checked_s: float) -> CiReply | None:
+            self._authority.require(request.sender)
+            if not report.is_ok:
+                first = next(finding for finding in report.findings if not finding.is_warning)
+                return answer(request, Outcome.REFUSED, first.message, text=_lines(report.findings))
+            mission, rows = report.flyable(), abilities(self._site.platform)
 
-        def begin(at_s: float) -> CiReply:
-            return answer(request, reason=executor.command(mission, at_s))
+            def begin(at_s: float) -> CiReply:
+                return answer(request, reason=executor.command(mission, at_s))
 
-        wanted = {one.ability for one in mission.actions().values()}
-        if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
-            return begin(now_s)
-        if not self._facts.is_airborne and self._facts.autopilot_problem:
-            raise Refused(self._facts.autopilot_problem)
-        return self._start(request, begin, now_s)
+            wanted = {one.ability for one in mission.actions().values()}
+            if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
+                return begin(checked_s)
+            if not self._facts.is_airborne and self._facts.autopilot_problem:
+                raise Refused(self._facts.autopilot_problem)
+            return self._start(request, begin, checked_s)
+
+        return self._checks.answer(request, text, "command", self.circumstances(), judge, now_s)
 
     def _as_mission(self, body: RequestAction, executor: MissionExecutor) -> str:
         frames = list(self._site.platform.frames)
@@ -401,17 +424,25 @@ class RequestHandler:
         return None if found is None else self._kept(found)
 
     def expire(self, now_s: float) -> list[CiReply]:
-        """The answers to requests that have waited: for a fence, or for a component that has not answered."""
+        """The answers to requests that have waited: for the disk, a check, a fence, or a component that has not answered."""
         answers = self._fence_answer(now_s)
+        while self._noted and self._is_kept(self._noted[0], now_s):
+            noted = self._noted.popleft().request
+            reply = self._try(noted, partial(self._carry_out, noted, now_s))
+            answers += [] if reply is None else [reply]
         for urgent in list(self._urgent):
             if self.executor is not None or now_s >= urgent.until_s:
                 self._urgent.remove(urgent)
                 reply = self._try(urgent.request, partial(self._carry_out, urgent.request, now_s))
                 answers += [] if reply is None else [reply]
-        for held in self.gate.due(now_s):
-            judged = self._try(held.request, partial(held.answer, now_s))
+        ready: list[Checked | Held] = [*self._checks.due(), *self.gate.due(now_s)]
+        for one in ready:
+            judged = self._try(one.request, partial(one.answer, now_s))
             answers += [] if judged is None else [judged]
         return [*answers, *(self._kept(found) for found in self.components.expire(now_s))]
+
+    def _is_kept(self, noted: _Noted, now_s: float) -> bool:
+        return now_s >= noted.until_s or self._site.journal.wait(noted.mark, 0.0)
 
     def _kept(self, found: Answered) -> CiReply:
         if found.is_kept:

@@ -63,6 +63,7 @@ from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.demands import Demands
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.handover import TAKE_OVER_S, Handover
+from gloc3_onboard.command_server.held_back import HeldBack
 from gloc3_onboard.command_server.kept_flight import flies_for_us, was_under_way
 from gloc3_onboard.command_server.motion import motion_summary, site_summary
 from gloc3_onboard.command_server.news import News
@@ -159,6 +160,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._waiting: dict[str, tuple[str, Verb]] = {}
         self._events: list[CiEvent] = []
         self._news = News()
+        self._held_back = HeldBack(self._site)
         self._connected_s: float | None = None
         self._count = 0
         self._compared_s = float("-inf")
@@ -189,10 +191,9 @@ class CommandServer(CommandInterface[ServerSettings]):
             answer = self._requests.handle(request.payload, now_s)
             results += [] if answer is None else [answer]
         results += self._demands.take(inbox.new(self.velocity_demand), now_s)
-        for reply in inbox.new(self.reply):
-            results += self._replied(reply.payload, now_s)
-        for function_reply in inbox.new(self.function_reply):
-            results += self._replied(function_reply.payload, now_s)
+        replies: list[CommandReply | FunctionReply] = [reply.payload for reply in inbox.new(self.reply)]
+        for reply in (*replies, *(reply.payload for reply in inbox.new(self.function_reply))):
+            results += self._replied(reply, now_s)
         results += [*self._requests.expire(now_s), *self._site.shelf.take()]
         asks: Sequence[Request] = ()
         if self._executor is not None:
@@ -209,7 +210,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         if self._facts.is_home_new and self._facts.home is not None:
             self._facts.is_home_new = False
             self._site.keep_home(self._facts.home)
-        return [*results, *self._report(now_s, is_eventful=bool(asks or inbox.new(self.request)))]
+        results += self._report(now_s, is_eventful=bool(asks or inbox.new(self.request)))
+        return self._held_back.pass_on(results, now_s)
 
     def _observe(self, now_s: float, inbox: Inbox) -> None:
         for status in inbox.new(self.status):
@@ -457,7 +459,7 @@ class CommandServer(CommandInterface[ServerSettings]):
 
     def _tell_what_is_not_kept(self) -> None:
         """A full or broken disk ends no flight, but a restart would know an older state: that is told."""
-        problems = self._site.problems()
+        problems = [*self._site.problems(), *filter(None, [self._held_back.problem])]
         for problem in problems:
             if problem not in self._unkept:
                 self._say(Severity.ERROR, f"{problem}; a restart would know an older state")
@@ -487,14 +489,12 @@ class CommandServer(CommandInterface[ServerSettings]):
             self._site.keep_holder(self.holder)
         self.policy = self._executor.policy if self._executor is not None else ""
         is_kept = self._executor is None and self._snapshot is not None and bool(self._snapshot.programs)
-        mission = mission_summary(self._executor, self._tally)
-        results += (
-            [] if is_kept else self._news.of(mission, is_due=is_slow)
-        )  # who is told of none would give it up for lost
+        if not is_kept:  # who is told of none would give it up for lost
+            results += self._news.of(mission_summary(self._executor, self._tally), is_due=is_slow)
+            results += self._news.of(geofence_of(self._executor), is_due=is_slow)
         results += self._news.of(self._authority.state(), is_due=is_slow)
         results += self._news.of(self._book.table(), is_due=False)
         results += self._news.of(motion_limits(self._site.platform, self._facts, self._executor), is_due=is_slow)
-        results += [] if is_kept else self._news.of(geofence_of(self._executor), is_due=is_slow)
         if is_slow and self._facts.home is not None:
             results.append(Home(position_ned_m=self._facts.home.position_ned_m))
         return results

@@ -1,5 +1,6 @@
 """What the command interface server is given: its platform, and where it keeps what must survive the process."""
 
+from concurrent.futures import Executor
 from typing import Final
 
 import msgspec
@@ -8,9 +9,12 @@ from gloc3.mission.snapshot import Snapshot
 from gloc3.platform import Platform
 from gloc3_onboard.command_server.enduring import EnduringStore
 from gloc3_onboard.command_server.facts import KeptHome
-from gloc3_onboard.command_server.journal import Store
 from gloc3_onboard.command_server.log_shelf import NoShelf, Shelf
-from gloc3_onboard.command_server.report_store import Records, ReportStore
+from gloc3_onboard.command_server.mission_checks import AtOnce
+from gloc3_onboard.command_server.report_store import ReportStore
+from gloc3_onboard.records import Records
+
+Mark = tuple[int, ...]
 
 
 class _Kept(msgspec.Struct, frozen=True):
@@ -35,22 +39,25 @@ class Site:
         fresh_id: a random number, for reports that begin anew.
         shelf: the logs that stations may fetch.
         computer: tells this start of the computer from every other.
+        worker: checks missions; without one they are checked at once.
     """
 
     def __init__(
         self,
         platform: Platform,
-        journal: Store,
-        progress: Store,
+        journal: Records,
+        progress: Records,
         reports: Records,
         fresh_id: int = 1,
         shelf: Shelf | None = None,
         computer: str = "",
+        worker: Executor | None = None,
     ) -> None:
         self.platform: Final = platform
         self.journal: Final = EnduringStore(journal, "journal of requests")
         self.reports: Final = ReportStore(reports, fresh_id, computer)
         self.shelf: Final = shelf or NoShelf()
+        self.worker: Final = worker or AtOnce()
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
         self._progress: Final = EnduringStore(progress, "progress")
@@ -74,25 +81,36 @@ class Site:
                     self._snapshot = self._snapshot.of_earlier_start()
         return self._snapshot, self._home
 
+    @property
+    def _stores(self) -> tuple[EnduringStore, EnduringStore, ReportStore]:
+        return self._progress, self.journal, self.reports
+
     def problems(self) -> list[str]:
         """Why something is not kept now, after another attempt."""
-        stores = self._progress, self.journal, self.reports
-        for store in stores:
+        for store in self._stores:
             store.try_again()
-        return [store.problem for store in stores if store.problem]
+        return [store.problem for store in self._stores if store.problem]
+
+    def mark(self) -> Mark:
+        """Numbers for all that was written so far."""
+        return tuple(store.mark() for store in self._stores)
+
+    def wait(self, mark: Mark, most_s: float) -> bool:
+        """Whether nothing of that is on its way to the disk any more, after a wait of at most so long for each file."""
+        return all(self._stores[at].wait(number, most_s) for at, number in enumerate(mark))
 
     def keep_snapshot(self, snapshot: Snapshot) -> None:
-        """Puts the executor's progress on disk."""
+        """Has the disk keep the executor's progress."""
         self._snapshot = snapshot
         self._write()
 
     def keep_home(self, home: KeptHome) -> None:
-        """Puts home on disk."""
+        """Has the disk keep home."""
         self._home = home
         self._write()
 
     def keep_holder(self, holder: str) -> None:
-        """Puts the holder of control on disk."""
+        """Has the disk keep the holder of control."""
         self.holder = holder
         self._write()
 

@@ -20,9 +20,9 @@ from gloc3_onboard.nodes.child import ChildProcess
 from gloc3_onboard.nodes.keeper import HostKeeper
 from gloc3_onboard.nodes.pipe import Order
 from gloc3_onboard.nodes.shared import open_shared
+from gloc3_onboard.records import MemoryRecords
 from gloc3_onboard.run_log import LogLimits
 from gloc3_onboard.runner import Onboard
-from gloc3_onboard.storage import MemoryRecords
 
 HEAD = """\
 platform: probe

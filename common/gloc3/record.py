@@ -19,6 +19,7 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.frames import Quaternion, Vector3
+from gloc3.log.disk_file import DiskFile
 from gloc3.log.foxglove import (
     MAP_FRAME,
     MAP_FROM_NED,
@@ -94,7 +95,7 @@ class Recorder:
         """
         self._is_owner = isinstance(stream_or_path, Path)
         try:
-            self._stream = stream_or_path.open("wb") if isinstance(stream_or_path, Path) else stream_or_path
+            self._stream = self._open(stream_or_path, clock) if isinstance(stream_or_path, Path) else stream_or_path
         except OSError as error:
             raise Gloc3Error(f"cannot write the log {stream_or_path}: {error.strerror}") from error
         self._clock = clock
@@ -133,6 +134,11 @@ class Recorder:
 
     # --- life ---
 
+    @staticmethod
+    def _open(path: Path, clock: Clock) -> "BinaryIO | DiskFile":
+        """The file; in virtual time nobody has to hurry."""
+        return path.open("wb") if clock.is_virtual else DiskFile(path)
+
     def attach(self, exchange: Exchange, loop: asyncio.AbstractEventLoop | None = None) -> None:
         """Records everything that passes an exchanger; with a loop, also flushes by itself."""
         self._subscriptions.append(exchange.subscribe("**", self.record))
@@ -140,7 +146,7 @@ class Recorder:
             self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
 
     def flush(self, now_s: float) -> None:
-        """Hands what is in memory to the operating system when it is time; call it more often than that."""
+        """Has what is in memory written when it is time; call it more often than that."""
         if now_s - self._flushed_s >= 0.99 * self._flush_every_s and self._is_open:
             self._flushed_s = now_s
             try:
@@ -168,8 +174,6 @@ class Recorder:
                 self._fail(error)
         if self._is_owner:
             try:
-                if not self._clock.is_virtual:
-                    _sync(self._stream)
                 self._stream.close()
             except OSError as error:
                 self._fail(error)
@@ -334,7 +338,7 @@ class Recorder:
             self._fail(error)
 
 
-def _sync(stream: BinaryIO) -> None:
+def _sync(stream: BinaryIO | DiskFile) -> None:
     """In a thread: waits until the disk has what was written."""
     try:
         os.fsync(stream.fileno())

@@ -60,10 +60,14 @@ class RecordFile:
         self._syncing: int | None = None
         """Number of the file for which a thread waits; 0 where it only begins, None where there is no thread."""
         self._error: OSError | None = None
-        path.parent.mkdir(parents=True, exist_ok=True)
 
     def load(self) -> list[bytes]:
-        """All whole records, oldest first."""
+        """All whole records, oldest first; none where there is no file yet.
+
+        Raises:
+            OSError: there can be none, or it cannot be read.
+        """
+        self._path.parent.mkdir(parents=True, exist_ok=True)
         for number in sorted(self._numbers(), reverse=True):
             path = self._file(number)
             data = path.read_bytes()
@@ -115,6 +119,7 @@ class RecordFile:
             OSError: they could not be written; the file is as it was.
         """
         half = self._path.with_name(self._path.name + ".new")
+        half.parent.mkdir(parents=True, exist_ok=True)
         half.write_bytes(b"".join(map(_framed, [_COUNT.pack(len(records)), *records])))
         with self._changed:
             before, self._number = self._number, self._number + 1

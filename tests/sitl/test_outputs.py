@@ -13,7 +13,14 @@ from gloc3_sitl.outputs import make_anew
 def test_what_an_earlier_flight_left_goes_and_what_is_somebody_elses_stays(tmp_path: Path) -> None:
     out = tmp_path / "out"
     (out / "images").mkdir(parents=True)
-    ours = ["log.mcap", "report.json", "requests.journal", "images/ground-00001.png", "images/poses.jsonl"]
+    ours = [
+        "log.mcap",
+        "report.json",
+        "requests.journal.3",
+        "events.store.new",
+        "images/ground-00001.png",
+        "images/poses.jsonl",
+    ]
     theirs = ["mission.yaml", "notes.txt", "images/holiday.png", "log-2.mcap"]
     for name in (*ours, *theirs):
         (out / name).write_text(name)

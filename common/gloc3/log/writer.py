@@ -29,6 +29,7 @@ from mcap.records import (
 from mcap.records import Channel as ChannelRecord
 
 from gloc3 import __version__
+from gloc3.log.disk_file import DiskFile
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
@@ -59,7 +60,7 @@ class LogChannel:
 class McapWriter:
     """An MCAP file that is being written; what has been flushed can be read although the file is never finished."""
 
-    def __init__(self, stream: BinaryIO, compression: Compression = "zstd") -> None:
+    def __init__(self, stream: BinaryIO | DiskFile, compression: Compression = "zstd") -> None:
         self._stream = stream
         self._compression = compression
         self._compress = _compressor(compression)
@@ -130,7 +131,7 @@ class McapWriter:
         self._indexes[Opcode.ATTACHMENT_INDEX].append(index)
 
     def flush(self) -> None:
-        """Hands everything to the operating system: from here on a killed process does not lose it."""
+        """Flushes everything: once the operating system has it, a killed process does not lose it."""
         if self._chunk:
             self._write_chunk()
         self._stream.flush()

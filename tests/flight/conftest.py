@@ -32,8 +32,8 @@ def flight(style: str, tmp_path: Path) -> Iterator[Card]:
 def _other_style(item: pytest.Item) -> str | None:
     """The id of the same test in the other style; nothing where there is none to choose from."""
     callspec = getattr(item, "callspec", None)
-    style = str(callspec.params.get("style", "")) if callspec is not None else ""
-    if not style or item.get_closest_marker("both_styles"):
+    style = callspec.params.get("style") if callspec is not None else None
+    if style not in STYLES or item.get_closest_marker("both_styles"):
         return None
     name, _, parameters = item.nodeid.partition("[")
     words = parameters.removesuffix("]").split("-")

@@ -29,12 +29,12 @@ def flight(style: str, tmp_path: Path) -> Iterator[Card]:
     assert not card.failures, card.failures
 
 
-def _other_style(item: pytest.Item) -> str | None:
-    """The id of the same test in the other style; nothing where there is none to choose from."""
+def _other_style(item: pytest.Item) -> str:
+    """The id of the same test in the other style; empty where there is nothing to choose."""
     callspec = getattr(item, "callspec", None)
     style = callspec.params.get("style") if callspec is not None else None
     if style not in STYLES or item.get_closest_marker("both_styles"):
-        return None
+        return ""
     name, _, parameters = item.nodeid.partition("[")
     words = parameters.removesuffix("]").split("-")
     words[words.index(style)] = STYLES[1 - STYLES.index(style)]
@@ -49,15 +49,13 @@ def _is_chosen(item: pytest.Item, other: str) -> bool:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Everything here flies, in one style where nobody asks for both; what is named with its style is left alone."""
-    for item in items:
-        if "/tests/flight/" in item.path.as_posix():
-            item.add_marker(pytest.mark.flight)
+    flights = [item for item in items if "/tests/flight/" in item.path.as_posix()]
+    for item in flights:
+        item.add_marker(pytest.mark.flight)
     if config.getoption("every_style") or any("[" in argument for argument in config.args):
         return
-    ids = {item.nodeid for item in items}
-    kept, left_out = list[pytest.Item](), list[pytest.Item]()
-    for item in items:
-        other = _other_style(item)
-        (kept if other is None or other not in ids or _is_chosen(item, other) else left_out).append(item)
-    config.hook.pytest_deselected(items=left_out)
-    items[:] = kept
+    others = {item: _other_style(item) for item in flights}
+    ids = {item.nodeid for item in flights}
+    left_out = {item for item, other in others.items() if other in ids and not _is_chosen(item, other)}
+    config.hook.pytest_deselected(items=list(left_out))
+    items[:] = [item for item in items if item not in left_out]

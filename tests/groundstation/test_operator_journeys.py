@@ -40,6 +40,7 @@ async def test_a_mission_is_opened_checked_mended_streamed_flown_paused_resumed_
         await here.press("ctrl+s")
         await here.wait(lambda: file.read_text() == TEXT)
         await here.press("escape")
+        await here.wait(lambda: not isinstance(here.app.focused, MissionEditor))
         await here.until("position", "at hand: hold.yaml")
         await here.press("u")
         await here.wait(lambda: any("read back" in event.text for event in here.station.fleet.events))

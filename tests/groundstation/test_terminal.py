@@ -106,7 +106,7 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
 @pytest.mark.sockets
 async def test_it_flies_by_itself_and_closes_when_the_mission_has_ended() -> None:
     async with scene(flies=True) as here:
-        here.platform.speak()
+        here.platform.speak_every(0.3)
         await here.until("events", "the mission is started")
         here.platform.advance("running")
         await here.until("vehicles", "running")

@@ -8,12 +8,13 @@ from pathlib import Path
 import msgspec
 
 from gloc3.log.reader import LogReader
+from gloc3.mission.examples import example_missions
 
 RUN = "import sys; from gloc3.cli import main; sys.exit(main())"
 STUMBLES = ("link_loss=0.2@5..9", "sensor:fix=noisy/0.1@6..8", "crash:limiter@8", "restart@9.5..11")
 
 
-def fly(out: Path, *options: str, mission: str = "hop", seed: int = 3, hash_seed: int) -> Path:
+def fly(out: Path, *options: str, mission: str, seed: int = 3, hash_seed: int) -> Path:
     """Flies a mission in a process of its own; returns the folder that it left."""
     environment = {"PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     options = (mission, *options, "--quiet", "--seed", str(seed), "--out", str(out))
@@ -40,15 +41,22 @@ def truth(folder: Path) -> list[object]:
         return [entry.envelope.payload for entry in log.entries("sim/truth")]
 
 
+HOP = example_missions()["hop"].read_text().replace("on_pose_lost: land", "on_pose_lost: land\non_restart: continue")
+"""Where nobody would act, it would else hold for a minute after its restart."""
+
+
 def test_one_seed_gives_one_log_in_any_process_and_another_seed_another_flight(style: str, tmp_path: Path) -> None:
+    (tmp_path / "hop.yaml").write_text(HOP)
+    mission = str(tmp_path / "hop.yaml")
     options = ("--autopilot", style, "--wind", "6", *faults(*STUMBLES))
-    one = fly(tmp_path / "one", *options, hash_seed=1)
-    same = fly(tmp_path / "another" / "folder", *options, hash_seed=2)
+    one = fly(tmp_path / "one", *options, mission=mission, hash_seed=1)
+    same = fly(tmp_path / "another" / "folder", *options, mission=mission, hash_seed=2)
     assert (one / "log.mcap").read_bytes() == (same / "log.mcap").read_bytes()
     assert report(one) == report(same)
     assert (one / "path.svg").read_bytes() == (same / "path.svg").read_bytes()
-    other = fly(tmp_path / "other", *options, seed=4, hash_seed=1)
+    other = fly(tmp_path / "other", *options, mission=mission, seed=4, hash_seed=1)
     assert truth(one)
+    assert report(one)["mission_state"] == "done"
     assert truth(one) != truth(other)
 
 

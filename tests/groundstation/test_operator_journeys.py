@@ -23,7 +23,7 @@ async def test_a_mission_is_opened_checked_mended_streamed_flown_paused_resumed_
     file = tmp_path / "hold.yaml"
     file.write_text(TEXT.replace("after: [depart]", "after: [nowhere]"))
     async with scene(None) as here:
-        here.platform.speak()
+        here.platform.speak_every(0.3)
         await here.until("title", "heron")
         await here.go("3")
         await here.press("o")

@@ -38,10 +38,25 @@ PERCEPTION = ("onboard/vision/", "onboard/scan_matching/", "onboard/fusion/", "p
 """In the paths of tests that fly along walls to see how well they are seen."""
 
 
+LONG = (
+    "flight/test_flights_are_deterministic",
+    "flight/test_flying_on_our_own_pose",
+    "flight/test_among_obstacles",
+    "flight/test_sources_that_fail",
+    "onboard/nodes/",
+    "onboard/test_stations_on_",
+    "sitl/firmware/",
+    "sitl/test_demo",
+    "sitl/test_fly_command",
+)
+"""In the paths of tests that take longest: they come first, so that at the end no core waits for one of them."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks property tests and state machines, and perception."""
+    """Marks property tests and state machines, and perception; puts first what takes long."""
     for item in items:
         function = getattr(item, "obj", None)
         is_search = getattr(function, "is_hypothesis_test", False) or item.nodeid.endswith("::runTest")
         if is_search or any(word in item.nodeid.partition("::")[0] for word in PERCEPTION):
             item.add_marker(pytest.mark.thorough)
+    items.sort(key=lambda item: not any(word in item.nodeid.partition("::")[0] for word in LONG))

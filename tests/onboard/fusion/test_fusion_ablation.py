@@ -11,7 +11,7 @@ from .fly import fly
 
 pytestmark = pytest.mark.thorough
 
-MID_FLIGHT = {"fault_s": (9.0, 17.0), "until_s": 26.0}
+MID_FLIGHT = {"fault_s": (9.0, 15.0), "until_s": 20.0}
 NOT_FOUND = {("height", "frozen"), ("height", "old"), ("height", "scale")}
 """At a constant height of 1.5 m these say nothing that is wrong by more than a floor may rise."""
 

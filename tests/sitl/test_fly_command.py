@@ -24,6 +24,9 @@ tasks:
       down: {land: {}, after: [way]}
 """
 
+RTK = ("--platform", "pelican_rtk")
+"""Whose pose needs no pictures."""
+
 PLAN = {
     "fileType": "Plan",
     "version": 1,
@@ -85,7 +88,7 @@ def test_pictures_show_the_floor_marker_where_the_truth_says_so(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "mission.yaml").write_text(PICTURES)
-    code, report, _ = fly(capsys, str(tmp_path / "mission.yaml"), "--out", str(tmp_path), "--quiet")
+    code, report, _ = fly(capsys, str(tmp_path / "mission.yaml"), *RTK, "--out", str(tmp_path), "--quiet")
     assert code == 0, report
     seen = compare(tmp_path)
     assert seen["images"] == report["images"] >= 10

@@ -74,6 +74,7 @@ async def fill(count: int, hours: float = 0.0) -> dict[str, Any]:
             await here.pilot.pause(0)
         search_s = time.thread_time() - begin_s
         await here.press("enter")
+        await here.wait(lambda: not isinstance(here.app.focused, Input))
         looks = {}
         for screen, digit in (("map", "4"), ("data", "5"), ("events", "9"), ("overview", "1")):
             await here.go(digit)

@@ -16,6 +16,7 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from gloc3_groundstation.tui.lines import text_of
+from gloc3_groundstation.tui.list_panel import ListPanel
 from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.themes import THEMES
 
@@ -52,7 +53,8 @@ def _of_panel(panel: Panel) -> Iterator[str]:
     title = str(panel.border_title or "")
     if cell_len(title) > max(0, panel.size.width - 4):
         yield f"title {title!r} in {panel.size.width} columns"
-    if not panel.can_focus and len(panel.lines) > height:
+    is_led = isinstance(panel, ListPanel) and hasattr(panel.screen, "action_move")  # by the keys of its dialogue
+    if not (panel.can_focus or is_led) and len(panel.lines) > height:
         yield f"{len(panel.lines)} lines in {height}, which nobody can scroll"
     if panel.styles.overflow_x == "auto":
         return

@@ -127,6 +127,7 @@ async def fly(
     async with (
         three_hosts(folder, has_cameras=odometer is not None) as hosts,
         station(f"udpin://{GROUND}.2:{STATION}", 255) as operator,
+        _telling(operator, say),
     ):
         started_s = time.monotonic()
         name = await flights.await_platform(operator, None)
@@ -153,6 +154,16 @@ async def fly(
         for host, main in hosts.scene.mains.items():
             (folder / f"{host}.txt").write_text("\n".join(main.lines))
     return measured(folder, odometer or "none", end, calm, start_s, trials, stalls.longest_s)
+
+
+@asynccontextmanager
+async def _telling(operator: Station, say: Callable[[str], None]) -> AsyncIterator[None]:
+    """Says in the end what the operator was told, whatever became of the flight."""
+    try:
+        yield
+    finally:
+        for event in operator.fleet.events:
+            say(f"{event.heard_s:.2f} {event.source}: {event.text}")
 
 
 async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: str, settle_s: float) -> Trial:

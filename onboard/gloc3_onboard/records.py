@@ -72,7 +72,7 @@ class RecordFile:
             path = self._file(number)
             data = path.read_bytes()
             records, end = _records(data)
-            if records and len(records) > _COUNT.unpack(records[0])[0]:
+            if records and len(records[0]) == _COUNT.size and len(records) > _COUNT.unpack(records[0])[0]:
                 if end < len(data):
                     with suppress(OSError):  # where that cannot be, nothing can be added behind it either
                         os.truncate(path, end)
@@ -92,10 +92,10 @@ class RecordFile:
         Raises:
             OSError: it could not be written; the file is as it was.
         """
-        if not self._number:
+        path, framed = self._file(self._number), _framed(record)
+        if not path.exists():  # not yet, or somebody has deleted it
             self.rewrite([record], outlives_power_cut=outlives_power_cut)
             return
-        path, framed = self._file(self._number), _framed(record)
         with path.open("ab", buffering=0) as file:
             whole = file.tell()
             try:
@@ -122,8 +122,9 @@ class RecordFile:
         half.parent.mkdir(parents=True, exist_ok=True)
         half.write_bytes(b"".join(map(_framed, [_COUNT.pack(len(records)), *records])))
         with self._changed:
-            before, self._number = self._number, self._number + 1
-            half.replace(self._file(self._number))
+            before = self._number
+            half.replace(self._file(before + 1))
+            self._number += 1
             if before not in (self._safe, self._syncing):
                 self._file(before).unlink(missing_ok=True)
         if outlives_power_cut:

@@ -107,6 +107,14 @@ def test_a_file_that_is_not_there_has_no_records_and_takes_some(tmp_path: Path) 
     assert RecordFile(tmp_path / "new" / "journal").load() == [b"a"]
 
 
+def test_a_file_that_somebody_has_deleted_is_begun_anew(tmp_path: Path) -> None:
+    file = made(tmp_path / "journal", b"a")
+    (tmp_path / "journal.1").unlink()
+    file.append(b"b")
+    file.append(b"c")
+    assert RecordFile(tmp_path / "journal").load() == [b"b", b"c"]
+
+
 def test_rewriting_replaces_everything_and_keeps_to_its_own_files(tmp_path: Path) -> None:
     journal, progress = RecordFile(tmp_path / "kept"), RecordFile(tmp_path / "kept.progress")
     journal.append(b"old")
@@ -183,11 +191,14 @@ def full(*_: object, **__: object) -> int:
 
 def test_records_that_do_not_fit_are_told_and_harm_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = made(tmp_path / "journal", b"first")
-    attempts: list[Callable[[], None]] = [lambda: file.rewrite([b"x"]), lambda: file.append(b"y")]
-    for attempt in attempts:
+    attempts: list[tuple[str, Callable[[], None]]] = [
+        ("write_bytes", lambda: file.rewrite([b"x"])),
+        ("replace", lambda: file.rewrite([b"x"])),
+        ("open", lambda: file.append(b"y")),
+    ]
+    for operation, attempt in attempts:
         with monkeypatch.context() as patch:
-            patch.setattr(Path, "write_bytes", full)
-            patch.setattr(Path, "open", full)
+            patch.setattr(Path, operation, full)
             with pytest.raises(OSError, match="No space left"):
                 attempt()
     file.append(b"second")

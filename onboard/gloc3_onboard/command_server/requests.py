@@ -84,7 +84,7 @@ class _FenceWait(NamedTuple):
     until_s: float
 
 
-class _Waiting(NamedTuple):
+class _Urgent(NamedTuple):
     request: CiRequest
     until_s: float
 
@@ -119,7 +119,7 @@ class RequestHandler:
         self._senders = Senders()
         self._journal = Journal(site.journal)
         self._fence_wait: _FenceWait | None = None
-        self._urgent: list[_Waiting] = []
+        self._urgent: list[_Urgent] = []
         """Emergencies for which there is no executor yet."""
         self._noted: deque[_Noted] = deque()
         """What is on its way to the disk: only then it is carried out, so that a power cut has nothing done twice."""
@@ -169,7 +169,7 @@ class RequestHandler:
             return known.reply
         if isinstance(request.body, Emergency):
             if self.executor is None:
-                self._urgent.append(_Waiting(request, now_s + URGENT_S))
+                self._urgent.append(_Urgent(request, now_s + URGENT_S))
                 return None
         elif self._noted or not self._site.journal.wait(self._site.journal.mark(), AT_ONCE_S):
             self._noted.append(_Noted(request, self._site.journal.mark(), now_s + LONGEST_S))

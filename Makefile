@@ -16,7 +16,7 @@ demo: $(READY)  ## simulated vehicle, onboard process and ground station, as thr
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
 
 test: $(READY)  ## all tests, every bar in a reduced form
-	$(BIN)/pytest -q -n 3 --dist worksteal
+	$(BIN)/python -m tests.everything
 
 unit: $(READY)  ## the quick ones: no flights, sockets, processes, searches or pictures
 	$(BIN)/pytest -q -n 2 --dist worksteal @tests/quick.txt

@@ -56,8 +56,8 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         has_failed, stall_s = any(report.failed for report in reports), watch.longest_s
         if not has_failed or (again and stall_s < STALL_S) or len(again) + 1 == ATTEMPTS:
             break
-        why = next(report.longreprtext.strip().splitlines()[-1] for report in reports if report.failed)
-        again.append(f"{why}; the longest sleep was {stall_s:.1f} s too long")
+        why = next(report.longreprtext.strip() for report in reports if report.failed)
+        again.append(f"the longest sleep was {stall_s:.1f} s too long\n{why}")
         item._initrequest()  # type: ignore[attr-defined] # of functions: their fixtures are made anew
     for report in reports:
         if again:

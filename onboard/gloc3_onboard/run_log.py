@@ -73,7 +73,7 @@ class RunLog:
         self._files, self._limits, self._clock, self._topics = files, limits, clock, topics
         self._exchange, self._loop, self._metadata, self._requested, self._say = exchange, loop, metadata, path, say
         self._platform_file, self._has_links = platform_file, has_links
-        self._closing: asyncio.Future[None] | None = None
+        self._closing: asyncio.Future[str] | None = None
         self.path = files.next()
         """Of the file that is written now."""
         self._before = self.path
@@ -115,10 +115,8 @@ class RunLog:
         self._timer.cancel()
         if self._closing is not None:
             await self._closing
-        if self._traffic is not None:
-            self._traffic.close()
         self._recorder.detach()
-        self._finish(self._recorder, list(self._requested()))
+        self._warn_of(self._finish(self._recorder, self._traffic, list(self._requested())))
 
     def _begin(self, path: Path, before: str) -> tuple[Recorder, Traffic | None]:
         metadata = {**self._metadata, CONTINUES: before} if before else self._metadata
@@ -134,9 +132,11 @@ class RunLog:
         return recorder, traffic
 
     @staticmethod
-    def _finish(recorder: Recorder, path: list[Vector3]) -> None:
+    def _finish(recorder: Recorder, traffic: Traffic | None, path: list[Vector3]) -> str:
+        problem = traffic.close() if traffic is not None else ""
         recorder.write_requested_path(path)
         recorder.close()
+        return problem
 
     def _look(self) -> None:
         self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
@@ -166,8 +166,9 @@ class RunLog:
         self.path = path
         recorder.detach()
         if traffic is not None:
-            traffic.close()
-        self._closing = self._loop.run_in_executor(None, self._finish, recorder, list(self._requested()))
+            traffic.end()
+        self._closing = self._loop.run_in_executor(None, self._finish, recorder, traffic, list(self._requested()))
+        self._closing.add_done_callback(lambda done: self._warn_of(done.result()))
         self._prune()
 
     def _prune(self) -> None:
@@ -184,6 +185,10 @@ class RunLog:
         if removed:
             what = f"{counted(len(removed), 'log')} up to {removed[-1].name}"
             self._say(Severity.NOTICE, f"deleted {what}: all logs together are at most {self._limits.total_mb:g} MB")
+
+    def _warn_of(self, problem: str) -> None:
+        if problem:
+            self._warn(problem)
 
     def _warn(self, text: str) -> None:
         self._say(Severity.WARNING, text)

@@ -8,6 +8,7 @@ from typing import Final, Literal
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.link.tlog import is_secret, tlog_record
+from gloc3.log.disk_file import DiskFile
 from gloc3.record import Recorder
 
 FLUSH_S: Final = 1.0
@@ -36,10 +37,11 @@ class Traffic:
         warn: Callable[[str], None],
     ) -> None:
         try:
-            self._file = path.open("wb")
+            self._file = DiskFile(path)
         except OSError as error:
             raise Refused(f"{path} cannot be written: {error.strerror or error}") from error
         self._path, self._recorder, self._clock, self._loop, self._warn = path, recorder, clock, loop, warn
+        self._is_kept, self._has_failed = True, False
         self._timer = loop.call_later(FLUSH_S, self._flush)
 
     def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
@@ -48,34 +50,36 @@ class Traffic:
             return
         now_s = self._clock.now_s()
         self._recorder.record_mavlink(link, direction, frame, now_s)
-        self._write(tlog_record(frame, now_s + self._clock.utc_offset_s))
+        if self._is_kept:
+            self._file.write(tlog_record(frame, now_s + self._clock.utc_offset_s))
 
-    def close(self) -> None:
-        """Writes what is in memory; keeps nothing any more."""
+    def end(self) -> None:
+        """Keeps nothing any more; what is in memory is written by `close`, which may be called in a thread."""
         self._timer.cancel()
+        self._is_kept = False
+
+    def close(self) -> str:
+        """Waits until everything is on disk.
+
+        Returns:
+            Why it is not, where that was not told before; else nothing.
+        """
+        self.end()
         try:
             self._file.close()
         except OSError as error:
-            self._fail(error)
-
-    def _write(self, record: bytes) -> None:
-        if not self._file.closed:
-            try:
-                self._file.write(record)
-            except OSError as error:
-                self._fail(error)
+            return "" if self._has_failed else self._problem(error)
+        return ""
 
     def _flush(self) -> None:
-        self._timer = self._loop.call_later(FLUSH_S, self._flush)
-        if not self._file.closed:
-            try:
-                self._file.flush()
-            except OSError as error:
-                self._fail(error)
-
-    def _fail(self, error: OSError) -> None:
-        self._warn(f"{self._path} cannot be written: {error.strerror or error}")
         try:
-            self._file.close()
-        except OSError:  # what it still holds does not fit either; it is closed all the same
-            return
+            self._file.flush()
+        except OSError as error:
+            self._has_failed = True
+            self.end()
+            self._warn(self._problem(error))
+        else:
+            self._timer = self._loop.call_later(FLUSH_S, self._flush)
+
+    def _problem(self, error: OSError) -> str:
+        return f"{self._path} cannot be written: {error.strerror or error}"

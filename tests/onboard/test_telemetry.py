@@ -69,6 +69,27 @@ def test_an_autopilot_that_stood_still_and_answers_all_at_once_has_not_restarted
     assert telemetry.restarts == 0
 
 
+def test_what_an_autopilot_tells_after_a_pause_of_its_clock_is_not_taken_for_old() -> None:
+    telemetry = Telemetry()
+    clockwork = Clockwork(Address(1, 191), telemetry)
+    service = clockwork.service
+    service.ask(Address(1, 1))
+
+    def ask_and_answer(now_s: float, told_s: float, late_s: float) -> None:
+        service.tick(now_s)
+        answer = codec.message("TIMESYNC", tc1=round(told_s * 1e9), ts1=service.outgoing()[0].ts1)
+        service.receive(answer, Address(1, 1), now_s + late_s)
+        clockwork.look(now_s + late_s)
+
+    for step in range(10):
+        assert telemetry.t_s(1000 * step, 100.0 + step) == pytest.approx(100.0 + step)
+        ask_and_answer(100.0 + step, 0.001 + step, 0.002)
+    assert telemetry.t_s(10_000, 110.7) == pytest.approx(110.0, abs=0.01), "late, as far as is known"
+    ask_and_answer(110.7, 10.001, 0.4)
+    assert telemetry.t_s(10_450, 111.15) == pytest.approx(111.15, abs=0.01), "one round trip shows it, however slow"
+    assert telemetry.t_s(10_500, 111.5) == pytest.approx(111.2, abs=0.01), "what is late since then is late"
+
+
 @settings(max_examples=50)
 @given(st.lists(st.tuples(st.floats(0.0, 0.5), st.integers(1, 200)), min_size=2, max_size=30))
 def test_nothing_is_ever_valid_later_than_it_was_heard(messages: list[tuple[float, int]]) -> None:

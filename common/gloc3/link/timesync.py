@@ -119,6 +119,7 @@ class TimeSync(Service[TimeSample]):
         return None if self._peer is None else self._next_s
 
     def _take(self, sample: TimeSample) -> None:
+        self._events.append(sample)
         best = self.best
         if best is not None and abs(sample.offset_s - best.offset_s) > JUMP_S + sample.round_trip_s:
             self._strange.append(sample)
@@ -132,4 +133,3 @@ class TimeSync(Service[TimeSample]):
         else:
             self._samples.append(sample)
         self._strange.clear()
-        self._events.append(sample)

@@ -32,8 +32,8 @@ class Clockwork:
         ):  # an autopilot that sends nothing unasked shows a restart by its clock alone
             self._restarts = service.restarts
             self._telemetry.restarted()
-        if service.events() and service.is_converged and (best := service.best) is not None:
-            self._telemetry.correct_clock(-best.offset_s - best.round_trip_s)
+        for sample in service.events():  # it answered after it was asked: a bound that no delay on the way can break
+            self._telemetry.correct_clock(-sample.offset_s - 0.5 * sample.round_trip_s)
 
     def boot_s(self, t_s: float) -> float:
         """The autopilot's own time of ours: by round trips, where they agree with its stamps; 0 while it is not known."""

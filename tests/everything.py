@@ -1,0 +1,69 @@
+"""All tests, as `make test` runs them: those in wall time, and beside them, of lower priority, those in virtual time.
+
+What flies by real sockets acts on silence within tenths of a second, and rightly so: it is to have the processor when
+it wants it. What fails in wall time all the same is run once more when nothing else runs.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+from threading import Lock, Thread
+from typing import IO, Final
+
+ROOT: Final = Path(__file__).parents[1]
+WALL, VIRTUAL = "wall", "virtual"
+_WHICH: Final = {WALL: "sockets", VIRTUAL: "not sockets"}
+_SOME_FAILED: Final = 1
+"""What pytest ends with where tests ran, and not all of them passed."""
+
+
+def command(group: str, reports: Path, *more: str) -> list[str]:
+    """How pytest is called for a group; its JUnit report is named like the group."""
+    return [
+        *([] if group == WALL else ["nice", "-n", "10"]),
+        *(sys.executable, "-m", "pytest", "-q", "-m", _WHICH[group], f"--junitxml={reports / group}.xml"),
+        *("-o", f"cache_dir=.pytest_cache/{group}", *more),
+    ]
+
+
+def _say(lines: IO[str], turn: Lock) -> None:
+    """Prints whole lines, so that two can speak at a time."""
+    with lines:
+        for line in lines:
+            with turn:
+                print(line, end="", flush=True)
+
+
+def run(reports: Path, folder: Path = ROOT) -> int:
+    """Runs both groups, prints what they say, and leaves a JUnit report of each, and `alone.xml` of what was run again.
+
+    Args:
+        reports: the folder for these.
+        folder: of the project whose tests they are.
+
+    Returns:
+        0 where everything has passed, at the latest when it was run alone.
+    """
+    reports.mkdir(parents=True, exist_ok=True)
+    (reports / "alone.xml").unlink(missing_ok=True)
+    running, speakers, turn = {}, [], Lock()
+    for group in _WHICH:
+        started = command(group, reports, "-n", "2", "--dist", "worksteal")
+        running[group] = subprocess.Popen(started, cwd=folder, stdout=subprocess.PIPE, text=True)
+        speakers.append(Thread(target=_say, args=(running[group].stdout, turn)))
+        speakers[-1].start()
+    codes = {group: process.wait() for group, process in running.items()}
+    for speaker in speakers:
+        speaker.join()
+    if codes[WALL] == _SOME_FAILED:
+        print("what has failed in wall time, once more, alone:", flush=True)
+        again = command(WALL, reports, "--last-failed", f"--junitxml={reports / 'alone.xml'}")
+        codes[WALL] = subprocess.run(again, cwd=folder, check=False).returncode
+    return max(codes.values(), key=abs)
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(run(ROOT / "runs" / "tests"))
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -4,14 +4,18 @@ What flies by real sockets acts on silence within tenths of a second, and rightl
 it wants it. What fails in wall time all the same is run once more when nothing else runs.
 """
 
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from threading import Lock, Thread
 from typing import IO, Final
 
 ROOT: Final = Path(__file__).parents[1]
 WALL, VIRTUAL = "wall", "virtual"
+LATER: Final = 10
+"""By so much the priority of the tests in virtual time is lower, as `nice` counts."""
 _WHICH: Final = {WALL: "sockets", VIRTUAL: "not sockets"}
 _SOME_FAILED: Final = 1
 """What pytest ends with where tests ran, and not all of them passed."""
@@ -20,7 +24,7 @@ _SOME_FAILED: Final = 1
 def command(group: str, reports: Path, *more: str) -> list[str]:
     """How pytest is called for a group; its JUnit report is named like the group."""
     return [
-        *([] if group == WALL else ["nice", "-n", "10"]),
+        *([] if group == WALL else ["nice", "-n", str(LATER)]),
         *(sys.executable, "-m", "pytest", "-q", "-m", _WHICH[group], f"--junitxml={reports / group}.xml"),
         *("-o", f"cache_dir=.pytest_cache/{group}", *more),
     ]
@@ -32,6 +36,12 @@ def _say(lines: IO[str], turn: Lock) -> None:
         for line in lines:
             with turn:
                 print(line, end="", flush=True)
+
+
+def _yield_as_a_session(leader: int) -> None:
+    """Where Linux shares the processor among sessions (`man 7 sched`, autogroups), `nice` counts only within one."""
+    with suppress(OSError):  # it does not
+        Path(f"/proc/{leader}/autogroup").write_text(str(LATER), encoding="ascii")
 
 
 def run(reports: Path, folder: Path = ROOT) -> int:
@@ -48,13 +58,20 @@ def run(reports: Path, folder: Path = ROOT) -> int:
     (reports / "alone.xml").unlink(missing_ok=True)
     running, speakers, turn = {}, [], Lock()
     for group in _WHICH:
-        started = command(group, reports, "-n", "2", "--dist", "worksteal")
-        running[group] = subprocess.Popen(started, cwd=folder, stdout=subprocess.PIPE, text=True)
+        called = command(group, reports, "-n", "2", "--dist", "worksteal")
+        running[group] = subprocess.Popen(called, cwd=folder, stdout=subprocess.PIPE, text=True, start_new_session=True)
         speakers.append(Thread(target=_say, args=(running[group].stdout, turn)))
         speakers[-1].start()
-    codes = {group: process.wait() for group, process in running.items()}
-    for speaker in speakers:
-        speaker.join()
+    _yield_as_a_session(running[VIRTUAL].pid)
+    try:
+        codes = {group: process.wait() for group, process in running.items()}
+    except KeyboardInterrupt:
+        for process in running.values():  # a terminal tells its own session alone
+            process.send_signal(signal.SIGINT)
+        raise
+    finally:
+        for speaker in speakers:
+            speaker.join()
     if codes[WALL] == _SOME_FAILED:
         print("what has failed in wall time, once more, alone:", flush=True)
         again = command(WALL, reports, "--last-failed", f"--junitxml={reports / 'alone.xml'}")
@@ -63,6 +80,7 @@ def run(reports: Path, folder: Path = ROOT) -> int:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         sys.exit(run(ROOT / "runs" / "tests"))
     except KeyboardInterrupt:

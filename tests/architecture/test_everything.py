@@ -24,6 +24,8 @@ def test_in_wall_time():
 
 def test_in_virtual_time():
     assert os.nice(0) == min(19, {priority} + 10)
+    session = Path("/proc/self/autogroup")
+    assert not session.exists() or session.read_text().split()[-1] == "10"
     assert {passes}
 """
 

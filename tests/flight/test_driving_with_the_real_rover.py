@@ -27,6 +27,6 @@ def test_ardupilots_rover_carries_out_the_mission_of_the_embedded_one(
     known = load_platform(platform, is_loading_classes=True, devices=DEVICES)
     report = run_virtual(fly_mission(options, known, None, 0.0))
     assert (report.mission_state, report.reason) == ("done", "")
-    assert report.waypoints_passed == report.waypoints == 2
+    assert report.waypoints_passed == report.waypoints == 4
     assert report.path_rms_error_m is not None
     assert report.path_rms_error_m < rms_m

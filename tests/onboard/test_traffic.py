@@ -42,7 +42,7 @@ def keep(folder: Path, tlog: Path, *frames: bytes, disk: Event | None = None) ->
         with closing(recorder):
             traffic = Traffic(tlog, recorder, clock, loop, warnings.append)
             if disk is not None:
-                traffic._file._write = waiting(disk, traffic._file._write)  # type: ignore[method-assign]
+                traffic._file._write = waiting(disk, traffic._file._write)  # type: ignore[method-assign, assignment]
             for frame in frames:
                 traffic.keep("radio", "in", frame)
                 await asyncio.sleep(1.0)

@@ -18,7 +18,7 @@ demo: $(READY)  ## simulated vehicle, onboard process and ground station, as thr
 test: $(READY)  ## all tests, every bar in a reduced form
 	$(BIN)/python -m tests.everything
 
-unit: $(READY)  ## the quick ones: no flights, sockets, processes, searches or pictures
+unit: $(READY)  ## the quick ones: no flights, simulators, sockets, processes, searches or pictures
 	$(BIN)/pytest -q -n 2 --dist worksteal @tests/quick.txt
 
 check: $(READY)  ## format, lint, types, import contracts

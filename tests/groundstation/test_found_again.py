@@ -21,6 +21,8 @@ from gloc3_onboard.station_link import StationLink
 
 from .scripted_platform import ScriptedPlatform
 
+pytestmark = pytest.mark.thorough
+
 T = TypeVar("T")
 TOPICS = TopicTable.installed()
 HOUR_S = 3600.0

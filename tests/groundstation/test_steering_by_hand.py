@@ -27,6 +27,8 @@ from gloc3_groundstation.tui.panel import Panel
 from .scripted_platform import refused, reply_to
 from .station_scene import Scene, scene
 
+pytestmark = pytest.mark.thorough
+
 AXIS, BUTTON, INITIAL = 2, 1, 0x80
 
 

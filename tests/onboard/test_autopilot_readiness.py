@@ -15,6 +15,8 @@ from gloc3_onboard.autopilot.telemetry import REPEATED_S
 
 from .test_autopilot_link import STYLES, Rig
 
+pytestmark = pytest.mark.thorough
+
 PREARM, AUTHORISATION = 401, 3001
 GOOD = 0x3F
 

@@ -13,6 +13,8 @@ from gloc3.vehicle import AutopilotPose, Pose, Setpoint
 from gloc3_onboard.dead_reckoner import DeadReckoner, Errors
 from gloc3_onboard.processors.dead_reckoning import DeadReckoningProcessor
 
+pytestmark = pytest.mark.thorough
+
 BAY = (41.52, -70.7, 0.0)
 SPEED_M_S = 1.0
 

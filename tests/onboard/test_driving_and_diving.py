@@ -10,6 +10,8 @@ from gloc3.ci import Outcome, Steer, Verb
 from .vehicle_peer import RoverPeer, SubPeer, VehiclePeer
 from .vehicle_stack import VehicleStack
 
+pytestmark = pytest.mark.thorough
+
 MISSION = """\
 mission: a way with something beside it
 frame: site

@@ -1,6 +1,10 @@
 """Somebody without the key on a signed link, and invented systems in masses on an open one."""
 
+import pytest
+
 from .hostile_scenario import scenario
+
+pytestmark = pytest.mark.thorough
 
 
 def test_who_has_no_key_gets_nothing_through_is_counted_and_costs_no_memory() -> None:

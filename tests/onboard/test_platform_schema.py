@@ -15,6 +15,8 @@ from gloc3.platform import platform_files, read_platform
 from gloc3.platform_schema import platform_schema
 from gloc3_onboard.platform_cli import app
 
+pytestmark = pytest.mark.thorough
+
 PUBLISHED = Path(__file__).parents[2] / "docs" / "schema" / "platform.schema.json"
 VALIDATOR = Draft202012Validator(platform_schema())
 COPTER = platform_files()["copter"].read_text(encoding="utf-8")

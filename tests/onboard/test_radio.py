@@ -1,6 +1,10 @@
 """A 57,600 baud radio with loss behind the router: nothing starves, and what the radio loses is found missing in time."""
 
+import pytest
+
 from .radio_scenario import LOSS, scenario
+
+pytestmark = pytest.mark.thorough
 
 
 def test_reports_commands_a_mission_and_a_plan_share_a_bad_radio_with_a_stream_that_is_too_much_for_it() -> None:

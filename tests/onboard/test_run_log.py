@@ -16,6 +16,8 @@ from gloc3_onboard import run_log
 from gloc3_onboard.log_files import LogFiles
 from gloc3_onboard.run_log import CONTINUES, LogLimits, RunLog
 
+pytestmark = pytest.mark.thorough
+
 
 def texts(path: Path) -> list[str]:
     with LogReader(path) as reader:

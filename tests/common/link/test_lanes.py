@@ -19,6 +19,8 @@ from gloc3.link.lanes import Lanes
 from gloc3.link.message import Address
 from gloc3.link.router import LOOK_AGAIN_S, MOVED_AFTER_S, Router, RouterLink
 
+pytestmark = pytest.mark.thorough
+
 NAMES = ("vehicle", "radio", "wifi")
 
 

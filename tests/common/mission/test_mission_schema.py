@@ -20,6 +20,8 @@ from gloc3.mission.reader import Surroundings, inspect_mission
 from gloc3.mission.structure import structure_findings
 from gloc3.platform import Platform
 
+pytestmark = pytest.mark.thorough
+
 PUBLISHED = Path(__file__).parents[3] / "docs" / "schema" / "mission.schema.json"
 VALIDATOR = Draft202012Validator(mission_schema())
 

@@ -10,6 +10,8 @@ from tests.common.mission.at_random.fly import CALM, Command
 from tests.common.mission.at_random.judge import case, fly, judge, steps_and_targets
 from tests.common.mission.at_random.mutants import MUTANTS, Mutant, broken
 
+pytestmark = pytest.mark.thorough
+
 STEERED = 32
 """The seed of a mission that is steered at every step."""
 

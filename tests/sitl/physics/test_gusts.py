@@ -9,6 +9,8 @@ from gloc3_sitl.gusts import Gusts
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.wind import gusty
 
+pytestmark = pytest.mark.thorough
+
 PERIOD_S = 0.05
 
 

@@ -1,5 +1,5 @@
 """What holds for all tests: searches by hypothesis and whatever looks at pictures or scans count as thorough, and may
-take their time on a busy machine; stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too.
+take their time on a busy machine; one commit searches the same cases each time (`--hypothesis-profile=search` others); stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too.
 """
 
 import gc
@@ -12,7 +12,8 @@ from tests.stalls import pytest_runtest_protocol, pytest_terminal_summary
 
 __all__ = ["pytest_runtest_protocol", "pytest_terminal_summary"]
 
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("any machine", settings.get_profile("search"), derandomize=True)
 settings.load_profile("any machine")
 
 

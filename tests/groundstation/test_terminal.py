@@ -44,6 +44,14 @@ async def test_what_comes_is_shown_and_keys_that_make_no_sense_do_nothing() -> N
         assert "number 39" in events.render_line(events.size.height - 1).text
 
 
+async def test_what_comes_while_it_ends_is_shown_to_nobody() -> None:
+    async with scene(None) as here:
+        pass
+    assert not here.app.screen_stack
+    here.app._was_possible = None  # as if what is possible had changed meanwhile
+    here.app.look()
+
+
 async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys() -> None:
     async with scene() as here:
         here.platform.answer_next(Steer, refused("pose is faulty"))

@@ -171,7 +171,7 @@ class StationApp(App[End | None]):
         if base is not None:
             base.show(view)
         possible = view.moves, min(len(view.fleet.platforms), 2), bool(view.alerts.pending)
-        if possible != self._was_possible:
+        if possible != self._was_possible and self.screen_stack:  # none is there any more when it ends
             self._was_possible = possible
             self.refresh_bindings()
         is_ours = view.platform is not None and view.platform.has_companion

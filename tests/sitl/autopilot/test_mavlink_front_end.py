@@ -4,15 +4,16 @@ from collections import Counter
 from math import inf, nan
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gloc3.link.codec import Encoder, Parser, message, shape
 from gloc3_sitl.autopilot.mavlink.commands import HANDLERS
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
+from gloc3_sitl.autopilot.surroundings import Power
 from gloc3_sitl.autopilot.verdict import Author
-from gloc3_sitl.simulator import Simulator
+from gloc3_sitl.simulator import BOOT_S, Simulator
 from gloc3_sitl.world import World
 
 from .bench import ARM, REPOSITION, SET_MODE, Bench
@@ -237,9 +238,15 @@ def test_garbage_is_survived(data: bytes) -> None:
     st.lists(st.one_of(st.floats(width=32), st.sampled_from([0.0, 1.0, 2.0, -1.0, nan])), min_size=7, max_size=7),
     st.booleans(),
 )
+@example(246, [1.0] * 7, False)  # boots anew
+@example(246, [2.0] * 7, False)  # goes off for good
+@example(17, [0.0] * 7, False)
 def test_commands_with_any_numbers_are_answered(command: int, params: list[float], is_int: bool) -> None:
     bench = BARE_BENCH
     bench.run(0.02)
+    if bench.sim.is_down:
+        bench.sim.switch(Power.REBOOT)
+        bench.run(BOOT_S + 0.1)
     if bench.sim.autopilot.commander.is_terminated:
         bench.sim.autopilot.commander.is_terminated = False
     before = bench.counts["COMMAND_ACK"]

@@ -1,5 +1,6 @@
 """What holds for all tests: searches by hypothesis and whatever looks at pictures or scans count as thorough, and may
-take their time on a busy machine; one commit searches the same cases each time (`--hypothesis-profile=search` others); stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too.
+take their time on a busy machine; one commit searches the same cases each time (`--hypothesis-profile=search`: others);
+stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too.
 """
 
 import gc

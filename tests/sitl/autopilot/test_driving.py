@@ -13,8 +13,6 @@ from gloc3_sitl.world import World
 
 from .bench import ARM, POSITION, REPOSITION, TAKE_OFF, VELOCITY, Bench
 
-pytestmark = pytest.mark.thorough
-
 BOTH = pytest.mark.parametrize("vehicle", ["rover", "boat"])
 NEAR_M = {"rover": 0.6, "boat": 2.2}
 

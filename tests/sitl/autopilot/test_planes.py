@@ -12,8 +12,6 @@ from gloc3_sitl.wind import gusty
 
 from .bench import ARM, REPOSITION, TAKE_OFF, Bench
 
-pytestmark = pytest.mark.thorough
-
 
 def ready(**settings: Any) -> Bench:
     bench = Bench(None, vehicle="plane", **settings)

@@ -9,8 +9,6 @@ from gloc3_sitl.autopilot.modes import Result
 
 from .bench import ARM, Bench
 
-pytestmark = pytest.mark.thorough
-
 CALIBRATE, INJECT, SET_SERVO, SET_RELAY, LOOK_AT, LOOK_AT_NOTHING = 241, 420, 183, 181, 195, 197
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 MAGNETOMETER, GPS, RANGE_FINDER, BATTERY, MOTOR = 2, 4, 7, 100, 101

@@ -14,8 +14,6 @@ from gloc3_sitl.simulator import Simulator
 from gloc3_sitl.water import rough
 from gloc3_sitl.world import World
 
-pytestmark = pytest.mark.thorough
-
 GUIDED, SURFACE, ALT_HOLD, POSHOLD, MANUAL = 4, 9, 2, 16, 19
 
 

@@ -7,8 +7,6 @@ from gloc3_sitl.firmware.ardupilot import NO_ECHO_M, RATE_HZ, ArduPilotBridge
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.world import World
 
-pytestmark = pytest.mark.thorough
-
 HERE, THERE = ("127.0.0.1", 40001), ("127.0.0.1", 40002)
 STEP_S = 1.0 / RATE_HZ
 HOVER_US = 1524

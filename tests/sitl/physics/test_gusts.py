@@ -9,8 +9,6 @@ from gloc3_sitl.gusts import Gusts
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.wind import gusty
 
-pytestmark = pytest.mark.thorough
-
 PERIOD_S = 0.05
 
 

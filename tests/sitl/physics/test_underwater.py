@@ -15,8 +15,6 @@ from gloc3_sitl.vehicles.rov import ROV
 from gloc3_sitl.vehicles.underwater import UnderwaterModel, steady_thrust_n
 from gloc3_sitl.water import Water, Waves
 
-pytestmark = pytest.mark.thorough
-
 HOME = GeoPoint(41.0, -70.0, 0.0)
 DEEP = Water(floor_m=-300.0)
 PROPELLER_AT_TRIM = sqrt(3.86 / 10.8) * 0.97 + 0.03

@@ -13,8 +13,6 @@ from gloc3_sitl.vessel import Vessel, hydrodynamics
 from gloc3_sitl.water import STILL, Water, Waves
 from gloc3_sitl.wind import CALM, Wind, gusty
 
-pytestmark = pytest.mark.thorough
-
 HOME = GeoPoint(63.4, 10.4, 0.0)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, Literal
 
 from gloc3.link.codec import Frame, Parser
-from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
+from gloc3.link.endpoints import SERIAL_SCHEMES, LinkEnd, parse_url
 from gloc3.link.lanes import DATAGRAM_BYTES, Lanes
 from gloc3.link.outlet import Outlet
 from gloc3.link.router import Router
@@ -25,7 +25,7 @@ Keep = Callable[[str, Literal["in", "out"], bytes], None]
 """Takes a link's URL, a direction, and a frame."""
 
 
-def _keep_nothing(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
+def keep_nothing(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
     """For links whose traffic nobody wants."""
 
 
@@ -51,7 +51,7 @@ class RoutedLink:
         router: Router,
         loop: asyncio.AbstractEventLoop,
         listener: Callable[[list[Frame]], object] | None = None,
-        keep: Keep = _keep_nothing,
+        keep: Keep = keep_nothing,
         signed_only: SignedOnly | None = None,
         withheld: Callable[[Frame], bool] | None = None,
     ) -> None:
@@ -62,7 +62,7 @@ class RoutedLink:
         self._keep, self._signed_only = keep, signed_only
         self._parser = Parser()
         self._own = Parser(is_datagram=True)
-        self._endpoint: Endpoint | None = None
+        self._endpoint: LinkEnd | None = None
         self._lanes: Lanes | None = None
         self._settling: asyncio.TimerHandle | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -73,7 +73,7 @@ class RoutedLink:
         self._last = LinkCondition(self.url, "not open")
         self._looked: tuple[float, int, int] = (loop.time(), 0, 0)
 
-    def open(self, endpoint: Endpoint) -> None:
+    def open(self, endpoint: LinkEnd) -> None:
         """Begins; the endpoint's owner passes what it hears to `receive`."""
         self._endpoint = endpoint
         self._parser = Parser(is_datagram=endpoint.is_datagram)
@@ -83,7 +83,7 @@ class RoutedLink:
         if endpoint.is_datagram and self._signed_only is None and self._withheld is None:
             self._lanes = Lanes(self._router, self.routed)
             if isinstance(endpoint, UdpEndpoint):
-                is_plain = self._listener is None and self._keep is _keep_nothing
+                is_plain = self._listener is None and self._keep is keep_nothing
                 told = None if is_plain else self._tell
                 endpoint.go_direct(lambda: Lanes(self._router, self.routed), told, self._router.change)
             self._settle()

@@ -58,6 +58,8 @@ class MemoryEnd:
         self.conditions = link.conditions
         """Of what this end sends; may be exchanged at any time."""
         self.sent = 0
+        self.bytes_sent = 0
+        self.bytes_received = 0
         self.lost = 0
         """On the way, by chance."""
         self.dropped = 0
@@ -76,6 +78,11 @@ class MemoryEnd:
         """Whether both ends are open."""
         return self._is_open and self._other._is_open
 
+    @property
+    def problem(self) -> str:
+        """Why nothing passes; empty while both ends are open."""
+        return "" if self.is_connected else "closed"
+
     def send(self, data: bytes) -> None:
         """Sends one frame or datagram, or a piece of a stream."""
         if not self._is_open:
@@ -90,6 +97,7 @@ class MemoryEnd:
                 return
             leaves_s = self._line.busy_until_s = begins_s + len(data) / bytes_per_s
         self.sent += 1
+        self.bytes_sent += len(data)
         chance = link.random
         if conditions.loss and chance.random() < conditions.loss:
             self.lost += 1
@@ -129,6 +137,7 @@ class MemoryEnd:
         while arriving and arriving[0][0] <= now_s:
             data = heappop(arriving)[2]
             self.received += 1
+            self.bytes_received += len(data)
             if self.on_data is not None:
                 self.on_data(data)
         if arriving:

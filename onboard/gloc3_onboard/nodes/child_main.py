@@ -20,7 +20,7 @@ from gloc3.platform import load_platform
 from gloc3.topics import TopicTable
 from gloc3_onboard.nodes.led import LedExchange
 from gloc3_onboard.nodes.loop import PlatformLoop
-from gloc3_onboard.nodes.node import Node
+from gloc3_onboard.nodes.node import Node, NodeOptions
 from gloc3_onboard.nodes.pipe import Beat, FromChild, Here, Leave, Order, Pass, Pipe, Tell, ToChild, first_message
 
 PR_SET_PDEATHSIG: Final = 1
@@ -63,18 +63,10 @@ async def _run(end: socket.socket, order: Order) -> None:
     with open_exchange(joining, loop, topics, _told) as exchange:
         await joined(exchange, f"{platform.platform}/{HOSTS}/{order.host}")
         place = Place(order.host, order.process)
-        node = Node(
-            platform,
-            order.platform,
-            place,
-            LedExchange(exchange),
-            loop,
-            topics,
-            Path(order.logs),
-            order.devices,
-            order.log_limits,
-            _say,
+        options = NodeOptions(
+            platform=order.platform, logs=Path(order.logs), devices=order.devices, log_limits=order.log_limits
         )
+        node = Node(platform, options, place, LedExchange(exchange), loop, topics, _say)
         try:
             await Child(end, order, node, exchange, loop).run()
         finally:

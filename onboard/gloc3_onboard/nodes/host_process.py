@@ -8,25 +8,23 @@ from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Final
 
-import msgspec
-
 from gloc3.clock import monotonic_s
 from gloc3.errors import Gloc3Error, InputError, Misuse, Refused
 from gloc3.host import ComponentHost
 from gloc3.hosted import HUNG
 from gloc3.lci import State
-from gloc3.messages import Envelope, Event, Severity
+from gloc3.messages import Severity
 from gloc3.narrate import Narrator
 from gloc3.places import Place, clock_host
 from gloc3.platform import Platform
+from gloc3_onboard.event_narration import EventNarration
 from gloc3_onboard.nodes.host_clock import STEP_S, HostClock
 from gloc3_onboard.nodes.keeper import ClockState, HostKeeper
 from gloc3_onboard.nodes.loop import PlatformLoop
-from gloc3_onboard.nodes.node import Node
+from gloc3_onboard.nodes.node import Node, NodeOptions
 from gloc3_onboard.nodes.offset import Estimate
 from gloc3_onboard.nodes.pipe import Order
 from gloc3_onboard.nodes.shared import Shared, renew
-from gloc3_onboard.run_log import LogLimits
 from gloc3_onboard.service.manager import ServiceManager
 
 REMIND_S: Final = 10.0
@@ -37,14 +35,9 @@ ALIVE_S: Final = 1.0
 Open = Callable[[], AbstractContextManager[Shared]]
 
 
-class HostOptions(msgspec.Struct, frozen=True, kw_only=True):
+class HostOptions(NodeOptions, frozen=True, kw_only=True):
     """What a host is to do."""
 
-    platform: str
-    """The platform file."""
-    logs: Path
-    devices: tuple[str, ...] = ()
-    log_limits: LogLimits = LogLimits()
     is_quiet: bool = False
     network: Path | None = None
     """Read again on SIGHUP."""
@@ -141,18 +134,7 @@ class HostProcess:
         self._options, self._platform, self._host, self._shared = options, platform, host, shared
         self._loop, self._manager, self._say = loop, manager, say
         self._jumped = asyncio.Event()
-        self._node = Node(
-            platform,
-            options.platform,
-            Place(host),
-            shared.exchange,
-            loop,
-            shared.topics,
-            options.logs,
-            options.devices,
-            options.log_limits,
-            say,
-        )
+        self._node = Node(platform, options, Place(host), shared.exchange, loop, shared.topics, say)
         self._clock = HostClock(shared.exchange, platform.platform, host, loop, self._follow)
         self._keeper = HostKeeper(
             platform,
@@ -163,10 +145,8 @@ class HostProcess:
             clock=self._clock_state,
             sensors=self._node.sensors,
         )
-        self._ends = [
-            shared.exchange.here.subscribe(f"{platform.platform}/components/{row.name}/event", self._narrate)
-            for row in (*self._node.rows, *(stand_in.row for stand_in in self._keeper.led))
-        ]
+        names = [row.name for row in (*self._node.rows, *(stand_in.row for stand_in in self._keeper.led))]
+        self._narration = EventNarration(shared.exchange.here, platform.platform, names, say)
 
     async def run(self, stopped: asyncio.Event) -> None:
         """Has the components here until the process is told to end or the clock host's time jumps."""
@@ -191,8 +171,7 @@ class HostProcess:
             await onboard.stop(lambda text: self._say(Severity.WARNING, text))
             await self._keeper.end()
             self._clock.close()
-            for end in self._ends:
-                end()
+            self._narration.close()
             await self._node.close()
 
     async def _renew_when_told(self) -> None:
@@ -256,13 +235,6 @@ class HostProcess:
             log_limits=self._options.log_limits,
             lives=lives,
         )
-
-    def _narrate(self, envelope: Envelope[Event]) -> None:
-        event = envelope.payload
-        if event.severity <= Severity.WARNING:
-            self._say(event.severity, f"{envelope.source.component}: {event.text}")
-            for line in event.details.splitlines():
-                self._say(event.severity, f"    {line}")
 
 
 def _hangs(host: ComponentHost) -> bool:

@@ -1,49 +1,54 @@
 """What a process of a platform holds that is not the one with the autopilot's link: log, sensors and components."""
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from random import SystemRandom
-from typing import Any, Final
+from typing import Final
+
+import msgspec
 
 from gloc3.clock import Clock
 from gloc3.context import HostContext
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
-from gloc3.messages import Severity
 from gloc3.places import Place, rows_at
 from gloc3.platform import Platform, find_platform
 from gloc3.readiness import SensorCondition
 from gloc3.topics import TopicTable
+from gloc3_onboard.assembly import Hosting, Parts, devices_of, host_components, open_sensors
+from gloc3_onboard.event_narration import Report
 from gloc3_onboard.log_files import LogFiles, log_stem
 from gloc3_onboard.nodes.boot_time import BootTime
-from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.run_log import LogLimits, RunLog
 from gloc3_onboard.runner import Member, Onboard
-from gloc3_onboard.sensor_watch import SensorWatch
-from gloc3_onboard.sources.asked import source_urls
-from gloc3_onboard.sources.factory import SourceHost, make_sources
+from gloc3_onboard.sources.factory import SourceHost
 from gloc3_onboard.storage import PictureFolder
-from gloc3_onboard.taps import ExchangeTaps
-from gloc3_onboard.viewer.catalogue import Catalogue
 
-Say = Callable[[Severity, str], None]
+
+class NodeOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What a process of a platform was asked for."""
+
+    platform: str
+    """The platform file, or the name of one that is installed."""
+    logs: Path
+    """Folder of logs and pictures."""
+    devices: tuple[str, ...] = ()
+    """Sources that differ from the platform file's, as NAME=URL."""
+    log_limits: LogLimits = LogLimits()
 
 
 class Node:
     """A child process, or the main process of another host than the clock host.
 
     Args:
-        platform: as read from `file`.
-        name: of the platform, or its file, as it was asked for.
+        platform: as read from the file.
+        options: what was asked for.
         place: which process of it this is.
         exchange: joins it with the others.
         loop: its time is the platform's.
         topics: that are known.
-        logs: folder of logs and pictures.
-        devices: sources that differ from the platform file's, as NAME=URL.
-        log_limits: how large logs may become.
-        say: takes what a person should know.
+        report: receives what a person should know.
 
     Raises:
         InputError: a calibration cannot be used.
@@ -53,33 +58,28 @@ class Node:
     def __init__(
         self,
         platform: Platform,
-        name: str,
+        options: NodeOptions,
         place: Place,
         exchange: Exchange,
         loop: asyncio.AbstractEventLoop,
         topics: TopicTable,
-        logs: Path,
-        devices: Sequence[str],
-        log_limits: LogLimits,
-        say: Say,
+        report: Report,
     ) -> None:
-        self._platform, self._place, self._logs, self._topics = platform, place, logs, topics
-        file = find_platform(name)
-        self._loop, self._exchange = loop, exchange
+        self._platform, self._options = platform, options
         self.rows: Final = rows_at(platform, place)
         self.context: Final = HostContext(platform.platform, exchange, Clock(loop), loop, topics, SystemRandom())
-        folder = file.parent
-        self._rig = PlatformRig(platform, folder)
-        used = sorted({device for row in self.rows for device in row.devices.values()})
-        urls = source_urls(platform, used, [each for each in devices if each.partition("=")[0] in used])
-        boot = BootTime(exchange, platform.platform)
-        self._sources = make_sources(urls, SourceHost(loop, folder, boot.t_s_of_boot))
-        self._watch = SensorWatch(urls, self._sources, self._rig, loop.time)
+        self.parts: Final = Parts()
+        file, used = find_platform(options.platform), devices_of(self.rows)
+        boot = self.parts.add("boot time", BootTime(exchange, platform.platform))
+        asked = [each for each in options.devices if each.partition("=")[0] in used]
+        self._sensors = open_sensors(platform, used, asked, SourceHost(loop, file.parent, boot.t_s_of_boot))
+        self._watch = self._sensors.watch(self.parts, loop.time)
+        logs = options.logs
         try:
             logs.mkdir(parents=True, exist_ok=True)
             self._log = RunLog(
                 LogFiles(logs, log_stem(platform, place)),
-                log_limits,
+                options.log_limits,
                 self.context.clock,
                 topics,
                 exchange.here,
@@ -87,16 +87,20 @@ class Node:
                 {"platform": platform.platform, "host": place.host, "process": place.process},
                 file.read_bytes(),
                 list,
-                say,
+                report,
                 has_links=False,
             )
         except OSError as error:
             raise Refused(f"the folder {logs} cannot be written: {error.strerror}") from error
+        self.parts.add("run log", self._log)
         self.onboard: Onboard | None = None
 
     def make(self, led: Sequence[Member] = ()) -> Onboard:
         """Makes the components; they take commands from now on."""
-        self.onboard = Onboard(self._platform, self.context, self._devices(), rows=self.rows, led=led)
+        pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
+        devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures}
+        hosting = Hosting(rows=self.rows, led=led)
+        self.onboard = host_components(self.parts, self._platform, self.context, devices, hosting)
         return self.onboard
 
     def sensors(self) -> list[SensorCondition]:
@@ -115,16 +119,5 @@ class Node:
 
     async def close(self) -> None:
         """Ends without ceremony; the log is finished."""
-        if self.onboard is not None:
-            self.onboard.close()
+        self.parts.close()
         await self._log.close()
-
-    def _devices(self) -> Mapping[str, Any]:
-        pictures = self._log.path.stem.replace("log", "images", 1)
-        return {
-            **self._sources,
-            "rig": self._rig,
-            "pictures": PictureFolder(self._logs / pictures, self._rig),
-            "taps": ExchangeTaps(self._exchange, self._loop, self._platform.platform),
-            "catalogue": Catalogue(self._platform, self._topics),
-        }

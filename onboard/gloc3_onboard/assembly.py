@@ -1,0 +1,443 @@
+"""The only wiring of a vehicle's onboard side: platform, links, devices, clock and storage in, named parts out.
+
+The onboard process, another host, a child process and a flight in virtual time differ in what they hand in, and in
+`ONLY_IN_WALL_TIME`, in nothing else.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from typing import Any, Final, NamedTuple, TypeVar
+
+import msgspec
+
+from gloc3.ci import StationRole
+from gloc3.context import HostContext
+from gloc3.counting import counted
+from gloc3.deployment import ComponentRow
+from gloc3.exchange.link_budget import budget_of
+from gloc3.link.codec import Frame, MavlinkMessage
+from gloc3.link.endpoints import LinkEnd, parse_url
+from gloc3.link.ftp_files import Files
+from gloc3.link.router import Router
+from gloc3.link.signed_only import SignedOnly
+from gloc3.link.signing import Signing
+from gloc3.messages import Severity
+from gloc3.platform import Platform
+from gloc3.readiness import LinkCondition
+from gloc3.requested_path import RequestedPath
+from gloc3_onboard.acoustic_link import PERIOD_S, AcousticLink
+from gloc3_onboard.arm_authority import ArmAuthority
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.news import LinkNews
+from gloc3_onboard.command_server.log_shelf import Shelf
+from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.companion.companion import Companion
+from gloc3_onboard.companion.own_parameters import own_parameters
+from gloc3_onboard.devices import Rig
+from gloc3_onboard.event_narration import EventNarration, Report
+from gloc3_onboard.herald import Herald
+from gloc3_onboard.link_watch import LinkWatch
+from gloc3_onboard.rate_watch import RateWatch
+from gloc3_onboard.records import Records
+from gloc3_onboard.rig import PlatformRig
+from gloc3_onboard.routing import Keep, RoutedLink, keep_nothing
+from gloc3_onboard.runner import Create, Member, Onboard
+from gloc3_onboard.sensor_watch import SensorWatch
+from gloc3_onboard.sources.asked import source_urls
+from gloc3_onboard.sources.factory import SourceHost, make_sources
+from gloc3_onboard.station_link import HeartbeatSource, StationLink
+from gloc3_onboard.taps import ExchangeTaps
+from gloc3_onboard.viewer.catalogue import Catalogue
+from gloc3_onboard.vitals import Vitals
+
+P = TypeVar("P")
+
+ONLY_IN_WALL_TIME: Final[Mapping[str, str]] = {
+    "run log": "rotates files by their size on a real disk; a flight writes one log, without measured times",
+    "disk readers": "threads; a flight reads its logs at once",
+    "host agent": "leads child processes of the operating system, and reports the computer's load",
+    "clock server": "answers other computers, which a flight does not have",
+    "host watch": "follows other computers, which a flight does not have",
+    "network events": "belong to the Zenoh network",
+    "station bridge": "needs a Zenoh network with certificates",
+    "signing memory": "keeps files of signed links; a flight's links have no keys",
+    "terminal": "writes to stderr",
+}
+"""The parts of the onboard process that a flight in virtual time does without, with the reason."""
+
+
+class Parts:
+    """Named parts, closed in the reverse order of their making."""
+
+    def __init__(self) -> None:
+        self._kinds: dict[str, str] = {}
+        self._ends: list[Callable[[], object]] = []
+
+    def add(self, name: str, part: P, end: Callable[[], object] | None = None) -> P:
+        """Lists a part, which `end` closes."""
+        self._kinds[name] = type(part).__name__
+        if end is not None:
+            self._ends.append(end)
+        return part
+
+    def listed(self) -> dict[str, str]:
+        """The name of the class of each part, by the part's name."""
+        return dict(self._kinds)
+
+    def close(self) -> None:
+        """Closes all of them."""
+        while self._ends:
+            self._ends.pop()()
+
+
+class Sensors(NamedTuple):
+    """The devices of a process that samplers read."""
+
+    devices: Mapping[str, Any]
+    urls: Mapping[str, str]
+    """Their sources, by device; of a simulated device a word for it. Those that are not listed are not watched."""
+    rig: Rig
+    """The calibrations of the cameras."""
+
+    def watch(self, parts: Parts, now_s: Callable[[], float]) -> SensorWatch:
+        """Watches them."""
+        watched = {name: self.devices[name] for name in self.urls}
+        return parts.add("sensor watch", SensorWatch(self.urls, watched, self.rig, now_s))
+
+
+def open_sensors(
+    platform: Platform,
+    used: Sequence[str],
+    asked: Sequence[str],
+    host: SourceHost,
+    warn: Callable[[str], None] = lambda _: None,
+) -> Sensors:
+    """The real sensors of a process, by the URLs of its platform.
+
+    Args:
+        platform: the platform file.
+        used: the devices that rows of this process name.
+        asked: sources that differ from the file's, as NAME=URL.
+        host: what sources are made with.
+        warn: receives what is doubtful in a calibration.
+
+    Raises:
+        InputError: a calibration cannot be used.
+        Refused: a source is wrong.
+    """
+    rig = PlatformRig(platform, host.folder)
+    for warning in rig.warnings:
+        warn(str(warning))
+    urls = source_urls(platform, used, asked)
+    return Sensors(make_sources(urls, host), urls, rig)
+
+
+def devices_of(rows: Sequence[ComponentRow]) -> list[str]:
+    """The devices that rows name, sorted."""
+    return sorted({device for row in rows for device in row.devices.values()})
+
+
+class Hosting(msgspec.Struct, frozen=True, kw_only=True):
+    """Which components a process hosts, and how they are made."""
+
+    rows: Sequence[ComponentRow] | None = None
+    """None for all of the platform."""
+    create: Create = ComponentRow.create
+    led: Sequence[Member] = ()
+    """The components of child processes."""
+
+
+def host_components(
+    parts: Parts, platform: Platform, context: HostContext, devices: Mapping[str, Any], hosting: Hosting
+) -> Onboard:
+    """The components of a process; they take commands from now on."""
+    name = context.platform
+    everything = {
+        **devices,
+        "taps": parts.add("taps", ExchangeTaps(context.exchange, context.loop, name)),
+        "catalogue": parts.add("catalogue", Catalogue(platform, context.topics)),
+    }
+    onboard = Onboard(platform, context, everything, hosting.create, hosting.rows, hosting.led)
+    for component in onboard.hosts:
+        parts.add(f"component {component}", onboard.hosts[component])
+    return parts.add("components", onboard, onboard.close)
+
+
+class Storage(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a vehicle keeps what must survive its process."""
+
+    journal: Records
+    """Of the requests of stations."""
+    progress: Records
+    """Of missions, and home."""
+    reports: Records
+    """What stations were told."""
+    shelf: Shelf
+    """The logs that stations may fetch."""
+    pictures: Any
+    """The device `pictures`."""
+    computer_start: str = ""
+    """Tells this start of the computer from every other."""
+    worker: Executor | None = None
+    """Checks missions; None to check them at once."""
+
+
+class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
+    """What a vehicle's side is built from, besides its links, sensors and storage."""
+
+    platform: Platform
+    context: HostContext
+    report: Report = lambda _severity, _text: None
+    """Receives what a person at the terminal should know."""
+    keep: Keep = keep_nothing
+    """Receives each MAVLink frame, for a log."""
+    vitals: Callable[[], Vitals] = Vitals
+    """Reads the computer's load."""
+    sign: Callable[[str, int], Signing | None] = lambda _url, _number: None
+    """Signs the link of a URL and number, 0 being the autopilot's; None for a link without a key."""
+    system_id: int = 1
+    takes_plans: bool = False
+    """Plans that other stations send to the autopilot become missions, and do not reach it."""
+
+
+class Attachment(NamedTuple):
+    """A link without its endpoint: `receive` gets what the endpoint receives, then `open` gets the endpoint."""
+
+    receive: Callable[[bytes], None]
+    open: Callable[[LinkEnd], None]
+
+
+class Vehicle:
+    """The onboard side of a vehicle in the process with the autopilot's link.
+
+    Attach the links, then `host` the components and `begin`.
+
+    Args:
+        inputs: what it is built from.
+        autopilot_url: of the autopilot's link.
+    """
+
+    def __init__(self, inputs: VehicleInputs, autopilot_url: str) -> None:
+        self._inputs = inputs
+        context, parts = inputs.context, Parts()
+        exchange, loop, name = context.exchange, context.loop, context.platform
+        self.parts: Final = parts
+        self.stations: Final[list[StationLink]] = []
+        self._ends: list[LinkEnd] = []
+        self._routed: list[RoutedLink] = []
+        self._may_write = True
+        self._autopilot_url = autopilot_url
+        events = parts.add("autopilot events", LinkNews(exchange, name, self._boot(), loop.time))
+        narration = EventNarration(exchange, name, ["*"], inputs.report)
+        parts.add("event narration", narration, narration.close)
+        authority = ArmAuthority(exchange, name)
+        parts.add("arm authority", authority, authority.close)
+
+        def autopilot_reports(severity: Severity, text: str) -> None:
+            events.say(severity, text)
+            if severity > Severity.WARNING:  # below, the event is narrated
+                inputs.report(severity, text)
+
+        self.autopilot: Final = AutopilotLink(
+            loop,
+            context.clock,
+            inputs.system_id,
+            autopilot_reports,
+            inputs.sign(autopilot_url, 0),
+            lambda: authority.why_not(loop.time()),
+        )
+        self._router = parts.add("router", Router(self.autopilot.own, self._system_restarted))
+        self.path: Final = RequestedPath(exchange, name)
+        parts.add("requested path", self.path, self.path.close)
+        self._herald = Herald(exchange, name, self.autopilot.own, loop, self._send_to_stations)
+        parts.add("herald", self._herald, self._herald.close)
+        self.companion: Final = self._add_companion()
+        self._link_watch = LinkWatch(loop, self._ends, inputs.report)
+        parts.add("link watch", self._link_watch, self._link_watch.close)
+        self.onboard: Onboard | None = None
+
+    def _boot(self) -> int:
+        """A random number for a part that begins."""
+        return self._inputs.context.random.getrandbits(32)
+
+    def _add_companion(self) -> Companion:
+        inputs, context = self._inputs, self._inputs.context
+        companion = Companion(
+            self.autopilot.own,
+            inputs.platform,
+            context.exchange,
+            context.clock,
+            context.loop,
+            self._boot(),
+            inputs.vitals,
+            own_parameters(self._set_least_severity, self._allow_writing),
+            takes_plans=inputs.takes_plans,
+        )
+        return self.parts.add("companion", companion, companion.close)
+
+    def _set_least_severity(self, severity: Severity) -> None:
+        self._herald.least_severity = severity
+
+    def _allow_writing(self, is_allowed: bool) -> None:
+        self._may_write = is_allowed
+
+    def _system_restarted(self, system: int) -> None:
+        self._inputs.report(Severity.NOTICE, f"MAVLink system {system} has restarted: its routes are learned anew")
+
+    # --- links ---
+
+    def attach_autopilot(self) -> Attachment:
+        """The link to the autopilot."""
+        link = self.autopilot
+        hear = self.companion.attach(link.send_message, is_to_stations=False)
+
+        def receive(frames: list[Frame]) -> None:
+            link.take(frames)
+            hear(frames)
+
+        routed = self._route(self._autopilot_url, receive, link.signed_only, None)
+        self.parts.add("autopilot link", link, link.close)
+        return self._attachment(routed, link.open)
+
+    def attach_station(self, url: str) -> Attachment:
+        """One more link to stations; what its URL says of rate and role counts."""
+        context, wanted, number = self._inputs.context, parse_url(url), len(self.stations) + 1
+        signing, role = self._inputs.sign(url, number), StationRole(wanted.role)
+        link = StationLink(
+            context.platform,
+            self._inputs.system_id,
+            context.loop,
+            context.exchange,
+            context.topics,
+            self._boot(),
+            budget_of(url, is_signed=signing is not None),
+            signing,
+            role,
+            wanted.address,
+        )
+        self.stations.append(link)
+        # What observers send reaches our own command interface alone, which tells looking from commanding.
+        is_for_observers = role is StationRole.OBSERVER
+        hear = None if is_for_observers else self.companion.attach(link.send)
+        watch = RateWatch(self.autopilot.ask_streams_again, context.loop.time)
+        self.parts.add(f"rate watch {number}", watch)
+
+        def receive(frames: list[Frame]) -> None:
+            link.take(frames)
+            if hear is not None:
+                hear(frames)
+            watch.hear(frames)
+
+        keeps: Callable[[Frame], bool] | None = (lambda _: True) if is_for_observers else None
+        if not is_for_observers and self._inputs.takes_plans:
+            keeps = self.companion.keeps
+        routed = self._route(url, receive, link.signed_only, keeps)
+        self.parts.add(f"station link {number}", link, link.close)
+        return self._attachment(routed, link.open)
+
+    def attach_modem(self, key: bytes | None = None, period_s: float = PERIOD_S) -> Attachment:
+        """An acoustic modem, which carries nothing of the other links."""
+        context, ends = self._inputs.context, list[LinkEnd]()
+        modem = AcousticLink(
+            context.platform,
+            context.exchange,
+            context.loop,
+            self._boot(),
+            lambda data: ends[0].send(data) if ends else None,
+            key,
+            period_s,
+        )
+        self.parts.add("acoustic link", modem, modem.close)
+
+        def opened(end: LinkEnd) -> None:
+            ends.append(end)
+            self._ends.append(end)
+
+        return Attachment(modem.receive, opened)
+
+    def _route(
+        self,
+        url: str,
+        receive: Callable[[list[Frame]], None],
+        signed_only: SignedOnly | None,
+        keeps: Callable[[Frame], bool] | None,
+    ) -> RoutedLink:
+        inputs, number = self._inputs, len(self._routed)
+        routed = RoutedLink(url, self._router, inputs.context.loop, receive, inputs.keep, signed_only, keeps)
+        self._routed.append(routed)
+        return self.parts.add(f"routed link {number}", routed, routed.close)
+
+    def _attachment(self, routed: RoutedLink, opened: Callable[[RoutedLink], None]) -> Attachment:
+        def open_both(end: LinkEnd) -> None:
+            self._ends.append(end)
+            routed.open(end)
+            opened(routed)
+
+        return Attachment(routed.receive, open_both)
+
+    def link_conditions(self) -> list[LinkCondition]:
+        """How each routed link is."""
+        return [routed.condition() for routed in self._routed]
+
+    def _send_to_stations(self, message: MavlinkMessage) -> None:
+        for station in self.stations:
+            station.send(message)
+
+    # --- components ---
+
+    def share(self, files: Files) -> None:
+        """Shares files over MAVLink FTP, which stations may write as long as the parameter says so."""
+        self.companion.share(files, lambda: self._may_write)
+
+    def host(self, sensors: Sensors, computer: Any, storage: Storage, hosting: Hosting) -> Onboard:
+        """Makes the components; they take commands from now on.
+
+        Args:
+            sensors: the devices that samplers read.
+            computer: the device `computer`.
+            storage: what outlives the process.
+            hosting: which components these are.
+        """
+        inputs, parts, context = self._inputs, self.parts, self._inputs.context
+        beats = HeartbeatSource(
+            context.exchange,
+            context.platform,
+            lambda: [self.autopilot.send_message, *(station.send for station in self.stations)],
+        )
+        parts.add("heartbeat", beats, beats.close)
+        site = Site(
+            inputs.platform,
+            storage.journal,
+            storage.progress,
+            storage.reports,
+            context.random.getrandbits(31),
+            storage.shelf,
+            storage.computer_start,
+            storage.worker,
+        )
+        devices = {
+            **sensors.devices,
+            "rig": sensors.rig,
+            "autopilot": self.autopilot,
+            "computer": computer,
+            "pictures": storage.pictures,
+            "site": parts.add("site", site),
+        }
+        self.onboard = host_components(parts, inputs.platform, context, devices, hosting)
+        return self.onboard
+
+    def begin(self) -> None:
+        """Brings the components up, and watches the links."""
+        assert self.onboard is not None
+        self.onboard.begin()
+        self._link_watch.begin()
+
+    def traffic(self) -> list[str]:
+        """What has passed, a line a link; what was refused of other programs, too."""
+        refused = self.companion.reasons.said
+        lines = [f"refused of other programs' stations: {counted(refused, 'request')}"] if refused else []
+        return lines + [f"{routed.url}: {routed.condition().traffic.describe()}" for routed in self._routed]
+
+    def close(self) -> None:
+        """Ends without ceremony: nothing is sent or received any more."""
+        self.parts.close()

@@ -50,6 +50,8 @@ class MemoryEnd:
     """One end of a link: an endpoint without a socket."""
 
     is_datagram = True
+    problem = ""
+    local_port = None
 
     def __init__(self, link: MemoryLink, name: str) -> None:
         self.url = f"memory:{name}"
@@ -63,23 +65,22 @@ class MemoryEnd:
         self.dropped = 0
         """Before the way: the queue of a limited line was full."""
         self.received = 0
+        self.bytes_sent = 0
+        self.bytes_received = 0
         self._link = link
         self._line = _Line()
         self._other: MemoryEnd
         self._arriving: list[tuple[float, int, bytes]] = []
         self._wake_s: float | None = None
         self._last_s = 0.0
-        self._is_open = True
 
     @property
     def is_connected(self) -> bool:
-        """Whether both ends are open."""
-        return self._is_open and self._other._is_open
+        """Whether there is somebody at the other end."""
+        return self._other.on_data is not None
 
     def send(self, data: bytes) -> None:
         """Sends one frame or datagram, or a piece of a stream."""
-        if not self._is_open:
-            return
         link, conditions, now_s = self._link, self.conditions, self._link.loop.time()
         leaves_s = now_s
         if conditions.bandwidth_bit_s is not None:
@@ -90,6 +91,7 @@ class MemoryEnd:
                 return
             leaves_s = self._line.busy_until_s = begins_s + len(data) / bytes_per_s
         self.sent += 1
+        self.bytes_sent += len(data)
         chance = link.random
         if conditions.loss and chance.random() < conditions.loss:
             self.lost += 1
@@ -105,14 +107,11 @@ class MemoryEnd:
         if conditions.duplicate and chance.random() < conditions.duplicate:
             self._other._expect(arrives_s, data)
 
-    def close(self) -> None:
-        """Sends and hears nothing from now on."""
-        self._is_open = False
-        self._arriving.clear()
+    async def close(self) -> None:
+        """Receives nothing more until somebody sets `on_data` again."""
+        self.on_data = None
 
     def _expect(self, arrives_s: float, data: bytes) -> None:
-        if not self._is_open:
-            return
         link = self._link
         link.count += 1
         heappush(self._arriving, (arrives_s, link.count, data))
@@ -129,6 +128,7 @@ class MemoryEnd:
         while arriving and arriving[0][0] <= now_s:
             data = heappop(arriving)[2]
             self.received += 1
+            self.bytes_received += len(data)
             if self.on_data is not None:
                 self.on_data(data)
         if arriving:

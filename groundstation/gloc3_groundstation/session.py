@@ -25,8 +25,8 @@ from gloc3_groundstation.contact_queue import FILE as QUEUE_FILE
 from gloc3_groundstation.contact_queue import ContactQueue
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
-from gloc3_groundstation.feed_file import FILE, FeedFile
 from gloc3_groundstation.headless import Headless
+from gloc3_groundstation.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.live_view import LiveView
 from gloc3_groundstation.narration import Line
@@ -34,8 +34,6 @@ from gloc3_groundstation.network_way import role_of
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.recording import Recording
 from gloc3_groundstation.services_desk import ServicesDesk
-from gloc3_groundstation.silence_file import FILE as SILENCES
-from gloc3_groundstation.silence_file import SilenceFile
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.vehicles import Vehicles
 from gloc3_groundstation.web import Told, WebOptions, WebServer, Window, exposure
@@ -235,7 +233,7 @@ class Session:
         boot = secrets.randbits(32)
         loop = asyncio.get_running_loop()
         name = str(self._system) if self._network is None else self._network.file.member
-        shown = None if self._record is None else FeedFile(self._record / f"{name}-{FILE}", loop)
+        shown = None if self._record is None else FeedFile(self._record / f"{name}-{SHOWN}", loop)
         station = Station(exchange, loop, name, boot, None if shown is None else shown.feed)
         silences = None if self._record is None else SilenceFile(self._record / f"{name}-{SILENCES}", station, loop)
         if self._network is not None:

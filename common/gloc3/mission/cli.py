@@ -146,8 +146,7 @@ def capabilities(
         platform: Whose capabilities; without it the kinds that the installed packages bring.
         json_output: For programs.
     """
-    from gloc3.mission.capability_lines import capability_line, capability_lines
-    from gloc3.mission.capability_report import explain, list_capabilities
+    from gloc3.mission.capability_lines import capability_line, capability_lines, explain, list_capabilities
     from gloc3.tables import print_json
 
     try:

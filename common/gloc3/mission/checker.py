@@ -28,7 +28,8 @@ from gloc3.mission.silence_check import silence_findings
 from gloc3.mission.space_check import flight_findings, space_findings
 from gloc3.mission.structure import PartialOrder, structure_findings
 from gloc3.mission.turn_check import turn_findings
-from gloc3.platform import Capability, Limits, Platform
+from gloc3.platform import Capability, Platform
+from gloc3.platform_limits import Limits
 
 HOME_CLEARANCE_M: Final = 0.5
 """A home outside the fence, or nearer to it than this, is refused."""

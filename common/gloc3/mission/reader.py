@@ -29,7 +29,8 @@ from gloc3.mission.model import (
 from gloc3.mission.patterns import MAX_WAYPOINTS, height_is_known
 from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
 from gloc3.mission.plan_check import may_be_planned
-from gloc3.platform import Limits, Platform
+from gloc3.platform import Platform
+from gloc3.platform_limits import Limits
 from gloc3.yaml_nodes import Node
 
 Item = TypeVar("Item", bound=ItemFile)

@@ -12,7 +12,7 @@ from gloc3.mission.fence import TOLERANCE_M, Fence
 from gloc3.mission.legs import Leg
 from gloc3.mission.model import Action, Mission, where_of
 from gloc3.mission.structure import PartialOrder
-from gloc3.platform import Limits
+from gloc3.platform_limits import Limits
 
 
 def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool) -> Iterator[Finding]:

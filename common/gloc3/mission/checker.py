@@ -24,7 +24,8 @@ from gloc3.mission.reader import Reading, Surroundings, inspect_mission
 from gloc3.mission.space_check import altitude_findings, flight_findings, space_findings
 from gloc3.mission.structure import PartialOrder, structure_findings
 from gloc3.mission.turn_check import turn_findings
-from gloc3.platform import Capability, Limits, Platform
+from gloc3.platform import Capability, Platform
+from gloc3.platform_limits import Limits
 
 HOME_CLEARANCE_M: Final = 0.5
 """A home outside the fence, or nearer to it than this, is refused."""

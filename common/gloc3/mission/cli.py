@@ -29,7 +29,8 @@ from gloc3.mission.formats import (
 from gloc3.mission.picture import picture
 from gloc3.mission.reader import Surroundings, load_mission
 from gloc3.mission.show import drawing, mermaid
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
 
 app = App(
     name="gloc3 mission",

@@ -31,7 +31,8 @@ from gloc3.mission.model import (
 from gloc3.mission.patterns import MAX_WAYPOINTS, height_is_known
 from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement, Point
 from gloc3.mission.structure import Tasks, structure_findings
-from gloc3.platform import Limits, Platform
+from gloc3.platform import Platform
+from gloc3.platform_limits import Limits
 from gloc3.yaml_nodes import Node
 
 Item = TypeVar("Item", bound=ItemFile)

@@ -14,7 +14,8 @@ from gloc3.mission.fence import TOLERANCE_M, Fence
 from gloc3.mission.legs import Leg
 from gloc3.mission.model import FLY_PLAN, Action, Mission, where_of
 from gloc3.mission.structure import PartialOrder
-from gloc3.platform import Limits, Platform
+from gloc3.platform import Platform
+from gloc3.platform_limits import Limits
 from gloc3.vehicle import HeightAboveGround
 
 

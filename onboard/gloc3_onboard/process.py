@@ -29,7 +29,8 @@ from gloc3.narrate import Narrator, narrate
 from gloc3.network.file import Membership, read_network
 from gloc3.network.stations import StationBridge
 from gloc3.places import Place, choose_host, clock_host, host_names, rows_at
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.readiness import LinkCondition, SensorCondition
 from gloc3.requested_path import RequestedPath
 from gloc3.store import RecordFile

@@ -27,7 +27,8 @@ from gloc3.messages import Envelope, Message, Severity
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, load_mission
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.record import PLATFORM_FILE, Recorder
 from gloc3.store import MemoryRecords
 from gloc3.topics import TopicTable

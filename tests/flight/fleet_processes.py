@@ -40,7 +40,7 @@ from tests.flight.fleet_trial import ways as ways_of
 
 from gloc3.exchange import LocalExchange
 from gloc3.log.reader import LogReader
-from gloc3.platform import find_platform
+from gloc3.platform_reader import find_platform
 from gloc3.topics import TopicTable
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.station import Station

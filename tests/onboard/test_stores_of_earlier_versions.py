@@ -7,7 +7,7 @@ from pathlib import Path
 from gloc3.ci import CiRequest, Hello, Outcome
 from gloc3.clock import Clock, run_virtual
 from gloc3.link.signing import timestamp
-from gloc3.platform import find_platform, load_platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.store import RecordFile
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.journal import Journal

@@ -12,7 +12,7 @@ from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange
 from gloc3.link.memory import Conditions, MemoryEnd, MemoryLink
 from gloc3.messages import Envelope
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.store import MemoryRecords
 from gloc3.topics import TopicTable
 from gloc3_groundstation.command_client import CommandClient

@@ -18,7 +18,8 @@ from gloc3.clock import utc_now
 from gloc3.errors import Finding, Refused
 from gloc3.network.file import read_network
 from gloc3.places import choose_host
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.store import replace_file
 from gloc3_onboard.nodes.shared import check_member
 from gloc3_onboard.onboard_options import OnboardOptions

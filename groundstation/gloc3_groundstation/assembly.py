@@ -24,15 +24,12 @@ from gloc3_groundstation.contact_queue import FILE as QUEUE_FILE
 from gloc3_groundstation.contact_queue import ContactQueue
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
-from gloc3_groundstation.feed_file import FILE as FEED_FILE
-from gloc3_groundstation.feed_file import FeedFile
+from gloc3_groundstation.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
 from gloc3_groundstation.link import Link, LinkContext
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.network_way import role_of
 from gloc3_groundstation.recording import Recording
 from gloc3_groundstation.services_desk import ServicesDesk
-from gloc3_groundstation.silence_file import FILE as SILENCE_FILE
-from gloc3_groundstation.silence_file import SilenceFile
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.vehicles import Vehicles
 
@@ -84,7 +81,7 @@ class GroundStation:
         self.loop: Final = asyncio.get_running_loop()
         self.topics: Final = TopicTable.installed()
         self.exchange: Final = LocalExchange(self.topics)
-        self._feed_file = None if setup.record is None else FeedFile(self._kept_in(setup.record, FEED_FILE), self.loop)
+        self._feed_file = None if setup.record is None else FeedFile(self._kept_in(setup.record, SHOWN), self.loop)
         feed = None if self._feed_file is None else self._feed_file.feed
         self.station: Final = Station(self.exchange, self.loop, setup.name, setup.boot, feed)
         if setup.network is not None:
@@ -183,7 +180,7 @@ class GroundStation:
 
     def _begin_silences(self) -> SilenceFile | None:
         folder = self.setup.record
-        return None if folder is None else SilenceFile(self._kept_in(folder, SILENCE_FILE), self.station, self.loop)
+        return None if folder is None else SilenceFile(self._kept_in(folder, SILENCES), self.station, self.loop)
 
     def _begin_recording(self) -> Recording | None:
         """The logs of this session; without a place for them the station works all the same, and says so."""

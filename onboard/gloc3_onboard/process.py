@@ -29,9 +29,11 @@ from gloc3.narrate import Narrator, narrate
 from gloc3.network.file import Membership, read_network
 from gloc3.network.stations import StationBridge
 from gloc3.places import Place, choose_host, clock_host, host_names, rows_at
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.readiness import LinkCondition, SensorCondition
 from gloc3.requested_path import RequestedPath
+from gloc3.store import RecordFile
 from gloc3_onboard.acoustic_link import AcousticLink
 from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
@@ -53,7 +55,6 @@ from gloc3_onboard.nodes.pipe import Order
 from gloc3_onboard.nodes.shared import Shared, alone, check_member, open_shared, renew
 from gloc3_onboard.process_options import ProcessOptions
 from gloc3_onboard.rate_watch import RateWatch
-from gloc3_onboard.records import RecordFile
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import RoutedLink
 from gloc3_onboard.run_log import RunLog

@@ -27,8 +27,10 @@ from gloc3.messages import Envelope, Message
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, load_mission
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.record import PLATFORM_FILE, Recorder
+from gloc3.store import MemoryRecords
 from gloc3.topics import TopicTable
 from gloc3.vehicle import Pose
 from gloc3_groundstation import flights
@@ -48,7 +50,6 @@ from gloc3_onboard.companion.files import LOGS, Folders
 from gloc3_onboard.companion.files import LogFiles as SharedLogs
 from gloc3_onboard.computer import SimulatedComputer
 from gloc3_onboard.log_files import LogFiles
-from gloc3_onboard.records import MemoryRecords
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.sources.asked import NOWHERE

@@ -12,11 +12,11 @@ from gloc3.clock import VirtualLoop
 from gloc3.exchange.base import Publisher
 from gloc3.exchange.local import LocalExchange
 from gloc3.messages import Envelope
+from gloc3.store import MemoryRecords
 from gloc3_groundstation.acoustic_way import AcousticWay, ModemContext
 from gloc3_onboard.acoustic_link import AcousticLink
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.journal import Journal
-from gloc3_onboard.records import MemoryRecords
 
 KEY = b"a key of the modem"
 _boots = itertools.count()

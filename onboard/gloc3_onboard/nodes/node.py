@@ -12,7 +12,8 @@ from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
 from gloc3.messages import Severity
 from gloc3.places import Place, rows_at
-from gloc3.platform import Platform, find_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform
 from gloc3.readiness import SensorCondition
 from gloc3.topics import TopicTable
 from gloc3_onboard.log_files import LogFiles, log_stem

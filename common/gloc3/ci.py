@@ -14,12 +14,13 @@ import msgspec
 
 from gloc3.messages import Message
 from gloc3.watch import Want
+from gloc3.wire import wire_name
 
 FORCE: Final = "force the command"
 """In the reason of a refusal: the same would be carried out with `CommandComponent.is_forced`."""
 
 
-class Body(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
+class Body(msgspec.Struct, frozen=True, kw_only=True, tag=wire_name, array_like=True):
     """The base of what a station can ask for."""
 
 

@@ -9,7 +9,8 @@ from cyclopts import App, Parameter
 from gloc3.component_description import KIND_NAMES, Description, FieldLine, PortLine, describe, find_class, installed
 from gloc3.deployment import ComponentRow
 from gloc3.errors import Gloc3Error, nearest
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
 from gloc3.tables import console, default_text, print_json, print_table, value_text
 from gloc3.topics import TopicTable
 

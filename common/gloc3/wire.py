@@ -3,10 +3,14 @@
 In memory a message is an object with names; on the wire it is an array, so that a row of status costs a few bytes.
 Fields may be appended with defaults: a shorter array is filled up, a longer one is cut. What may not change is the
 *fixed part*, the fields without default; its hash travels in `type`, and a mismatch is *versions differ*.
+
+Names are part of that hash, and of logs. A class that is renamed stays known by its former name (`FORMER_NAMES`), a field
+by `msgspec.field(name="former name")`.
 """
 
 import types
 import typing
+from collections.abc import Mapping
 from enum import Enum
 from functools import cache
 from hashlib import blake2s
@@ -26,13 +30,28 @@ class VersionsDiffer(WireError):
     """The other end knows this type with another fixed part."""
 
 
+FORMER_NAMES: Final[Mapping[str, str]] = {}
+"""What a class that was renamed is called on the wire and in logs: its first released name, by the present one.
+
+It holds messages, the structures and enums in them, and the bodies of requests.
+"""
+
+
+def wire_name(class_name: str) -> str:
+    """The name of a class on the wire and in logs."""
+    return FORMER_NAMES.get(class_name, class_name)
+
+
 @cache
 def type_name(message_type: type[Message]) -> str:
     """`Name#hash`, where the hash covers the names and types of the fields without default."""
-    fixed = ",".join(
-        f"{field.name}:{_spell(field.type)}" for field in msgspec.structs.fields(message_type) if field.required
-    )
-    return f"{message_type.__name__}#{blake2s(fixed.encode(), digest_size=3).hexdigest()}"
+    digest = blake2s(_fixed_part(message_type).encode(), digest_size=3).hexdigest()
+    return f"{wire_name(message_type.__name__)}#{digest}"
+
+
+def _fixed_part(struct: type[msgspec.Struct]) -> str:
+    fields = msgspec.structs.fields(struct)
+    return ",".join(f"{field.encode_name}:{_spell(field.type)}" for field in fields if field.required)
 
 
 def _spell(annotation: Any) -> str:
@@ -45,9 +64,8 @@ def _spell(annotation: Any) -> str:
     if origin is not None:
         return f"{origin.__name__}[{','.join(_spell(a) for a in typing.get_args(annotation))}]"
     if isinstance(annotation, type) and issubclass(annotation, msgspec.Struct):
-        inner = ",".join(f"{f.name}:{_spell(f.type)}" for f in msgspec.structs.fields(annotation) if f.required)
-        return f"{annotation.__name__}({inner})"
-    return getattr(annotation, "__name__", str(annotation))
+        return f"{wire_name(annotation.__name__)}({_fixed_part(annotation)})"
+    return wire_name(getattr(annotation, "__name__", str(annotation)))
 
 
 class TypeRegistry:
@@ -61,7 +79,7 @@ class TypeRegistry:
 
     def add(self, message_type: type[Message]) -> None:
         """Makes a type known. Two types of one name are a mistake of ours."""
-        name = message_type.__name__
+        name = wire_name(message_type.__name__)
         if self._types.setdefault(name, message_type) is not message_type:
             raise Misuse(f"two message types are called {name}")
 

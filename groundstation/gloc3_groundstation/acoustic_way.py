@@ -5,11 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+import msgspec
+
 from gloc3.acoustic.frames import AcousticCode, AcousticSummary, Order, Receipt, Verb
 from gloc3.ci import CiRequest, Emergency, EmergencyVerb
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Publisher
 from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
+from gloc3.link.memory import MemoryEnd
 from gloc3.link.signing_key import read_signing_key
 from gloc3.messages import Envelope, Severity
 from gloc3_groundstation.station import Station
@@ -21,43 +24,48 @@ PATIENCE_S: Final = 120.0
 _VERBS: Final = {EmergencyVerb.HOLD: Verb.HOLD, EmergencyVerb.LAND: Verb.SURFACE}
 
 
+class ModemContext(msgspec.Struct, frozen=True, kw_only=True):
+    """What a modem's way needs of its station."""
+
+    exchange: Exchange
+    boot: int
+    """A random number for this start of the station."""
+    is_silent: Callable[[], bool]
+    """Whether the platform is not heard in any other way."""
+    report: Callable[[str], None]
+    """Receives in words what becomes of an order."""
+    now_utc_s: Callable[[], float]
+    """The time of day; numbers the orders, so that a restarted station's are newer."""
+    key: bytes | None = None
+    """Of the link; None for none."""
+
+
 class AcousticWay:
     """One modem, for one platform.
 
     Args:
         platform: its name.
-        exchange: the station's.
         loop: wakes it.
-        boot: a random number for this start of the station.
         send: puts a frame on the modem.
-        is_silent: whether the platform is not heard in any other way.
-        told: is told in words what becomes of an order.
-        now_utc_s: the time of day; numbers the orders, so that a restarted station's are newer.
-        key: of the link; None for none.
+        context: its station's.
     """
 
     def __init__(
         self,
         platform: str,
-        exchange: Exchange,
         loop: asyncio.AbstractEventLoop,
-        boot: int,
         send: Callable[[bytes], None],
-        is_silent: Callable[[], bool],
-        told: Callable[[str], None],
-        now_utc_s: Callable[[], float],
-        key: bytes | None = None,
+        context: ModemContext,
     ) -> None:
-        self.code: Final = AcousticCode(platform, key)
-        self._platform, self._loop, self._send = platform, loop, send
-        self._is_silent, self._told, self._now_utc_s = is_silent, told, now_utc_s
-        self._publisher = Publisher(exchange, platform, "acoustic", boot)
+        self.code: Final = AcousticCode(platform, context.key)
+        self._platform, self._loop, self._send, self._context = platform, loop, send, context
+        self._publisher = Publisher(context.exchange, platform, "acoustic", context.boot)
         self._number = 0
         """Of the last order."""
         self._order: tuple[Order, float] | None = None
         """What waits for its receipt, and until when."""
         self._timer: asyncio.TimerHandle | None = None
-        self._undo = exchange.subscribe(f"{platform}/ci/request", self._take)
+        self._undo = context.exchange.subscribe(f"{platform}/ci/request", self._take)
 
     def close(self) -> None:
         """Hears and says nothing more."""
@@ -79,14 +87,14 @@ class AcousticWay:
 
     def order(self, verb: Verb) -> None:
         """Orders something, in place of what was ordered before."""
-        self._number = max(self._number + 1, int(self._now_utc_s())) & 0xFFFF_FFFF
+        self._number = max(self._number + 1, int(self._context.now_utc_s())) & 0xFFFF_FFFF
         self._order = Order(self._number, verb), self._loop.time() + PATIENCE_S
-        self._told(f"the order goes to {self._platform} by sound: {verb.name.lower()}; wait for its receipt")
+        self._context.report(f"the order goes to {self._platform} by sound: {verb.name.lower()}; wait for its receipt")
         self._say()
 
     def _take(self, envelope: Envelope[Any]) -> None:
         request = envelope.payload
-        if isinstance(request, CiRequest) and isinstance(request.body, Emergency) and self._is_silent():
+        if isinstance(request, CiRequest) and isinstance(request.body, Emergency) and self._context.is_silent():
             verb = _VERBS.get(request.body.verb)
             if verb is not None:
                 self.order(verb)
@@ -107,7 +115,7 @@ class AcousticWay:
         self._order = None
         if self._timer is not None:
             self._timer.cancel()
-        self._told(text)
+        self._context.report(text)
 
 
 class Modem:
@@ -139,13 +147,28 @@ async def open_modem(platform: str, url: str, station: Station, exchange: Exchan
     key = read_signing_key(Path(file).expanduser()) if file else None
     ways: list[AcousticWay] = []
     endpoint = await open_endpoint(url, loop, lambda data: ways[0].receive(data) if ways else None)
+    ways.append(AcousticWay(platform, loop, endpoint.send, _context(platform, station, exchange, boot, key)))
+    return Modem(ways[0], endpoint)
 
+
+def attach_modem(platform: str, end: MemoryEnd, station: Station, exchange: Exchange, boot: int) -> Modem:
+    """Opens a modem in memory that leads to a platform."""
+    loop = asyncio.get_running_loop()
+    way = AcousticWay(platform, loop, end.send, _context(platform, station, exchange, boot))
+    end.on_data = way.receive
+    return Modem(way, end)
+
+
+def _context(platform: str, station: Station, exchange: Exchange, boot: int, key: bytes | None = None) -> ModemContext:
     def is_silent() -> bool:
         known = station.fleet.get(platform)
-        return known is None or known.is_quiet_link(loop.time())
+        return known is None or known.is_quiet_link(station.now_s())
 
-    def told(text: str) -> None:
-        station.note(platform, Severity.NOTICE, text)
-
-    ways.append(AcousticWay(platform, exchange, loop, boot, endpoint.send, is_silent, told, Clock(loop).utc_s, key))
-    return Modem(ways[0], endpoint)
+    return ModemContext(
+        exchange=exchange,
+        boot=boot,
+        is_silent=is_silent,
+        report=lambda text: station.note(platform, Severity.NOTICE, text),
+        now_utc_s=Clock(asyncio.get_running_loop()).utc_s,
+        key=key,
+    )

@@ -1,6 +1,7 @@
 """The command `gloc3 station`: the ground station in a terminal, or without one for scripts."""
 
 import asyncio
+import secrets
 import sys
 from pathlib import Path
 from typing import Annotated, Final
@@ -150,9 +151,10 @@ def station(
     from gloc3.clock import utc_now
     from gloc3.link.signing_key import read_signing_key
     from gloc3.network.file import read_network
+    from gloc3_groundstation.assembly import StationSetup
     from gloc3_groundstation.configuration import Configuration, ConfigurationFile, default_path
     from gloc3_groundstation.recording import default_root
-    from gloc3_groundstation.session import Session
+    from gloc3_groundstation.session import HeadlessOptions, Session, SessionOptions, TerminalOptions
 
     file, configuration, problem = ConfigurationFile(config or default_path()), Configuration(), ""
     try:
@@ -169,26 +171,30 @@ def station(
         raise Refused(str(error)) from None
     membership = None if network is None else read_network(network.expanduser(), utc_now())
     record = None if no_record else default_root()
-    session = Session(
-        link or ([] if membership is not None else configuration.links),
-        own,
-        platform,
-        plan,
-        configuration,
-        problem,
-        record,
+    setup = StationSetup(
+        boot=secrets.randbits(32),
+        system=own,
+        record=record,
+        downloads=Path(configuration.downloads or ".").expanduser(),
         signing_key=key,
-        foxglove_port=foxglove_port if foxglove else None,
         network=membership,
-        modems=modems,
     )
+    options = SessionOptions(
+        urls=tuple(link or ([] if membership is not None else configuration.links)),
+        modems=tuple(modems),
+        platform=platform,
+        plan=plan,
+        configuration=configuration,
+        problem=problem,
+        foxglove_port=foxglove_port if foxglove else None,
+    )
+    session = Session(setup, options)
     if headless:
-        return asyncio.run(
-            session.narrate(wait, data=_print_json if json else None, override=override, is_at_contact=at_contact)
-        )
+        run = HeadlessOptions(wait_s=wait, override=override, is_at_contact=at_contact)
+        return asyncio.run(session.narrate(run, data=_print_json if json else None))
     page = WebOptions(host=web_host, port=web_port) if web else None
-    show = session.show(is_starting=start, is_closing=exit_when_done, keep=file.write, web=page, opens=opens)
-    return asyncio.run(show)
+    shown = TerminalOptions(is_starting=start, is_closing=exit_when_done, web=page, opens=opens)
+    return asyncio.run(session.show(shown, keep=file.write))
 
 
 def _modem(text: str) -> tuple[str, str]:

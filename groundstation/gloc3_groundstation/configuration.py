@@ -16,6 +16,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from gloc3.errors import Finding, InputError, nearest
+from gloc3.store import replace_file
 
 ThemeName = Literal["dark", "daylight", "mono"]
 DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"
@@ -92,9 +93,7 @@ class ConfigurationFile:
             document = tomlkit.parse(text)
             _merge(document, msgspec.to_builtins(before), msgspec.to_builtins(configuration))
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            beside = self.path.with_name(f".{self.path.name}.new")
-            beside.write_text(tomlkit.dumps(document), encoding="utf-8")
-            beside.replace(self.path)
+            replace_file(self.path, tomlkit.dumps(document).encode())
         except (InputError, OSError, TOMLKitError):
             return False
         self._read = configuration

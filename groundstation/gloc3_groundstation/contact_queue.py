@@ -16,6 +16,7 @@ from gloc3.errors import Gloc3Error, InputError
 from gloc3.messages import Severity
 from gloc3.mission.model import digest_of
 from gloc3.mission.states import ActionState
+from gloc3.store import DocumentFile
 from gloc3_groundstation import flights
 from gloc3_groundstation.command_client import Declined, Unanswered
 from gloc3_groundstation.plans import Plan
@@ -46,7 +47,8 @@ class ContactQueue:
     """
 
     def __init__(self, station: Station, path: Path | None = None) -> None:
-        self._station, self._path = station, path
+        self._station = station
+        self._file = None if path is None else DocumentFile(path, list[Queued])
         self._waiting: list[Queued] = []
         self._count = 0
         self._tasks: dict[str, asyncio.Task[None]] = {}
@@ -173,12 +175,9 @@ class ContactQueue:
     # --- the file ---
 
     def _load(self) -> None:
-        if self._path is None or not self._path.exists():
-            return
-        try:
-            kept = msgspec.json.decode(self._path.read_bytes(), type=list[Queued])
-        except (OSError, msgspec.DecodeError) as error:
-            self._note("", Severity.WARNING, f"what waited for contact cannot be read: {self._path}: {error}")
+        kept = self._file.read() if self._file is not None else None
+        self._report_problem()
+        if kept is None:
             return
         self._waiting = [replace(queued, number=number) for number, queued in enumerate(kept, 1)]
         self._count = len(kept)
@@ -186,12 +185,10 @@ class ContactQueue:
             self._note(queued.platform, Severity.NOTICE, f"{queued.plan.title!r} waits for contact since before")
 
     def _keep(self) -> None:
-        if self._path is None:
-            return
-        fresh = self._path.with_suffix(".new")
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            fresh.write_bytes(msgspec.json.encode(self._waiting))
-            fresh.replace(self._path)
-        except OSError as error:
-            self._note("", Severity.WARNING, f"what waits for contact cannot be kept: {error.strerror or error}")
+        if self._file is not None:
+            self._file.write(self._waiting)
+            self._report_problem()
+
+    def _report_problem(self) -> None:
+        if self._file is not None and self._file.problem:
+            self._note("", Severity.WARNING, f"what waits for contact: {self._file.problem}")

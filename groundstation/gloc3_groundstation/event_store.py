@@ -1,7 +1,6 @@
 """Every event of a session: all of them on disk, thirteen bytes of each in memory, the last ones at hand."""
 
 import io
-import os
 import tempfile
 import weakref
 from array import array
@@ -13,6 +12,7 @@ from typing import BinaryIO, Final
 import msgspec
 
 from gloc3.messages import Severity
+from gloc3.store import AppendFile
 from gloc3_groundstation.snapshots import FleetEvent
 
 RECENT: Final = 2000
@@ -53,8 +53,10 @@ class EventStore:
             file: open for reading and writing, empty, unbuffered or not; None for one that goes with the process.
             utc_offset_s: what is added to the station's time for UTC.
         """
-        self._file: BinaryIO = tempfile.TemporaryFile() if file is None else file  # noqa: SIM115 - it lives as long as the store
-        weakref.finalize(self, self._file.close)
+        if file is None:
+            file = tempfile.TemporaryFile()  # noqa: SIM115 - it lives as long as the store
+        weakref.finalize(self, file.close)
+        self._file = AppendFile(file)
         self._offset_s = utc_offset_s
         self._reset()
         self.generation = 0
@@ -73,7 +75,6 @@ class EventStore:
         self._ends: array[int] = array("Q")
         self._pending: list[bytes] = []
         self._pending_bytes = 0
-        self._written = 0
         self._recent: deque[FleetEvent] = deque(maxlen=RECENT)
 
     def __len__(self) -> int:
@@ -107,16 +108,12 @@ class EventStore:
         """Hands what is collected to the operating system."""
         if not self._pending:
             return
-        data = b"".join(self._pending)
         try:
-            self._file.seek(self._written)
-            self._file.write(data)
-            self._file.flush()
+            self._file.append(b"".join(self._pending))
         except OSError as error:
             self.problem = self.problem or f"events cannot be written: {error.strerror or error}"
             self._begin_again()
             return
-        self._written += len(data)
         self._pending.clear()
         self._pending_bytes = 0
 
@@ -136,9 +133,10 @@ class EventStore:
         """The lines of the events from `first` to before `last`, as they are in the file; also from other threads."""
         begin = self._ends[first - 1] if first else 0
         size = self._ends[last - 1] - begin if last > first else 0
-        if begin + size > self._written:
+        written = self._file.size
+        if begin + size > written:
             data = b"".join(self._pending)
-            return (self._pread(begin, max(0, self._written - begin)) + data[max(0, begin - self._written) :])[:size]
+            return (self._pread(begin, max(0, written - begin)) + data[max(0, begin - written) :])[:size]
         return self._pread(begin, size)
 
     def decode(self, line: bytes) -> FleetEvent:
@@ -157,10 +155,8 @@ class EventStore:
         return self.decode(self.lines(number, number + 1))
 
     def _pread(self, begin: int, size: int) -> bytes:
-        if isinstance(self._file, io.BytesIO):
-            return self._file.getvalue()[begin : begin + size]
         try:
-            return os.pread(self._file.fileno(), size, begin)
+            return self._file.read(begin, size)
         except OSError as error:
             self.problem = self.problem or f"events cannot be read: {error.strerror or error}"
             return b""
@@ -170,7 +166,7 @@ class EventStore:
         kept = list(self._recent)
         with suppress(OSError):  # what it still holds in memory does not fit either
             self._file.close()
-        self._file = io.BytesIO()
+        self._file = AppendFile(io.BytesIO())
         self._reset()
         self.generation += 1
         for event in kept:

@@ -2,7 +2,10 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Any, Final
+from functools import partial
+from typing import Final
+
+import msgspec
 
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
@@ -16,8 +19,8 @@ from gloc3.link.message import Address, MavlinkMessage
 from gloc3.link.node import Node
 from gloc3.link.signed_only import SignedOnly
 from gloc3.link.signing import Signing, timestamp
-from gloc3.messages import Envelope
 from gloc3.topics import TopicTable
+from gloc3_groundstation.ways import NETWORK, Way, Ways
 
 STATION_COMPONENT: Final = 190
 MOST_LOCKED: Final = 16
@@ -26,81 +29,106 @@ MOST_LOCKED: Final = 16
 Tap = Callable[[bytes], None]
 """Is given every frame of a link, in and out, as it is."""
 
-Told = Callable[[str], None]
-"""Is told in words what a person should know of a link."""
+Report = Callable[[str], None]
+"""Receives in words what a person should know of a link."""
 
 GivenUp = Callable[[Undelivered], None]
-"""Is told which message of the station's was given up."""
+"""Receives which message of the station's was given up."""
+
+
+class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
+    """What all links of a station share."""
+
+    loop: asyncio.AbstractEventLoop
+    """Gives the time and wakes the links."""
+    exchange: Exchange
+    """The station's side; what crosses a link is joined to it."""
+    topics: TopicTable
+    """The topics that may cross."""
+    boot: int
+    """A random number for this start of the station."""
+    system: int = 255
+    """The station's MAVLink system, 255 and down."""
+    name: str = ""
+    """Under which platforms know the station; empty for the number of its system."""
+    report: Report = lambda _: None
+    undelivered: GivenUp = lambda _: None
+    """Receives what the command link has given up on all links that carried it."""
+    tap: Tap = lambda _: None
+    """Receives every frame, in and out."""
+    ways: Ways = msgspec.field(default_factory=Ways)
+    """Which message goes by which link, and which has come by another already."""
+
+    @property
+    def own(self) -> Address:
+        """As whom the station speaks."""
+        return Address(self.system, STATION_COMPONENT)
+
+
+class LinkSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of one link."""
+
+    url: str = ""
+    """Named in what is reported; empty for a link that needs no name."""
+    is_datagram: bool = True
+    """Whether the bytes come in whole frames."""
+    budget: LinkBudget = LinkBudget()
+    """What the link carries."""
+    rank: int = NETWORK
+    """How good a way it is; see `ways`."""
+    key: bytes | None = None
+    """Signs all that is sent, and judges all that is received; None for a link without signatures."""
 
 
 class Link:
-    """One link: frames in and out, without the socket."""
+    """One link: frames in and out, without the socket; begins to send heartbeats and to look for platforms.
+
+    Args:
+        send: puts bytes on the link.
+        context: what it shares with the other links of its station.
+        settings: what is known of it.
+    """
 
     def __init__(
         self,
         send: Callable[[bytes], None],
-        *,
-        loop: asyncio.AbstractEventLoop,
-        exchange: Exchange,
-        topics: TopicTable,
-        system: int,
-        boot: int,
-        told: Told,
-        name: str = "",
-        undelivered: GivenUp = lambda _: None,
-        is_datagram: bool = True,
-        budget: LinkBudget | None = None,
-        signing: Signing | None = None,
-        tap: Tap = lambda _: None,
-        carries: Callable[[Envelope[Any]], bool] = lambda _: True,
-        is_new: Callable[[Envelope[Any]], bool] = lambda _: True,
+        context: LinkContext,
+        settings: LinkSettings = LinkSettings(),  # noqa: B008 - immutable
     ) -> None:
-        """Begins to send heartbeats and to look for platforms.
-
-        Args:
-            send: puts bytes on the link.
-            loop: gives the time and wakes the link.
-            exchange: the station's side; what crosses the link is joined to it.
-            topics: the topics that may cross.
-            system: the station's MAVLink system, 255 and down.
-            name: under which platforms know the station; empty for the number of its system.
-            boot: a random number for this start of the station.
-            told: is told what a person should know.
-            undelivered: is told what the command link has given up here.
-            is_datagram: whether the bytes come in whole frames.
-            budget: what the link carries.
-            signing: signs all that is sent, and judges all that is heard; None on a link without a key.
-            tap: is given every frame, in and out.
-            carries: tells whether a message of the station's goes by this link.
-            is_new: tells whether a message of the command link has not come by another link already.
-        """
-        own = Address(system, STATION_COMPONENT)
-        self._loop = loop
-        self._signing = signing
+        own, loop = context.own, context.loop
+        self._loop, self._own, self._put, self._tap = loop, own, send, context.tap
         self._clock = Clock(loop)
         self._listeners: list[Callable[[Frame], None]] = []
-        self._put = send
-        self._tap = tap
-        self._told = told
-        self._undelivered = undelivered
         self._tunnel_id = shape("TUNNEL").id
-        self._parser = Parser(is_datagram=is_datagram)
-        self._encoder = Encoder(*own, signing)
-        self.frames_sent = 0
         self._peers = Peers(own)
         self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
-        self._own = own
         self._has_told_of_double = False
         self._locked: set[int] = set()
         self._gaps = Gaps()
-        self._signed_only = None if signing is None else SignedOnly(signing, told)
-        end = TunnelEndpoint(Role.STATION, name or str(system), own, boot, topics, budget or LinkBudget())
+        self._context, self._url = context, settings.url
+        ways = context.ways
+        way = self._way = ways.open(Way(settings.rank, self.age_s))
+        self._signing = None if settings.key is None else self._new_signing(settings.key)
+        self._signed_only = None if self._signing is None else SignedOnly(self._signing, self._report)
+        self._parser = Parser(is_datagram=settings.is_datagram)
+        self._encoder = Encoder(*own, self._signing)
+        self.frames_sent = 0
+        end = TunnelEndpoint(
+            Role.STATION, context.name or str(own.system), own, context.boot, context.topics, settings.budget
+        )
         self._tunnel = MavlinkExchange(end, loop, self._send_message)
         self._tunnel.listen(self._happened)
         self._part = self._tunnel.bridge(
-            exchange, topics, inward=lambda envelope: envelope if is_new(envelope) else None, outward=carries
+            context.exchange,
+            context.topics,
+            inward=lambda envelope: envelope if ways.is_new(way, envelope) else None,
+            outward=partial(ways.carries, way),
         )
         self._timer = loop.call_soon(self._tick)
+
+    def _new_signing(self, key: bytes) -> Signing:
+        clock = self._clock
+        return Signing(key, link_id=self._way & 0xFF, now=timestamp(clock.utc_s()), is_clock_right=clock.is_utc_right)
 
     def receive(self, data: bytes) -> None:
         """Takes bytes from the link."""
@@ -194,6 +222,7 @@ class Link:
     def close(self) -> None:
         """Sends and hears nothing more."""
         self._timer.cancel()
+        self._context.ways.close(self._way)
         self._part()
         self._tunnel.close()
 
@@ -218,16 +247,19 @@ class Link:
 
     def _happened(self, happening: Happening) -> None:
         if isinstance(happening, Trouble):
-            self._told(happening.text)
-        elif isinstance(happening, Undelivered):
-            self._undelivered(happening)
+            self._report(happening.text)
+        elif isinstance(happening, Undelivered) and self._context.ways.is_lost(self._way, happening):
+            self._context.undelivered(happening)
+
+    def _report(self, text: str) -> None:
+        self._context.report(f"{self._url}: {text}" if self._url else text)
 
     def _is_locked_out(self, frame: Frame) -> None:
         """Who signs takes nothing that is not signed: without a key an operator sees it, and is not heard."""
         if frame.system not in self._locked and len(self._locked) < MOST_LOCKED:
             self._locked.add(frame.system)
             who = f"{frame.system}/{frame.component}"
-            self._told(
+            self._report(
                 f"{who} signs what it sends, and this link has no key: it is seen, but takes nothing from here; "
                 "see --signing-key"
             )
@@ -236,4 +268,4 @@ class Link:
         if not self._has_told_of_double:
             self._has_told_of_double = True
             system = self._own.system
-            self._told(f"somebody else is station {system}, or the link sends back what we send; see --station-id")
+            self._report(f"somebody else is station {system}, or the link sends back what we send; see --station-id")

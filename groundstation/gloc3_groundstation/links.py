@@ -1,26 +1,21 @@
 """All links of a station with their sockets: opened and closed while it runs, measured, and asked together."""
 
 import asyncio
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from gloc3.clock import Clock
 from gloc3.errors import Refused
-from gloc3.exchange.base import Exchange
 from gloc3.exchange.link_budget import budget_of
-from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.link.endpoints import Endpoint, open_endpoint, parse_url
+from gloc3.link.memory import MemoryEnd
 from gloc3.link.message import Address
-from gloc3.link.signing import Signing, timestamp
 from gloc3.link.signing_key import read_signing_key
 from gloc3.network.file import Membership
-from gloc3.topics import TopicTable
-from gloc3_groundstation.link import GivenUp, Link, Tap, Told
+from gloc3_groundstation.link import Link, LinkContext, LinkSettings
 from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.network_way import NetworkWay
-from gloc3_groundstation.ways import LINE, NETWORK, Way, Ways
+from gloc3_groundstation.ways import LINE, NETWORK
 
 MEASURE_EVERY_S: Final = 1.0
 
@@ -28,8 +23,7 @@ MEASURE_EVERY_S: Final = 1.0
 class _Opened:
     """A link with its socket, and how much passes."""
 
-    def __init__(self, way: int, endpoint: Endpoint, link: Link) -> None:
-        self.way: Final = way
+    def __init__(self, endpoint: Endpoint, link: Link) -> None:
         self.endpoint: Final = endpoint
         self.link: Final = link
         self.rates = (0.0, 0.0)
@@ -43,96 +37,66 @@ class _Opened:
 
 
 class Links:
-    """All links of a station with their sockets."""
+    """All links of a station with their sockets; none yet.
 
-    def __init__(self, ways: Ways | None = None) -> None:
-        """None yet.
+    Args:
+        context: what they share.
+        signing_key: with it, or that of their URL, all frames are signed, and those of others must be.
+    """
 
-        Args:
-            ways: all ways of the station, those over other networks included; None where there are no others.
-        """
+    def __init__(self, context: LinkContext, signing_key: bytes | None = None) -> None:
+        self._context, self._signing_key = context, signing_key
         self._open: list[_Opened] = []
-        self._ways = ways or Ways()
         self._network: NetworkWay | None = None
-        self._make: Callable[[str, Endpoint, int, bytes | None], Link] | None = None
-        self._signing_key: bytes | None = None
+        self._is_closed = False
         self._timer: asyncio.TimerHandle | None = None
 
-    async def open(
-        self,
-        urls: Sequence[str],
-        *,
-        exchange: Exchange,
-        topics: TopicTable,
-        system: int,
-        boot: int,
-        told: Told,
-        undelivered: GivenUp = lambda _: None,
-        tap: Tap = lambda _: None,
-        signing_key: bytes | None = None,
-        network: Membership | None = None,
-    ) -> None:
-        """Opens links; with a key, theirs or that of their URL, all frames are signed, and those of others must be.
-
-        See `Link` for the arguments, and `Ways.is_lost` for what is told as undelivered.
+    def join(self, network: Membership) -> None:
+        """Joins a network of platforms and stations.
 
         Raises:
-            Refused: a URL is wrong, or its address cannot be had.
+            Gloc3Error: an address that it is to listen on cannot be had.
         """
-        loop = asyncio.get_running_loop()
-        clock = Clock(loop)
-
-        if network is not None:
-            self._network = NetworkWay(network, self._ways, lambda text: told(f"network: {text}"))
-            self._network.open(loop, exchange, topics)
-        name = "" if network is None else network.file.member
-
-        def make(url: str, endpoint: Endpoint, way: int, key: bytes | None) -> Link:
-            return Link(
-                endpoint.send,
-                loop=loop,
-                exchange=exchange,
-                topics=topics,
-                system=system,
-                boot=boot,
-                told=lambda text: told(f"{url}: {text}"),
-                name=name,
-                undelivered=partial(self._give_up, way, undelivered),
-                is_datagram=endpoint.is_datagram,
-                budget=budget_of(url, is_signed=key is not None),
-                tap=tap,
-                carries=partial(self._ways.carries, way),
-                is_new=partial(self._ways.is_new, way),
-                signing=None
-                if key is None
-                else Signing(key, link_id=way & 0xFF, now=timestamp(clock.utc_s()), is_clock_right=clock.is_utc_right),
-            )
-
-        self._make, self._signing_key = make, signing_key
-        self._timer = loop.call_later(MEASURE_EVERY_S, self._measure, loop)
-        for url in urls:
-            await self.add(url)
+        context = self._context
+        self._network = NetworkWay(network, context.ways, lambda text: context.report(f"network: {text}"))
+        self._network.open(context.loop, context.exchange, context.topics)
 
     async def add(self, url: str) -> None:
-        """Opens one more link; `open` comes first.
+        """Opens one more link.
 
         Raises:
             Refused: it is open already, the URL is wrong, or its address cannot be had.
             InputError: the key file that it names has no key, or others may read it.
         """
-        if self._make is None:
+        if self._is_closed:
             raise Refused("the station is closed")
         if any(opened.endpoint.url == url for opened in self._open):
             raise Refused(f"link {url} is open already")
-        file = parse_url(url).key
-        key = read_signing_key(Path(file).expanduser()) if file else self._signing_key
-        made: list[Link] = []
-        loop = asyncio.get_running_loop()
-        endpoint = await open_endpoint(url, loop, lambda data: made[0].receive(data) if made else None)
-        rank = NETWORK if parse_url(url).line_bit_s is None else LINE
-        way = self._ways.open(Way(rank, lambda platform: made[0].age_s(platform) if made else None))
-        made.append(self._make(url, endpoint, way, key))
-        self._open.append(_Opened(way, endpoint, made[0]))
+        wanted = parse_url(url)
+        key = read_signing_key(Path(wanted.key).expanduser()) if wanted.key else self._signing_key
+        links: list[Link] = []
+        endpoint = await open_endpoint(url, self._context.loop, lambda data: links[0].receive(data) if links else None)
+        settings = LinkSettings(
+            url=url,
+            is_datagram=endpoint.is_datagram,
+            budget=budget_of(url, is_signed=key is not None),
+            rank=NETWORK if wanted.line_bit_s is None else LINE,
+            key=key,
+        )
+        links.append(self._begin(endpoint, settings))
+
+    def attach(self, end: MemoryEnd) -> Link:
+        """Opens a link in memory, as flights in virtual time have it."""
+        link = self._begin(end, LinkSettings(key=self._signing_key))
+        end.on_data = link.receive
+        return link
+
+    def _begin(self, endpoint: Endpoint, settings: LinkSettings) -> Link:
+        link = Link(endpoint.send, self._context, settings)
+        self._open.append(_Opened(endpoint, link))
+        if self._timer is None:
+            self._timer = self._context.loop.call_later(MEASURE_EVERY_S, self._measure)
+        return link
 
     async def remove(self, url: str) -> None:
         """Closes a link.
@@ -144,7 +108,6 @@ class Links:
         if not found:
             raise Refused(f"there is no link {url}")
         self._open.remove(found[0])
-        self._ways.close(found[0].way)
         found[0].link.close()
         await found[0].endpoint.close()
 
@@ -172,14 +135,10 @@ class Links:
             for endpoint, link in ((opened.endpoint, opened.link),)
         )
 
-    def _measure(self, loop: asyncio.AbstractEventLoop) -> None:
+    def _measure(self) -> None:
         for opened in self._open:
             opened.measure(MEASURE_EVERY_S)
-        self._timer = loop.call_later(MEASURE_EVERY_S, self._measure, loop)
-
-    def _give_up(self, way: int, undelivered: GivenUp, lost: Undelivered) -> None:
-        if self._ways.is_lost(way, lost):
-            undelivered(lost)
+        self._timer = self._context.loop.call_later(MEASURE_EVERY_S, self._measure)
 
     def describe(self) -> str:
         """The links, with what is wrong with each or who is heard on it."""
@@ -216,13 +175,12 @@ class Links:
 
     async def close(self) -> None:
         """Closes all."""
-        self._make = None
+        self._is_closed = True
         if self._network is not None:
             self._network.close()
         if self._timer is not None:
             self._timer.cancel()
         for opened in self._open:
-            self._ways.close(opened.way)
             opened.link.close()
             await opened.endpoint.close()
         self._open.clear()

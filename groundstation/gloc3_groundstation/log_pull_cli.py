@@ -105,39 +105,21 @@ async def _pull(
     source: str, platform: str | None, wanted: Wanted, wait_s: float, system: int, key_file: Path | None
 ) -> int:
     from gloc3.clock import utc_now
-    from gloc3.exchange import LocalExchange
     from gloc3.link.signing_key import read_signing_key
     from gloc3.network.file import read_network
-    from gloc3.topics import TopicTable
     from gloc3_groundstation import flights
-    from gloc3_groundstation.links import Links
+    from gloc3_groundstation.assembly import GroundStation, StationSetup
     from gloc3_groundstation.log_pull import ChunkCarrier, LogPuller, ftp_carrier
-    from gloc3_groundstation.network_way import role_of
-    from gloc3_groundstation.station import Station
 
     is_link = "://" in source
     network = None if is_link else read_network(Path(source).expanduser(), utc_now())
     key = None if key_file is None else read_signing_key(key_file.expanduser())
-    loop, topics, boot, links = asyncio.get_running_loop(), TopicTable.installed(), secrets.randbits(32), Links()
-    exchange = LocalExchange(topics)
+    setup = StationSetup(boot=secrets.randbits(32), system=system, signing_key=key, network=network)
     async with AsyncExitStack() as stack:
-        station = Station(exchange, loop, str(system) if network is None else network.file.member, boot)
-        stack.callback(station.close)
-        if network is not None:
-            station.client.role = role_of(network)
-        stack.push_async_callback(links.close)
-        await links.open(
-            [source] if is_link else [],
-            exchange=exchange,
-            topics=topics,
-            system=system,
-            boot=boot,
-            told=narrate,
-            undelivered=station.client.undelivered,
-            tap=lambda _: None,
-            signing_key=key,
-            network=network,
-        )
+        ground = GroundStation(setup, report=narrate)
+        stack.push_async_callback(ground.close)
+        await ground.open([source] if is_link else [])
+        station, links = ground.station, ground.links
         try:
             async with asyncio.timeout(wait_s):
                 name = await flights.await_platform(station, platform)
@@ -146,9 +128,11 @@ async def _pull(
             hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
             raise NotHeard(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
         found = [(link, at) for _, link in links.ways() for each, at in link.platforms() if each == name]
-        progress = PullProgress(loop)
+        progress = PullProgress(ground.loop)
         carrier = (
-            await stack.enter_async_context(ftp_carrier(*found[0])) if found else ChunkCarrier(station, exchange, name)
+            await stack.enter_async_context(ftp_carrier(*found[0]))
+            if found
+            else ChunkCarrier(station, ground.exchange, name)
         )
         return await fetch(LogPuller(station, name, carrier, progress.tell, progress.pause), name, wanted, progress)
 

@@ -13,7 +13,7 @@ from gloc3.network.access import Role
 from gloc3.network.file import Membership
 from gloc3.network.stations import join_platforms
 from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Told
+from gloc3_groundstation.link import Report
 from gloc3_groundstation.link_snapshot import LinkSnapshot
 from gloc3_groundstation.ways import FRESH_S, OWN_NETWORK, Way, Ways
 
@@ -32,7 +32,7 @@ class NetworkWay:
         told: is told in words what a person should know.
     """
 
-    def __init__(self, membership: Membership, ways: Ways, told: Told) -> None:
+    def __init__(self, membership: Membership, ways: Ways, told: Report) -> None:
         self._membership = membership
         self._ways = ways
         self._told = told

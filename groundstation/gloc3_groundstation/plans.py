@@ -11,7 +11,8 @@ from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
-from gloc3.platform import Platform, find_platform, load_platform, platform_files, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform, platform_files, read_platform
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,40 +4,25 @@ import asyncio
 import gc
 import getpass
 import os
-import secrets
 import signal
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
+
+import msgspec
 
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.exchange import LocalExchange
 from gloc3.messages import Severity
 from gloc3.narrate import narrate
-from gloc3.network.file import Membership
-from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
-from gloc3_groundstation.acoustic_way import Modem, open_modem
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.configuration import Configuration, unsaved_folder
-from gloc3_groundstation.contact_queue import FILE as QUEUE_FILE
-from gloc3_groundstation.contact_queue import ContactQueue
-from gloc3_groundstation.event_store import EventStore
-from gloc3_groundstation.events_desk import EventsDesk
-from gloc3_groundstation.feed_file import FILE, FeedFile
 from gloc3_groundstation.headless import Headless
-from gloc3_groundstation.links import Links
 from gloc3_groundstation.live_view import LiveView
 from gloc3_groundstation.narration import Line
-from gloc3_groundstation.network_way import role_of
 from gloc3_groundstation.plans import Plan
-from gloc3_groundstation.recording import Recording
-from gloc3_groundstation.services_desk import ServicesDesk
-from gloc3_groundstation.silence_file import FILE as SILENCES
-from gloc3_groundstation.silence_file import SilenceFile
 from gloc3_groundstation.station import Station
-from gloc3_groundstation.vehicles import Vehicles
 from gloc3_groundstation.web import Told, WebOptions, WebServer, Window, exposure
 
 if TYPE_CHECKING:
@@ -46,70 +31,66 @@ if TYPE_CHECKING:
 INTERRUPTED: Final = 128 + signal.SIGINT
 
 
+class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What was asked for on the command line."""
+
+    urls: tuple[str, ...] = ()
+    """The links."""
+    modems: tuple[tuple[str, str], ...] = ()
+    """Acoustic modems: the platform that each leads to, and its URL."""
+    platform: str | None = None
+    """The one to command; None for the first that is heard."""
+    plan: Plan | None = None
+    """The selected mission."""
+    configuration: Configuration = Configuration()
+    """How the terminal looks, and where it was left."""
+    problem: str = ""
+    """Why the configuration file could not be used; empty where it could."""
+    foxglove_port: int | None = None
+    """Where Foxglove is served; None for nowhere."""
+
+
+class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """How a session without a terminal goes."""
+
+    wait_s: float = 60.0
+    """How long the platform may take to be heard."""
+    override: str = ""
+    """Why the mission shall start although checks are red; empty to have it refused then."""
+    is_at_contact: bool = False
+    """Brings the mission over at the next contact, however long that takes, and starts nothing."""
+
+
+class TerminalOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """How a session in the terminal goes."""
+
+    is_starting: bool = False
+    """Starts the selected mission without waiting for the key."""
+    is_closing: bool = False
+    """Closes when that mission has ended."""
+    web: WebOptions | None = None
+    """Where it is shown to a browser; None for the terminal that it was started in."""
+    opens: str = ""
+    """A mission file with errors, which is shown at the first of them."""
+
+
 class Session:
-    """What was asked for on the command line, ready to be run once."""
+    """A run of the station, ready to be run once.
 
-    def __init__(
-        self,
-        urls: Sequence[str],
-        system: int,
-        platform: str | None,
-        plan: Plan | None,
-        configuration: Configuration = Configuration(),  # noqa: B008 - immutable
-        problem: str = "",
-        record: Path | None = None,
-        *,
-        signing_key: bytes | None = None,
-        foxglove_port: int | None = None,
-        network: Membership | None = None,
-        modems: Sequence[tuple[str, str]] = (),
-    ) -> None:
-        """A run.
+    Args:
+        setup: what the station is.
+        options: what was asked for.
+    """
+
+    def __init__(self, setup: StationSetup, options: SessionOptions) -> None:
+        self._setup, self._options = setup, options
+
+    async def narrate(self, options: HeadlessOptions, data: Callable[[Line], None] | None = None) -> int:
+        """Flies the selected mission, or watches; narrates on stderr.
 
         Args:
-            urls: the links.
-            system: the station's MAVLink system.
-            platform: the one to command; None for the first that is heard.
-            plan: the mission at hand.
-            configuration: how the terminal looks, and where it was left.
-            problem: why the configuration file could not be used; empty where it could.
-            record: the folder in which the session is recorded, in a folder of its own; None for nowhere.
-            signing_key: signs all links; None for links that are not signed.
-            foxglove_port: where Foxglove is served; None for nowhere.
-            network: the network file of this station; None for MAVLink alone.
-            modems: acoustic modems: the platform that each leads to, and its URL.
-        """
-        self._network = network
-        self._acoustic = list(modems)
-        self._urls = list(urls)
-        self._system = system
-        self._platform = platform
-        self._plan = plan
-        self._configuration = configuration
-        self._problem = problem
-        self._signing_key = signing_key
-        self._foxglove_port = foxglove_port
-        self._links = Links()
-        self._record = record
-        self._events: EventsDesk | None = None
-        self._services: ServicesDesk | None = None
-        self._queue: ContactQueue | None = None
-
-    async def narrate(
-        self,
-        wait_s: float,
-        data: Callable[[Line], None] | None = None,
-        override: str = "",
-        *,
-        is_at_contact: bool = False,
-    ) -> int:
-        """Flies the mission at hand, or watches; narrates on stderr.
-
-        Args:
-            wait_s: how long the platform may take to be heard.
-            data: takes the same as data.
-            override: why it shall start although checks are red; empty to have it refused then.
-            is_at_contact: brings the mission over at the next contact, however long that takes, and starts nothing.
+            options: how.
+            data: receives the same as data.
 
         Returns:
             The exit code.
@@ -120,17 +101,18 @@ class Session:
             if data is not None:
                 data(line)
 
-        async with self._station() as station:
-            run = Headless(station, tell, platform=self._platform)
-            if self._problem:
-                run.say(f"warning: {self._problem}")
-            run.say(f"listening on {self._links.describe()}")
+        asked = self._options
+        async with self._ground() as ground:
+            run = Headless(ground.station, tell, platform=asked.platform)
+            if asked.problem:
+                run.say(f"warning: {asked.problem}")
+            run.say(f"listening on {ground.links.describe()}")
             work = asyncio.ensure_future(
                 run.watch()
-                if self._plan is None
-                else self._leave(run, self._plan, station)
-                if is_at_contact
-                else self._fly(run, self._plan, wait_s, override)
+                if asked.plan is None
+                else self._leave(run, asked.plan, ground)
+                if options.is_at_contact
+                else self._fly(run, asked.plan, options)
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -138,68 +120,48 @@ class Session:
             try:
                 return await work or 0
             except asyncio.CancelledError:
-                run.say(wording.farewell(station.fleet))
-                return 0 if self._plan is None else INTERRUPTED
+                run.say(wording.farewell(ground.station.fleet))
+                return 0 if asked.plan is None else INTERRUPTED
 
-    async def show(
-        self,
-        *,
-        is_starting: bool,
-        is_closing: bool,
-        keep: Callable[[Configuration], bool],
-        web: WebOptions | None = None,
-        opens: str = "",
-    ) -> int:
+    async def show(self, options: TerminalOptions, keep: Callable[[Configuration], bool]) -> int:
         """Opens the terminal.
 
         Args:
-            is_starting: starts the mission at hand without waiting for the key.
-            is_closing: closes when that mission has ended.
-            keep: is given the configuration when the terminal closes; tells whether it could be kept.
-            web: where it is shown to a browser; None for the terminal that it was started in.
-            opens: a mission file with errors, which is shown at the first of them.
+            options: how.
+            keep: receives the configuration when the terminal closes; returns whether it could be kept.
 
         Returns:
             The exit code.
         """
-        if web is not None:
+        if options.web is not None:
             os.environ.setdefault("TEXTUAL_COLOR_SYSTEM", "truecolor")  # read by Textual when it is loaded
-        from gloc3_groundstation.desk import Desk
         from gloc3_groundstation.tui.app import StationApp
 
-        async with self._station() as station:
-            file = None if self._record is None else self._record / f"{station.id}-{QUEUE_FILE}"
-            self._queue = ContactQueue(station, file)
+        asked = self._options
+        async with self._ground() as ground:
+            station = ground.station
             app = StationApp(
-                Desk(
-                    station,
-                    self._plan,
-                    events=self._events,
-                    services=self._services,
-                    links=self._links,
-                    queue=self._queue,
-                    author=operator(),
-                ),
-                self._configuration,
-                platform=self._platform,
-                waiting_for=self._links.describe,
-                is_starting=is_starting,
-                is_closing=is_closing,
-                is_in_browser=web is not None,
-                opens=opens,
+                self._desk(ground),
+                asked.configuration,
+                platform=asked.platform,
+                waiting_for=ground.links.describe,
+                is_starting=options.is_starting,
+                is_closing=options.is_closing,
+                is_in_browser=options.web is not None,
+                opens=options.opens,
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 loop.add_signal_handler(number, app.interrupt)
-            if self._problem:
-                station.note("", Severity.WARNING, self._problem)
+            if asked.problem:
+                station.note("", Severity.WARNING, asked.problem)
             gc.freeze()  # what is loaded stays: a search for garbage among it would hold keys up for a tenth of a second
-            if web is None:
+            if options.web is None:
                 end = await app.run_async()
             else:
-                async with _served(app.desk, web, lambda: app.window):
+                async with _served(app.desk, options.web, lambda: app.window):
                     end = await app.run_async()
-            if not keep(app.configuration()) and not self._problem:
+            if not keep(app.configuration()) and not asked.problem:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
             kept = app.desk.missions.keep_unsaved(unsaved_folder())
             if kept is not None:
@@ -208,111 +170,56 @@ class Session:
                 narrate(line)
             if end is None:
                 narrate(wording.farewell(station.fleet))
-                return app.return_code or int(is_closing)
+                return app.return_code or int(options.is_closing)
             return 0 if end.is_done else 1
 
-    async def _leave(self, run: Headless, plan: Plan, station: Station) -> int:
+    def _desk(self, ground: GroundStation) -> "Desk":
+        from gloc3_groundstation.desk import Desk
+
+        return Desk(
+            ground.station,
+            self._options.plan,
+            events=ground.events,
+            services=ground.services,
+            links=ground.links,
+            queue=ground.begin_queue(is_kept=True),
+            author=operator(),
+        )
+
+    async def _leave(self, run: Headless, plan: Plan, ground: GroundStation) -> int:
         """Queues a mission, and waits until it is there or refused."""
-        name = self._platform or next(iter(plan.platforms), "")
+        name = self._options.platform or next(iter(plan.platforms), "")
         if not name or len(plan.platforms) > 1:
             raise Refused("--at-contact needs --platform, and a mission for one")
-        self._queue = ContactQueue(station)
+        queue = ground.begin_queue(is_kept=False)
         async with run.narrating():
-            return 1 if await self._queue.ended(self._queue.add(name, plan)) else 0
+            return 1 if await queue.ended(queue.add(name, plan)) else 0
 
     @staticmethod
-    async def _fly(run: Headless, plan: Plan, wait_s: float, override: str) -> int:
+    async def _fly(run: Headless, plan: Plan, options: HeadlessOptions) -> int:
+        author = operator() if options.override else ""
         try:
-            return 0 if (await run.fly(plan, wait_s, override, operator() if override else "")).is_done else 1
+            return 0 if (await run.fly(plan, options.wait_s, options.override, author)).is_done else 1
         except Gloc3Error as error:
             run.say(f"error: {error}")
             return 1
 
     @asynccontextmanager
-    async def _station(self) -> AsyncIterator[Station]:
-        topics = TopicTable.installed()
-        exchange = LocalExchange(topics)
-        boot = secrets.randbits(32)
-        loop = asyncio.get_running_loop()
-        name = str(self._system) if self._network is None else self._network.file.member
-        shown = None if self._record is None else FeedFile(self._record / f"{name}-{FILE}", loop)
-        station = Station(exchange, loop, name, boot, None if shown is None else shown.feed)
-        silences = None if self._record is None else SilenceFile(self._record / f"{name}-{SILENCES}", station, loop)
-        if self._network is not None:
-            station.client.role = role_of(self._network)
-        station.round_trip_s = self._links.round_trip_s
-        recording = self._begin_recording(station, loop, topics)
-        store = EventStore(recording.events if recording else None, Clock(loop).utc_offset_s)
-        self._events = EventsDesk(station, store)
-        vehicles = Vehicles(station, self._links.ways)
-        folder = Path(self._configuration.downloads or ".").expanduser()
-        self._services = ServicesDesk(station, vehicles.reach, folder)
-        view: LiveView | None = None
-        modems: list[Modem] = []
+    async def _ground(self) -> AsyncIterator[GroundStation]:
+        """The station with its links, and with Foxglove's view of it, if that was asked for."""
+        ground, view = GroundStation(self._setup), None
         try:
-            if recording is not None:
-                recording.attach(exchange)
-            await self._links.open(
-                self._urls,
-                exchange=exchange,
-                topics=topics,
-                system=self._system,
-                boot=boot,
-                told=lambda text: station.note("", Severity.WARNING, text),
-                undelivered=station.client.undelivered,
-                tap=recording.frame if recording else lambda _: None,
-                signing_key=self._signing_key,
-                network=self._network,
-            )
-            for platform, url in self._acoustic:
-                modems.append(await open_modem(platform, url, station, exchange, boot))
-            view = self._serve_foxglove(station, exchange, loop, topics)
-            yield station
+            await ground.open(self._options.urls, self._options.modems)
+            if self._options.foxglove_port is not None:
+                offset_s = Clock(ground.loop).utc_offset_s
+                view = LiveView(ground.station, ground.exchange, ground.loop, ground.topics, offset_s)
+                url = view.open(self._options.foxglove_port)
+                ground.station.note("", Severity.NOTICE, f"Foxglove is served, view only: {url}")
+            yield ground
         finally:
             if view is not None:
                 view.close()
-            vehicles.close()
-            if self._queue is not None:
-                self._queue.close()
-            for modem in modems:
-                await modem.close()
-            await self._services.close()
-            if silences is not None:
-                silences.close()
-            station.close()
-            if shown is not None:
-                shown.close()
-            await self._links.close()
-            if recording is not None:
-                recording.close()
-            store.close()
-
-    def _serve_foxglove(
-        self, station: Station, exchange: LocalExchange, loop: asyncio.AbstractEventLoop, topics: TopicTable
-    ) -> LiveView | None:
-        """Foxglove's view of the vehicles, if it was asked for."""
-        if self._foxglove_port is None:
-            return None
-        view = LiveView(station, exchange, loop, topics, Clock(loop).utc_offset_s)
-        url = view.open(self._foxglove_port)
-        station.note("", Severity.NOTICE, f"Foxglove is served, view only: {url}")
-        return view
-
-    def _begin_recording(
-        self, station: Station, loop: asyncio.AbstractEventLoop, topics: TopicTable
-    ) -> Recording | None:
-        """The logs of this session; without a place for them the station works all the same, and says so."""
-        if self._record is None:
-            return None
-
-        def tell(text: str) -> None:
-            station.note("", Severity.WARNING, text)
-
-        try:
-            return Recording(self._record, Clock(loop), loop, topics, station.id, tell)
-        except Gloc3Error as error:
-            tell(str(error))
-            return None
+            await ground.close()
 
 
 @asynccontextmanager

@@ -1,7 +1,7 @@
 """The only wiring of a vehicle's onboard side: platform, links, devices, clock and storage in, named parts out.
 
 The onboard process, another host, a child process and a flight in virtual time differ in what they hand in, and in
-`ONLY_IN_WALL_TIME`, in nothing else.
+`NOT_IN_FLIGHTS`, in nothing else.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ from gloc3.counting import counted
 from gloc3.deployment import ComponentRow
 from gloc3.exchange.link_budget import budget_of
 from gloc3.link.codec import Frame, MavlinkMessage
-from gloc3.link.endpoints import LinkEnd, parse_url
+from gloc3.link.endpoints import Endpoint, parse_url
 from gloc3.link.ftp_files import Files
 from gloc3.link.router import Router
 from gloc3.link.signed_only import SignedOnly
@@ -25,6 +25,7 @@ from gloc3.messages import Severity
 from gloc3.platform import Platform
 from gloc3.readiness import LinkCondition
 from gloc3.requested_path import RequestedPath
+from gloc3.store import Records
 from gloc3_onboard.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
@@ -38,7 +39,6 @@ from gloc3_onboard.event_narration import EventNarration, Report
 from gloc3_onboard.herald import Herald
 from gloc3_onboard.link_watch import LinkWatch
 from gloc3_onboard.rate_watch import RateWatch
-from gloc3_onboard.records import Records
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.routing import Keep, RoutedLink, keep_nothing
 from gloc3_onboard.runner import Create, Member, Onboard
@@ -52,7 +52,7 @@ from gloc3_onboard.vitals import Vitals
 
 P = TypeVar("P")
 
-ONLY_IN_WALL_TIME: Final[Mapping[str, str]] = {
+NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
     "run log": "rotates files by their size on a real disk; a flight writes one log, without measured times",
     "disk readers": "threads; a flight reads its logs at once",
     "host agent": "leads child processes of the operating system, and reports the computer's load",
@@ -204,7 +204,7 @@ class Attachment(NamedTuple):
     """A link without its endpoint: `receive` gets what the endpoint receives, then `open` gets the endpoint."""
 
     receive: Callable[[bytes], None]
-    open: Callable[[LinkEnd], None]
+    open: Callable[[Endpoint], None]
 
 
 class Vehicle:
@@ -223,7 +223,7 @@ class Vehicle:
         exchange, loop, name = context.exchange, context.loop, context.platform
         self.parts: Final = parts
         self.stations: Final[list[StationLink]] = []
-        self._ends: list[LinkEnd] = []
+        self._ends: list[Endpoint] = []
         self._routed: list[RoutedLink] = []
         self._may_write = True
         self._autopilot_url = autopilot_url
@@ -337,7 +337,7 @@ class Vehicle:
 
     def attach_modem(self, key: bytes | None = None, period_s: float = PERIOD_S) -> Attachment:
         """An acoustic modem, which carries nothing of the other links."""
-        context, ends = self._inputs.context, list[LinkEnd]()
+        context, ends = self._inputs.context, list[Endpoint]()
         modem = AcousticLink(
             context.platform,
             context.exchange,
@@ -349,7 +349,7 @@ class Vehicle:
         )
         self.parts.add("acoustic link", modem, modem.close)
 
-        def opened(end: LinkEnd) -> None:
+        def opened(end: Endpoint) -> None:
             ends.append(end)
             self._ends.append(end)
 
@@ -368,7 +368,7 @@ class Vehicle:
         return self.parts.add(f"routed link {number}", routed, routed.close)
 
     def _attachment(self, routed: RoutedLink, opened: Callable[[RoutedLink], None]) -> Attachment:
-        def open_both(end: LinkEnd) -> None:
+        def open_both(end: Endpoint) -> None:
             self._ends.append(end)
             routed.open(end)
             opened(routed)

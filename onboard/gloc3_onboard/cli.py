@@ -77,7 +77,7 @@ def _loop_factory(platform: str, host: str | None) -> Callable[[], asyncio.Abstr
     if host is None:
         return None
     from gloc3.places import clock_host
-    from gloc3.platform import load_platform
+    from gloc3.platform_reader import load_platform
     from gloc3_onboard.nodes.loop import PlatformLoop
 
     return None if clock_host(load_platform(platform)) == host else PlatformLoop

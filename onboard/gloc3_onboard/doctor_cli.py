@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from gloc3.errors import Refused
 from gloc3.narrate import narrate
-from gloc3.platform import find_platform, load_platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.preflight import Check, summary, worst
 from gloc3_onboard.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from gloc3.link.endpoints import LinkEnd
+from gloc3.link.endpoints import Endpoint
 from gloc3.messages import Severity
 
 LOOK_AFTER_S: Final = 3.0
@@ -21,7 +21,7 @@ class LinkWatch:
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, endpoints: Sequence[LinkEnd], say: Callable[[Severity, str], None]
+        self, loop: asyncio.AbstractEventLoop, endpoints: Sequence[Endpoint], say: Callable[[Severity, str], None]
     ) -> None:
         self._loop, self._endpoints, self._say = loop, endpoints, say
         self._told: dict[str, str] = {}

@@ -9,7 +9,8 @@ import msgspec
 from gloc3.document import Document, load_bytes, parse
 from gloc3.errors import Finding, InputError, NotThere, Refused
 from gloc3.places import host_names, place_of
-from gloc3.platform import Platform, find_platform, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, read_platform
 from gloc3_onboard.process import DEVICES
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.sources.places import place_problem

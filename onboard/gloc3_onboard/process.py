@@ -17,7 +17,8 @@ from gloc3.messages import Severity
 from gloc3.narrate import Narrator, narrate
 from gloc3.network.file import Membership, read_network
 from gloc3.places import Place, choose_host, clock_host, rows_at
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.readiness import SensorCondition
 from gloc3_onboard.assembly import Attachment, Hosting, Vehicle, VehicleInputs, devices_of, open_sensors
 from gloc3_onboard.computer import HostComputer

@@ -14,7 +14,9 @@ from gloc3.link.signing import Signing
 from gloc3.link.signing_key import read_signing_key
 from gloc3.messages import Severity
 from gloc3.places import Place
-from gloc3.platform import Platform, find_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform
+from gloc3.store import RecordFile
 from gloc3_onboard.assembly import Parts, Storage
 from gloc3_onboard.command_server.log_shelf import LogShelf
 from gloc3_onboard.companion.files import shared_files
@@ -23,7 +25,6 @@ from gloc3_onboard.devices import Rig
 from gloc3_onboard.event_narration import Report
 from gloc3_onboard.log_files import LogFiles, log_stem
 from gloc3_onboard.process_options import ProcessOptions
-from gloc3_onboard.records import RecordFile
 from gloc3_onboard.run_log import RunLog
 from gloc3_onboard.signing_memory import SigningMemory
 from gloc3_onboard.storage import PictureFolder

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, Literal
 
 from gloc3.link.codec import Frame, Parser
-from gloc3.link.endpoints import SERIAL_SCHEMES, LinkEnd, parse_url
+from gloc3.link.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
 from gloc3.link.lanes import DATAGRAM_BYTES, Lanes
 from gloc3.link.outlet import Outlet
 from gloc3.link.router import Router
@@ -62,7 +62,7 @@ class RoutedLink:
         self._keep, self._signed_only = keep, signed_only
         self._parser = Parser()
         self._own = Parser(is_datagram=True)
-        self._endpoint: LinkEnd | None = None
+        self._endpoint: Endpoint | None = None
         self._lanes: Lanes | None = None
         self._settling: asyncio.TimerHandle | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -73,7 +73,7 @@ class RoutedLink:
         self._last = LinkCondition(self.url, "not open")
         self._looked: tuple[float, int, int] = (loop.time(), 0, 0)
 
-    def open(self, endpoint: LinkEnd) -> None:
+    def open(self, endpoint: Endpoint) -> None:
         """Begins; the endpoint's owner passes what it hears to `receive`."""
         self._endpoint = endpoint
         self._parser = Parser(is_datagram=endpoint.is_datagram)

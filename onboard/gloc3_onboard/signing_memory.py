@@ -9,7 +9,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.link.signing import MAY_BE_OFF, TICKS_PER_S, Signing, Stream, Streams, timestamp
-from gloc3_onboard.records import RecordFile
+from gloc3.store import RecordFile, RecordStore
 
 AHEAD: Final = 4 * TICKS_PER_S
 """So much more than was heard is written down, so that it is not done with each frame: after a crash, who did not sleep
@@ -53,7 +53,7 @@ class _Kept:
 
     def __init__(self, path: Path, clock: Clock, told: Callable[[str], None]) -> None:
         self._path, self._told = path, told
-        self._records = RecordFile(path)
+        self._records = RecordStore(RecordFile(path), f"times of signed frames in {path}")
         self._written = self._read(clock)
         """In the file; a frame that is later is taken only after that is."""
         self.streams: Final = Streams(self._written, self._noted)
@@ -62,13 +62,11 @@ class _Kept:
         """Writes all streams, so much ahead of what was heard."""
         self._written = {stream: time + ahead for stream, time in self.streams.latest.items()}
         record = msgspec.msgpack.encode([(*stream, time) for stream, time in self._written.items()])
-        try:
-            self._records.rewrite([record], outlives_power_cut=not ahead)
-        except OSError as error:
+        self._records.rewrite([record], outlives_power_cut=not ahead)
+        if self._records.problem:
             told, self._told = self._told, lambda _: None
             told(
-                f"{self._path} cannot be written ({error.strerror or error}): after a restart, signed frames of the "
-                "minute before it may be taken once more"
+                f"{self._records.problem}: after a restart, signed frames of the minute before it may be taken once more"
             )
 
     def _noted(self, stream: Stream) -> None:
@@ -77,12 +75,14 @@ class _Kept:
 
     def _read(self, clock: Clock) -> dict[Stream, int]:
         """What still matters: new streams of older times are refused anyway, and those of later ones."""
+        records, rows = self._records.load(), list[tuple[int, int, int, int]]()
+        problem = self._records.problem
         try:
-            records = self._records.load()
             rows = msgspec.msgpack.decode(records[0], type=list[tuple[int, int, int, int]]) if records else []
-        except (OSError, msgspec.DecodeError) as error:
-            self._told(f"{self._path} cannot be read ({error}): it is begun anew")
-            rows = []
+        except msgspec.DecodeError as error:
+            problem = f"{self._path} cannot be read: {error}"
+        if problem:
+            self._told(f"{problem}: it is begun anew")
         now, is_right = timestamp(clock.utc_s()), clock.is_utc_right()
         return {
             (system, component, link): time

@@ -12,7 +12,8 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.mission.model import Mission
 from gloc3.narrate import narrate
-from gloc3.platform import Limits, Platform
+from gloc3.platform import Platform
+from gloc3.platform_limits import Limits
 from gloc3_sitl.child import Child
 from gloc3_sitl.mission_file import MissionFile, Place, is_without_satellites, place_for, read_mission_file
 from gloc3_sitl.outputs import make_anew

@@ -52,7 +52,7 @@ def demo(
         out: Folder for everything that the flight leaves, in place of an earlier flight's.
         headless: Narrate, also on a terminal.
     """
-    from gloc3.platform import load_platform
+    from gloc3.platform_reader import load_platform
     from gloc3_sitl.demo import DemoOptions, run_demo
     from gloc3_sitl.mission_file import find_file, platform_for
     from gloc3_sitl.vehicles.table import style_of, vehicle_of

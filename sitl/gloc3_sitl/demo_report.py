@@ -6,7 +6,7 @@ from gloc3.exchange import LocalExchange
 from gloc3.log.plot import plot_path
 from gloc3.log.reader import LogReader
 from gloc3.mission.model import Mission
-from gloc3.platform import Limits
+from gloc3.platform_limits import Limits
 from gloc3_sitl.flight_messages import SimTruth
 from gloc3_sitl.flight_report import as_json, as_lines, judge_within
 from gloc3_sitl.flight_watch import FlightWatch

@@ -3,75 +3,31 @@
 import asyncio
 from collections.abc import Sequence
 from contextlib import AsyncExitStack
-from functools import partial
 from random import Random
 from types import TracebackType
 from typing import Final, Self
 
 import msgspec
 
-from gloc3.exchange import LocalExchange
-from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.link.memory import MemoryLink
-from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link
-from gloc3_groundstation.station import Station
-from gloc3_groundstation.ways import NETWORK, Way, Ways
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_sitl.flight import Flight, FlightPlan
-from gloc3_sitl.ground_side import STATION_ID
+
+STATION_ID: Final = 255
 
 
-class FleetGround:
-    """A station with a link of its own to each vehicle.
+class FleetGround(GroundStation):
+    """A station with a link of its own to each vehicle."""
 
-    Args:
-        loop: the virtual one.
-        topics: the topics that are known.
-        boot: a random number for this start of the station.
-        system: the station's MAVLink system.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, topics: TopicTable, boot: int, system: int) -> None:
-        self._loop, self._topics, self._boot, self._system = loop, topics, boot, system
-        self.exchange: Final = LocalExchange()
-        self.station: Final = Station(self.exchange, loop, str(system), boot)
+    def __init__(self, setup: StationSetup) -> None:
+        super().__init__(setup)
         self.radios: Final[dict[str, MemoryLink]] = {}
         """The first link to each vehicle."""
-        self._links: list[Link] = []
-        self._ways = Ways()
 
     def join(self, name: str, radio: MemoryLink) -> None:
         """Opens a link to a vehicle, the first or one more."""
-        end = radio.a
         self.radios.setdefault(name, radio)
-        made: list[Link] = []
-        way = self._ways.open(Way(NETWORK, lambda platform: made[0].age_s(platform) if made else None))
-        link = Link(
-            end.send,
-            loop=self._loop,
-            exchange=self.exchange,
-            topics=self._topics,
-            system=self._system,
-            boot=self._boot,
-            told=lambda _: None,
-            undelivered=partial(self._give_up, way),
-            carries=partial(self._ways.carries, way),
-            is_new=partial(self._ways.is_new, way),
-        )
-        made.append(link)
-        end.on_data = link.receive
-        self._links.append(link)
-
-    def _give_up(self, way: int, lost: Undelivered) -> None:
-        if self._ways.is_lost(way, lost):
-            self.station.client.undelivered(lost)
-
-    def close(self) -> None:
-        """Falls silent, as when its process ends."""
-        self.station.close()
-        for link in self._links:
-            link.close()
-        self._links.clear()
+        self.attach(radio.a)
 
 
 class FleetFlight:
@@ -85,7 +41,6 @@ class FleetFlight:
 
     def __init__(self, plans: Sequence[FlightPlan], stations: int = 1, seed: int = 0) -> None:
         self.loop: Final = asyncio.get_running_loop()
-        self.topics: Final = TopicTable.installed()
         alone = (msgspec.structs.replace(plan, has_station=False) for plan in plans)
         self.flights: Final = {flight.name: flight for flight in map(Flight, alone)}
         self._random = Random(seed)
@@ -105,7 +60,7 @@ class FleetFlight:
     ) -> None:
         """Ends everything."""
         for ground in self.grounds:
-            ground.close()
+            await ground.close()
         await self._stack.aclose()
 
     def add_station(self, system: int) -> FleetGround:
@@ -116,7 +71,7 @@ class FleetFlight:
         return ground
 
     def _ground(self, system: int) -> FleetGround:
-        return FleetGround(self.loop, self.topics, self._random.getrandbits(32), system)
+        return FleetGround(StationSetup(boot=self._random.getrandbits(32), system=system))
 
     def _join(self, ground: FleetGround) -> None:
         for name, flight in self.flights.items():

@@ -23,16 +23,18 @@ from gloc3.exchange import Publisher
 from gloc3.frames import GeoPoint, TangentPlane
 from gloc3.link.codec import Frame, Parser
 from gloc3.link.memory import ACOUSTIC, Conditions, MemoryLink
-from gloc3.messages import Envelope, Message, Severity
+from gloc3.messages import Envelope, Message
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, load_mission
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
 from gloc3.record import PLATFORM_FILE, Recorder
+from gloc3.store import MemoryRecords
 from gloc3.topics import TopicTable
 from gloc3.vehicle import Pose
 from gloc3_groundstation import flights
-from gloc3_groundstation.acoustic_way import AcousticWay
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.flights import End
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
@@ -48,7 +50,6 @@ from gloc3_onboard.companion.files import LOGS, Folders
 from gloc3_onboard.companion.files import LogFiles as SharedLogs
 from gloc3_onboard.computer import SimulatedComputer
 from gloc3_onboard.log_files import LogFiles
-from gloc3_onboard.records import MemoryRecords
 from gloc3_onboard.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.sensor_watch import SensorWatch
 from gloc3_onboard.sources.asked import NOWHERE
@@ -59,7 +60,6 @@ from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
 from gloc3_sitl.flight_messages import SimFault, SimTruth
-from gloc3_sitl.ground_side import GroundSide
 from gloc3_sitl.mission_file import is_without_satellites, looks_down, place_for
 from gloc3_sitl.path_error import Sample
 from gloc3_sitl.sabotage import CycleCost, Sabotage, TappedExchange
@@ -158,11 +158,10 @@ class Flight:
         self.cable: Final = MemoryLink(self.loop, Random(plan.seed + 1), AUTOPILOT_CABLE)
         self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
         self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
-        self.ground: Final = GroundSide(self.loop, self.topics, self.random.getrandbits(32))
+        self._ground_boot = self.random.getrandbits(32)
         self.modem: Final = MemoryLink(self.loop, Random(plan.seed + 99), ACOUSTIC, is_half_duplex=True)
         """The acoustic modem's way; the station's end is `a`."""
         self._acoustic: AcousticLink | None = None
-        self._acoustic_way: AcousticWay | None = None
         self._further_radios: list[MemoryLink] = []
         self._further_links: list[StationLink] = []
         self._publisher = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
@@ -233,9 +232,7 @@ class Flight:
         self.simulator.start(self.loop)
         self.start_onboard()
         if self.plan.has_station:
-            self.ground.open(self.radio.a)
-        if self.plan.modem_period_s:
-            self._open_modem()
+            self.start_station(self._ground_boot)
         self._tell_truth()
         return self
 
@@ -245,9 +242,8 @@ class Flight:
         """Ends everything; the log is closed whatever has happened."""
         if self._truth_timer is not None:
             self._truth_timer.cancel()
-        self.ground.close()
-        if self._acoustic_way is not None:
-            self._acoustic_way.close()
+        if self.plan.has_station:
+            await self.ground.close()
         self.kill_onboard()
         self.simulator.stop()
         if self.recorder is not None:
@@ -309,24 +305,12 @@ class Flight:
         self.autopilot_link.open(self.cable.b)
         self.onboard.begin()
 
-    def _open_modem(self) -> None:
-        """The station's end of the acoustic modem."""
-
-        def is_silent() -> bool:
-            known = self.station.fleet.get(self.name)
-            return known is None or known.is_quiet_link(self.loop.time())
-
-        self._acoustic_way = AcousticWay(
-            self.name,
-            self.ground.exchange,
-            self.loop,
-            1,
-            self.modem.a.send,
-            is_silent,
-            lambda text: self.station.note(self.name, Severity.NOTICE, text),
-            self.clock.utc_s,
-        )
-        self.modem.a.on_data = self._acoustic_way.receive
+    def start_station(self, boot: int) -> None:
+        """Starts the ground station, the first time or after it was closed."""
+        self.ground = GroundStation(StationSetup(boot=boot))
+        self.ground.attach(self.radio.a)
+        if self.plan.modem_period_s:
+            self.ground.attach_modem(self.name, self.modem.a)
 
     def add_radio(self) -> MemoryLink:
         """One more link to a station; the station's end is `a`."""

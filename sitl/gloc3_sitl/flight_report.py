@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import msgspec
 
 from gloc3.mission.estimate import span
-from gloc3.platform import Limits
+from gloc3.platform_limits import Limits
 from gloc3.requested_path import RequestedFlight
 from gloc3_sitl.path_error import PASSED_M, LegResult, PathResult, Sample, path_error
 

@@ -90,7 +90,7 @@ def fly(
         raise Refused(f"--wind must be from 0 to {MOST_WIND_M_S:g} m/s")
     if seed < 0:
         raise Refused("--seed must be 0 or more")
-    from gloc3.platform import load_platform
+    from gloc3.platform_reader import load_platform
     from gloc3_sitl.faults import read_fault
     from gloc3_sitl.flight import DEVICES
     from gloc3_sitl.flight_report import as_json, as_lines

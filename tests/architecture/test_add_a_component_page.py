@@ -14,7 +14,8 @@ from gloc3.component_cli import app
 from gloc3.component_description import describe, find_class, installed
 from gloc3.deployment_check import check_deployment
 from gloc3.lci import State
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
 from gloc3.testing import Bench
 from gloc3.topics import TopicTable
 

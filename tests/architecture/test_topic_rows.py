@@ -6,7 +6,7 @@ import pytest
 
 from gloc3.deployment_check import TOLD_BY_HOSTS, check_deployment
 from gloc3.messages import Message
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.topics import TopicTable, matches
 from gloc3.wire import type_name
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.cli import SUMMARIES, run
-from gloc3.platform import find_platform
+from gloc3.platform_reader import find_platform
 from gloc3_sitl.fault_effects import EFFECTS
 from gloc3_sitl.faults import SHORT
 

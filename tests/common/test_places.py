@@ -4,7 +4,8 @@ import pytest
 
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.places import Place, child_processes, choose_host, clock_host, is_in_one_process, place_of, rows_at
-from gloc3.platform import Platform, load_platform, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform, read_platform
 
 PLATFORM = """\
 platform: pelican

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Finding, InputError
-from gloc3.platform import find_platform, load_platform, read_platform
+from gloc3.platform_reader import find_platform, load_platform, read_platform
 
 PELICAN = """\
 platform: pelican

@@ -46,7 +46,7 @@ def growth() -> dict[str, float]:
     from gloc3.link.codec import Encoder, Parser, message
     from gloc3.link.ftp import Operation, Payload
     from gloc3.link.message import Address
-    from gloc3.platform import load_platform
+    from gloc3.platform_reader import load_platform
     from gloc3_onboard.companion.companion import Companion
     from gloc3_onboard.companion.files import MemoryFiles
 

@@ -193,7 +193,7 @@ async def _pull(flight: Flight, folder: Path) -> tuple[Pulled, float]:
             flight.radio.set_conditions(Conditions(loss=1.0))
             loop.call_later(DROP_S, flight.radio.set_conditions, STATION_RADIO)
 
-    async with ftp_carrier(flight.ground, Address(1, 191)) as carrier:
+    async with ftp_carrier(flight.ground.links.ways()[0][1], Address(1, 191)) as carrier:
         puller = LogPuller(flight.station, "auv", carrier, came)
         await puller.cut()
         log = next(one for one in await puller.list() if one.name == "log.mcap")

@@ -38,12 +38,10 @@ from tests.flight.fleet_trial import (
 )
 from tests.flight.fleet_trial import ways as ways_of
 
-from gloc3.exchange import LocalExchange
 from gloc3.log.reader import LogReader
-from gloc3.platform import find_platform
+from gloc3.platform_reader import find_platform
 from gloc3.topics import TopicTable
-from gloc3_groundstation.links import Links
-from gloc3_groundstation.station import Station
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_sitl.demo import free_ports
 
 ROOT = Path(__file__).parents[2]
@@ -70,13 +68,9 @@ async def _operate(
     system: int, seed: int, span_s: float, crash_s: float, names: Sequence[str], urls: Sequence[str]
 ) -> None:
     """One station: commands for a while, then waits for the rest of the answers."""
-    loop, exchange, topics, links = asyncio.get_running_loop(), LocalExchange(), TopicTable.installed(), Links()
-    boot = Random(f"{system} {seed}").getrandbits(32)
-    station = Station(exchange, loop, str(system), boot)
-    told = station.client.undelivered
-    await links.open(
-        urls, exchange=exchange, topics=topics, system=system, boot=boot, told=lambda _: None, undelivered=told
-    )
+    ground = GroundStation(StationSetup(boot=Random(f"{system} {seed}").getrandbits(32), system=system))
+    await ground.open(urls)
+    loop, station = ground.loop, ground.station
     began_s = loop.time()
     while not knows_everything(station, names) and loop.time() < began_s + FULL_WITHIN_S:
         await asyncio.sleep(0.05)
@@ -90,8 +84,7 @@ async def _operate(
         if held:
             _say({"crashed_holding": held})
             os.kill(os.getpid(), signal.SIGKILL)
-    station.close()
-    await links.close()
+    await ground.close()
 
 
 def _say(what: Any) -> None:

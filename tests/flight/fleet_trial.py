@@ -258,7 +258,7 @@ async def _trial(seed: int, platforms: int, stations: int, span_s: float, file: 
         async def upsets() -> tuple[list[str], float]:
             await asyncio.sleep(CRASH_S)
             held = await operators[0].seize()
-            fleet.grounds[0].close()
+            await fleet.grounds[0].close()
             work[0].cancel()
             await asyncio.sleep(LATE_S - CRASH_S)
             late = fleet.add_station(200).station

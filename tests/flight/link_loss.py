@@ -14,7 +14,6 @@ from tests.flight.missions import mission
 from gloc3.ci import Outcome, Preflight, Steer, Verb
 from gloc3.preflight import PreflightReport, red
 from gloc3_sitl.autopilot.surroundings import Power
-from gloc3_sitl.ground_side import GroundSide
 
 LINKS = ("station", "autopilot")
 PHASES = ("idle", "taking off", "mission", "paused", "landing")
@@ -144,7 +143,7 @@ def _is_shown_silent(card: Card) -> bool:
 def _restart_station(card: Card, case: Case) -> float:
     """The station's process dies, and comes again under the same id."""
     flight, began_s = card.flight, card.now_s
-    flight.ground.close()
+    card.run(flight.ground.close())
     card.wait(LONG_S["station"])
     if case.is_under_way:
         assert card.mission.policy == "hold", card.story("it holds without a station")
@@ -154,8 +153,7 @@ def _restart_station(card: Card, case: Case) -> float:
 
 async def _new_station(card: Card) -> None:
     flight = card.flight
-    flight.ground = GroundSide(flight.loop, flight.topics, 4711)  # type: ignore[misc] # a new process
-    flight.ground.open(flight.radio.a)
+    flight.start_station(4711)  # a new process
     await asyncio.sleep(3.0)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from gloc3.clock import VirtualLoop
-from gloc3.platform import find_platform
+from gloc3.platform_reader import find_platform
 from gloc3_sitl.fleet_flight import FleetFlight
 from gloc3_sitl.flight import FlightPlan
 

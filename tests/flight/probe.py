@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from gloc3.frames import Quaternion, Vector3
-from gloc3.platform import find_platform
+from gloc3.platform_reader import find_platform
 from gloc3.ports import Inbox, Result
 from gloc3_onboard.processors.pose_fusion import PoseFusionProcessor
 

@@ -12,8 +12,8 @@ from tests.flight.missions import mission
 
 from gloc3.ci import EmergencyVerb
 from gloc3.mission.states import ActionState
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.records import MemoryRecords
 
 pytestmark = ONE_STYLE
 LONGEST_S = 1.0

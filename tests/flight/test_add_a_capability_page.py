@@ -16,7 +16,8 @@ from gloc3.mission.arguments import argument_kinds
 from gloc3.mission.capability_lines import capability_line
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.mission_schema import mission_schema
-from gloc3.platform import Platform, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import read_platform
 from gloc3_groundstation.missions.forms import form_for
 
 PAGE = (Path(__file__).parents[2] / "docs" / "add-a-capability.md").read_text(encoding="utf-8")

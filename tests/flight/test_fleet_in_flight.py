@@ -134,7 +134,7 @@ def test_another_station_takes_over_and_passes_on_in_place_of_the_first(plan: Pl
             first, second = (ground.station for ground in fleet.grounds)
             await begun(first, plan)
             await until(first, "heron", "follow", "running")
-            fleet.grounds[0].close()
+            await fleet.grounds[0].close()
             for name in plan.platforms:
                 await second.client.take_control(name, is_take_over=True)
             await until(second, "pelican", "back", "done", 90.0)

@@ -7,7 +7,7 @@ from tests.flight.missions import OUT, mission
 from gloc3.ci_summaries import Health
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.vehicle import FlightMode
 from gloc3_onboard.process import DEVICES as PROCESS_DEVICES
 from gloc3_sitl.flight import DEVICES

@@ -15,7 +15,7 @@ from gloc3.link.parameter import Parameter, ParameterType, parameter
 from gloc3_groundstation import fleet as reducers
 from gloc3_groundstation.configuration import Configuration
 from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext
 from gloc3_groundstation.services.machines import Wire
 from gloc3_groundstation.services_desk import ServicesDesk
 from gloc3_groundstation.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Timed
@@ -99,7 +99,7 @@ async def services_scene(
     vehicle = ScriptedVehicle(
         loop, memory, autopilot=autopilot, parameters=parameters, logs=logs or Logs(), folder=folder
     )
-    link = Link(memory.a.send, loop=loop, exchange=exchange, topics=TOPICS, system=255, boot=1, told=lambda text: None)
+    link = Link(memory.a.send, LinkContext(loop=loop, exchange=exchange, topics=TOPICS, boot=1))
     memory.a.on_data = link.receive
     station = Station(exchange, loop, "255", 11)
 

@@ -13,7 +13,7 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.functions import GENERIC
 from gloc3.lci import CREATE, TABLE
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_groundstation.component_desk import arguments
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.plans import known_platform

@@ -4,7 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from gloc3.ci_summaries import ComponentLine, Health
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_groundstation.data_chain import Wiring, stages
 from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.lines import text_of

@@ -7,10 +7,10 @@ import pytest
 from gloc3.ci import CiReply, CiRequest, Outcome, ReadReports, StationRole
 from gloc3.ci_summaries import CiEvent, ContactSummary, Health
 from gloc3.messages import Severity
+from gloc3.store import MemoryRecords
 from gloc3_groundstation.event_feed import Cursor, EventFeed, ToldEvent
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.report_store import MOST_KEPT, SPARE, ReportStore
-from gloc3_onboard.records import MemoryRecords
 
 STORE = 7
 
@@ -178,7 +178,7 @@ def test_what_had_no_room_on_the_disk_is_there_with_the_next_event(monkeypatch: 
     with monkeypatch.context() as patch:
         patch.setattr(records, "append", full)
         store.add(CiEvent(severity=Severity.INFO, source="s", text="1", t_s=0.0))
-    assert store.problem == "events cannot be kept: No space left on device"
+    assert store.problem == "the events cannot be kept: No space left on device"
     store.add(CiEvent(severity=Severity.INFO, source="s", text="2", t_s=1.0))
     assert store.problem == ""
     assert [event.text for event in ReportStore(records, 99).after(0, 9)] == ["1", "2"]

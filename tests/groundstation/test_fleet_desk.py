@@ -11,10 +11,9 @@ from gloc3.ci_summaries import ControlState
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
-from gloc3.topics import TopicTable
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import Desk
 from gloc3_groundstation.fleet_desk import Order
-from gloc3_groundstation.links import Links
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
 from gloc3_onboard.command_server.control import ControlAuthority
@@ -137,9 +136,9 @@ def test_a_refused_request_leaves_control_where_it_is_and_a_take_over_does_not_a
 
 @pytest.mark.sockets
 async def test_links_are_opened_and_closed_while_the_station_runs() -> None:
-    exchange, links, told = LocalExchange(), Links(), list[str]()
-    station = Station(exchange, asyncio.get_running_loop(), "255", 1)
-    await links.open([], exchange=exchange, topics=TopicTable.installed(), system=255, boot=1, told=told.append)
+    told = list[str]()
+    ground = GroundStation(StationSetup(boot=1), report=told.append)
+    station, links = ground.station, ground.links
     desk = Desk(station, links=links)
     try:
         assert await desk.fleet.add_link("udpin://127.0.0.1:0")

@@ -15,7 +15,7 @@ from gloc3.link.endpoints import Endpoint, open_endpoint
 from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext
 from gloc3_groundstation.station import Station
 from gloc3_onboard.station_link import StationLink
 
@@ -44,13 +44,7 @@ class Ends:
         self.station = Station(here, loop, "255", 11)
         self.link = Link(
             memory.a.send,
-            loop=loop,
-            exchange=here,
-            topics=TOPICS,
-            system=255,
-            boot=11,
-            told=lambda _: None,
-            undelivered=self.station.client.undelivered,
+            LinkContext(loop=loop, exchange=here, topics=TOPICS, boot=11, undelivered=self.station.client.undelivered),
         )
         memory.a.on_data = self.link.receive
         loop.call_later(0.3, self.platform.speak_every, 0.5)
@@ -133,13 +127,7 @@ async def test_a_station_that_speaks_from_another_address_is_answered_there() ->
 
     link = Link(
         lambda data: lines[-1].send(data) if lines else None,
-        loop=loop,
-        exchange=here,
-        topics=TOPICS,
-        system=255,
-        boot=11,
-        told=lambda _: None,
-        undelivered=station.client.undelivered,
+        LinkContext(loop=loop, exchange=here, topics=TOPICS, boot=11, undelivered=station.client.undelivered),
     )
     try:
         await go_online()

@@ -18,7 +18,7 @@ from gloc3.link.message import Address
 from gloc3.link.signing import Signing, is_signed_with, timestamp
 from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext, LinkSettings
 from gloc3_groundstation.links import Links
 from gloc3_groundstation.plans import Plan
 from gloc3_groundstation.station import Station
@@ -66,13 +66,14 @@ def over(conditions: Conditions, play: Callable[[Scene], Awaitable[T]]) -> T:
         station = Station(here, loop, "255", 11)
         link = Link(
             memory.a.send,
-            loop=loop,
-            exchange=here,
-            topics=TOPICS,
-            system=255,
-            boot=11,
-            told=told.append,
-            undelivered=station.client.undelivered,
+            LinkContext(
+                loop=loop,
+                exchange=here,
+                topics=TOPICS,
+                boot=11,
+                undelivered=station.client.undelivered,
+                report=told.append,
+            ),
         )
         memory.a.on_data = link.receive
         platform.loop.call_later(0.3, platform.speak_every, 0.5)
@@ -135,11 +136,10 @@ def test_a_serial_line_is_used_at_its_rate() -> None:
 
 @pytest.mark.sockets
 async def test_links_are_opened_described_and_closed() -> None:
-    links = Links()
+    loop = asyncio.get_running_loop()
+    links = Links(LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1))
     try:
-        await links.open(
-            ["udpin://127.0.0.1:0"], exchange=LocalExchange(), topics=TOPICS, system=255, boot=1, told=lambda text: None
-        )
+        await links.add("udpin://127.0.0.1:0")
         assert links.describe() == "udpin://127.0.0.1:0"
     finally:
         await links.close()
@@ -186,13 +186,8 @@ def test_on_a_signed_link_other_frames_are_dropped_counted_and_told_once_a_minut
         memory, told = MemoryLink(loop, Random(3)), list[str]()
         link = Link(
             memory.a.send,
-            loop=loop,
-            exchange=LocalExchange(),
-            topics=TOPICS,
-            system=255,
-            boot=11,
-            told=told.append,
-            signing=Signing(key, link_id=0, now=100),
+            LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=11, report=told.append),
+            LinkSettings(key=key),
         )
         memory.a.on_data = link.receive
         heard: list[Frame] = []

@@ -14,7 +14,7 @@ from gloc3.log.reader import LogReader
 from gloc3.topics import TopicTable
 from gloc3_groundstation.event_store import EventStore
 from gloc3_groundstation.events_desk import EventsDesk
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext
 from gloc3_groundstation.recording import Limits, Recording, default_root, make_room
 from gloc3_groundstation.station import Station
 
@@ -35,13 +35,7 @@ def record(root: Path, seconds: float, limits: Limits, told: list[str]) -> Path:
         sent: list[bytes] = []
         link = Link(
             sent.append,
-            loop=loop,
-            exchange=exchange,
-            topics=topics,
-            system=255,
-            boot=1,
-            told=told.append,
-            tap=recording.frame,
+            LinkContext(loop=loop, exchange=exchange, topics=topics, boot=1, tap=recording.frame, report=told.append),
         )
         platform, encoder = ScriptedPlatform(exchange), Encoder(1, 1)
         platform.speak_every(0.5)

@@ -11,15 +11,10 @@ from pathlib import Path
 import pytest
 from textual.widgets import Input
 
-from gloc3.exchange import LocalExchange
-from gloc3.topics import TopicTable
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.links import Links
-from gloc3_groundstation.services_desk import ServicesDesk
-from gloc3_groundstation.station import Station
 from gloc3_groundstation.tui.app import StationApp
 from gloc3_groundstation.tui.entry import Entry
-from gloc3_groundstation.vehicles import Vehicles
 
 from .scripted_platform import ScriptedPlatform
 from .station_scene import Scene
@@ -41,25 +36,17 @@ async def terminal(style: str, folder: Path) -> AsyncIterator[Scene]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    loop, exchange, links = asyncio.get_running_loop(), LocalExchange(), Links()
-    station = Station(exchange, loop, "255", 11)
-    vehicles = Vehicles(station, links.ways)
-    services = ServicesDesk(station, vehicles.reach, folder)
+    ground = GroundStation(StationSetup(boot=11, downloads=folder))
+    station, exchange = ground.station, ground.exchange
     try:
         assert process.stderr is not None
         port = next(int(found[1]) for line in process.stderr if (found := re.search(r"port (\d+)", line)))
-        url = f"udpout://127.0.0.1:{port}"
-        await links.open(
-            [url], exchange=exchange, topics=TopicTable.installed(), system=255, boot=11, told=lambda text: None
-        )
-        app = StationApp(Desk(station, services=services))
+        await ground.open([f"udpout://127.0.0.1:{port}"])
+        app = StationApp(Desk(station, services=ground.services))
         async with app.run_test(size=(100, 30)) as pilot:
             yield Patient(app, pilot, ScriptedPlatform(exchange), station, exchange)
     finally:
-        vehicles.close()
-        await services.close()
-        station.close()
-        await links.close()
+        await ground.close()
         process.terminate()
         process.communicate(timeout=60)
 

@@ -6,12 +6,17 @@ import signal
 
 import pytest
 
+from gloc3_groundstation.assembly import StationSetup
 from gloc3_groundstation.narration import Line
 from gloc3_groundstation.plans import Plan
-from gloc3_groundstation.session import Session
+from gloc3_groundstation.session import HeadlessOptions, Session, SessionOptions
 
 URL = "udpin://127.0.0.1:0"
 PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+
+
+def session(plan: Plan | None = None, foxglove_port: int | None = None) -> Session:
+    return Session(StationSetup(boot=1), SessionOptions(urls=(URL,), plan=plan, foxglove_port=foxglove_port))
 
 
 @pytest.mark.sockets
@@ -24,7 +29,7 @@ def test_ctrl_c_ends_it_with_a_word(plan: Plan | None, code: int, capsys: pytest
         if "listening" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(Session([URL], 255, None, plan).narrate(10.0, tell)) == code
+    assert asyncio.run(session(plan=plan).narrate(HeadlessOptions(wait_s=10.0), tell)) == code
     assert told[-1].text == "stopped"
     assert capsys.readouterr().err.count("\n") == len(told)
 
@@ -38,5 +43,5 @@ def test_foxglove_is_served_where_it_was_asked_for_and_the_place_is_told() -> No
         if "Foxglove" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(Session([URL], 255, None, None, foxglove_port=0).narrate(10.0, tell)) == 0
+    assert asyncio.run(session(foxglove_port=0).narrate(HeadlessOptions(wait_s=10.0), tell)) == 0
     assert any(text.startswith("Foxglove is served, view only: ws://127.0.0.1:") for text in told)

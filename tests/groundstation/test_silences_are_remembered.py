@@ -14,7 +14,7 @@ from gloc3.messages import Severity
 from gloc3.topics import TopicTable
 from gloc3_groundstation import wording
 from gloc3_groundstation.alerts import causes
-from gloc3_groundstation.silence_file import SilenceFile
+from gloc3_groundstation.kept_state import SilenceFile
 from gloc3_groundstation.station import Station
 
 from .scripted_platform import VEHICLE

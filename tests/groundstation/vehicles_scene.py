@@ -12,7 +12,7 @@ from gloc3.link.codec import Encoder, Parser, message
 from gloc3.link.memory import MemoryLink
 from gloc3.link.message import Address
 from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext
 from gloc3_groundstation.snapshots import PlatformSnapshot
 from gloc3_groundstation.station import Station
 from gloc3_groundstation.vehicles import Vehicles
@@ -56,9 +56,7 @@ class Scene:
         self.memories = [MemoryLink(loop, Random(n)) for n in range(2)]
         self.links: list[tuple[str, Link]] = []
         for number, memory in enumerate(self.memories):
-            link = Link(
-                memory.a.send, loop=loop, exchange=exchange, topics=TOPICS, system=255, boot=11, told=lambda text: None
-            )
+            link = Link(memory.a.send, LinkContext(loop=loop, exchange=exchange, topics=TOPICS, boot=11))
             memory.a.on_data = link.receive
             self.links.append((f"udpin://0.0.0.0:{14550 + number}", link))
         self.vehicles = Vehicles(self.station, lambda: self.links)

@@ -21,7 +21,7 @@ from gloc3.link.router import MOST_ADDRESSES, Router
 from gloc3.link.signing import MAY_BE_OFF, TICKS_PER_S, Signing, is_signed_with, timestamp
 from gloc3.messages import Envelope, Event
 from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext, LinkSettings
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.routing import RoutedLink
 from gloc3_onboard.signing_memory import SigningMemory
@@ -93,7 +93,7 @@ class _Scene:
         self.sink = MemoryLink(loop, Random(3))
         for routed, end in ((vehicle, self.cable.a), (self.radio, self.memory.b), (self.open, self.sink.a)):
             end.on_data = routed.receive
-            routed.open(end)  # type: ignore[arg-type] # a memory link counts no bytes
+            routed.open(end)
         self.platform.open(self.radio)
         self.autopilot.open(vehicle)
         self.at_autopilot: list[bytes] = []
@@ -101,13 +101,8 @@ class _Scene:
         self.told: list[str] = []
         self.station = Link(
             self._station_sends,
-            loop=loop,
-            exchange=self.there,
-            topics=topics,
-            system=255,
-            boot=8,
-            told=self.told.append,
-            signing=self.signing(KEY, 2),
+            LinkContext(loop=loop, exchange=self.there, topics=topics, boot=8, report=self.told.append),
+            LinkSettings(key=KEY),
         )
         self.memory.a.on_data = self.station.receive
         self.recorded: list[bytes] = []

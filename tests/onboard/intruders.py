@@ -31,7 +31,7 @@ from gloc3.log.reader import LogReader
 from gloc3.messages import Envelope, FunctionRequest
 from gloc3.network import register
 from gloc3.network.access import Role
-from gloc3.platform import find_platform
+from gloc3.platform_reader import find_platform
 from gloc3.topics import TopicTable
 from gloc3_sitl.demo import free_ports
 

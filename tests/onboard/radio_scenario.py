@@ -31,7 +31,7 @@ from gloc3.link.router import Router
 from gloc3.link.runner import NodeRunner
 from gloc3.messages import Envelope
 from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext, LinkSettings
 from gloc3_onboard.routing import RoutedLink
 from gloc3_onboard.station_link import StationLink, heartbeat
 
@@ -144,17 +144,12 @@ class _Scene:
         self.routed = RoutedLink("serial:///dev/ttyUSB0:57600", router, loop, self.station_link.take)
         for routed, end in ((vehicle, cable.a), (self.routed, self.radio.a)):
             end.on_data = routed.receive
-            routed.open(end)  # type: ignore[arg-type] # a memory link counts no bytes
+            routed.open(end)
         self.station_link.open(self.routed)
         self.link = Link(
             self.radio.b.send,
-            loop=loop,
-            exchange=self.there,
-            topics=topics,
-            system=STATION.system,
-            boot=8,
-            told=lambda _: None,
-            budget=RADIO,
+            LinkContext(loop=loop, exchange=self.there, topics=topics, system=STATION.system, boot=8),
+            LinkSettings(budget=RADIO),
         )
         self.radio.b.on_data = self._heard
         self.bytes_heard = 0

@@ -14,10 +14,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from gloc3.exchange import LocalExchange
-from gloc3.topics import TopicTable
 from gloc3_groundstation import flights
-from gloc3_groundstation.links import Links
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.station import Station
 from gloc3_sitl.demo import free_ports
 
@@ -116,16 +114,12 @@ def pictures(folder: Path) -> str:
 @asynccontextmanager
 async def station(url: str, system: int) -> AsyncIterator[Station]:
     """A ground station on a link, from a script."""
-    exchange, boot = LocalExchange(), secrets.randbits(32)
-    found = Station(exchange, asyncio.get_running_loop(), str(system), boot)
-    links = Links()
-    topics = TopicTable.installed()
-    await links.open([url], exchange=exchange, topics=topics, system=system, boot=boot, told=lambda _: None)
+    ground = GroundStation(StationSetup(boot=secrets.randbits(32), system=system))
     try:
-        yield found
+        await ground.open([url])
+        yield ground.station
     finally:
-        await links.close()
-        found.close()
+        await ground.close()
 
 
 async def until(is_so: Callable[[], bool], within_s: float, what: str) -> None:

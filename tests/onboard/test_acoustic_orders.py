@@ -12,11 +12,11 @@ from gloc3.clock import VirtualLoop
 from gloc3.exchange.base import Publisher
 from gloc3.exchange.local import LocalExchange
 from gloc3.messages import Envelope
-from gloc3_groundstation.acoustic_way import AcousticWay
+from gloc3.store import MemoryRecords
+from gloc3_groundstation.acoustic_way import AcousticWay, ModemContext
 from gloc3_onboard.acoustic_link import AcousticLink
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.journal import Journal
-from gloc3_onboard.records import MemoryRecords
 
 KEY = b"a key of the modem"
 _boots = itertools.count()
@@ -102,7 +102,14 @@ def test_a_station_never_says_two_orders_under_one_number(loop: VirtualLoop) -> 
         assert isinstance(order, Order)
         said.append(order)
 
-    way = AcousticWay("auv", LocalExchange(), loop, 1, send, lambda: True, lambda _: None, lambda: utc_s[0])
+    way = AcousticWay(
+        "auv",
+        loop,
+        send,
+        ModemContext(
+            exchange=LocalExchange(), boot=1, is_silent=lambda: True, report=lambda _: None, now_utc_s=lambda: utc_s[0]
+        ),
+    )
     way.order(Verb.HOLD)
     way.order(Verb.SURFACE)
     utc_s[0] = 10.0

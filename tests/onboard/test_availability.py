@@ -5,7 +5,7 @@ import pytest
 
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus, Kind
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.facts import VehicleFacts

@@ -22,7 +22,7 @@ from gloc3.mission.formats import to_mission
 from gloc3.mission.formats.items import FenceArea
 from gloc3.mission.formats.items import Plan as PlanFile
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.files import MemoryFiles
 from gloc3_onboard.companion.parameter_table import ParameterRow, exact, rows_of, short_name

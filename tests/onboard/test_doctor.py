@@ -11,7 +11,7 @@ import pytest
 from gloc3.cli import _call
 from gloc3.errors import Gloc3Error
 from gloc3.link.endpoints import open_endpoint
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.preflight import Check, Verdict, red
 from gloc3_onboard.computer import HostComputer
 from gloc3_onboard.doctor import Question, examine

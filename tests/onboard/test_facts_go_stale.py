@@ -1,7 +1,7 @@
 """What the server knows of the vehicle, and how long: an autopilot's state that is old decides nothing."""
 
 from gloc3.mission.board import Condition
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.vehicle import AutopilotState, FlightMode, LandedState, Pose
 from gloc3_onboard.command_server.facts import POSE_LOST_S, POSE_SILENT_S, VehicleFacts

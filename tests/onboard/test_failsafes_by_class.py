@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.preflight import Verdict
 from gloc3.readiness import AutopilotSetup
 from gloc3.vehicle import Style, VehicleClass

@@ -5,7 +5,8 @@ import pytest
 from gloc3.component import DataProcessor
 from gloc3.deployment import Begin, ComponentRow, OnFault
 from gloc3.frames import GeoPoint
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
 from gloc3.vehicle import Image
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.vehicles.table import vehicle_of

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.ci import CiReply, CiRequest, Hello, Outcome
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.journal import COMPACT_AFTER, MOST_FLOORS, MOST_SENDERS, Journal
-from gloc3_onboard.records import MemoryRecords
 
 
 def request(sequence: int, boot: int = 1, sender: str = "255") -> CiRequest:

@@ -13,7 +13,8 @@ from gloc3.exchange.tunnel.layout import MAX_PAYLOAD
 from gloc3.exchange.tunnel.status import StatusSender
 from gloc3.frames import from_euler
 from gloc3.messages import Envelope, Source
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
 from gloc3.vehicle import AutopilotState, Pose, Setpoint
 from gloc3.wire import type_name
 from gloc3_onboard.command_server.facts import KeptHome, VehicleFacts

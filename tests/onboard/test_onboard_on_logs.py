@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gloc3.messages import Envelope
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_onboard.process import DEVICES, OnboardProcess
 from gloc3_onboard.process_options import ProcessOptions
 

@@ -8,7 +8,8 @@ import pytest
 
 from gloc3.camera_model import CameraModel
 from gloc3.errors import InputError
-from gloc3.platform import Platform, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import read_platform
 from gloc3.preflight import Check, Verdict
 from gloc3.readiness import ComputerState, SensorCondition
 from gloc3_onboard.checks.checklist import checklist

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.ci import Verb
-from gloc3.platform import find_platform
+from gloc3.platform_reader import find_platform
 
 from .plane_peer import ArduPlane, PlanePeer, Px4Plane
 from .test_driving_and_diving import WELL, begun, drive

@@ -12,7 +12,7 @@ import pytest
 
 from gloc3.cli import run
 from gloc3.link.endpoints import open_endpoint
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.readiness import AutopilotSetup
 from gloc3.vehicle import Style, VehicleClass
 from gloc3_onboard.platform_new import KINDS, Answers, Found, platform_text

@@ -11,7 +11,7 @@ from tests.common.damage import damaged
 from gloc3.document import parse
 from gloc3.errors import InputError
 from gloc3.file_schema import as_text
-from gloc3.platform import platform_files, read_platform
+from gloc3.platform_reader import platform_files, read_platform
 from gloc3.platform_schema import platform_schema
 from gloc3_onboard.platform_cli import app
 

@@ -7,7 +7,8 @@ import pytest
 
 from gloc3.ci_summaries import Health
 from gloc3.host_messages import HostPresence, HostStatus
-from gloc3.platform import Failsafes, HostRow, LinkLossFailsafe, LowBatteryFailsafe, PoseLostFailsafe, load_platform
+from gloc3.platform import Failsafes, HostRow, LinkLossFailsafe, LowBatteryFailsafe, PoseLostFailsafe
+from gloc3.platform_reader import load_platform
 from gloc3.preflight import Check, Verdict, in_order, red, summary, worst
 from gloc3.readiness import AutopilotSetup, ComputerState, LinkCondition
 from gloc3.software import own_software

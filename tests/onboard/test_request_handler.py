@@ -36,7 +36,9 @@ from gloc3.lci import State
 from gloc3.messages import CommandReply, ComponentStatus, Envelope, FunctionReply, FunctionRequest, Kind, Source
 from gloc3.mission.checker import Report, check_text
 from gloc3.mission.executor import MissionExecutor
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
+from gloc3.store import MemoryRecords
 from gloc3.vehicle import AutopilotState, LandedState, Pose
 from gloc3.watch import Want
 from gloc3_onboard.command_server.book import ComponentBook
@@ -45,7 +47,6 @@ from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.requests import MOST_FINDINGS, RequestHandler
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.records import MemoryRecords
 
 HOP = """
 mission: hop

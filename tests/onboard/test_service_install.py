@@ -11,7 +11,7 @@ import pytest
 
 from gloc3.cli import run
 from gloc3.errors import Refused
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_onboard.onboard_options import OnboardOptions
 from gloc3_onboard.service.install import make_plan
 from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, modules, nodes

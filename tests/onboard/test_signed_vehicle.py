@@ -10,11 +10,9 @@ import pytest
 from tests.commands.programs import program
 
 from gloc3.cli import run
-from gloc3.exchange import LocalExchange
 from gloc3.link.codec import Frame, message
 from gloc3.link.signing_key import read_signing_key
-from gloc3.topics import TopicTable
-from gloc3_groundstation.links import Links
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_onboard import signing_cli
 from gloc3_sitl.demo import free_ports
 
@@ -32,18 +30,10 @@ async def answers(port: int, key: bytes | None, told: list[str], within_s: float
         if frame.shape is not None:
             heard[f"{frame.system}/{frame.component} {frame.shape.name}"] += 1
 
-    links = Links()
+    ground = GroundStation(StationSetup(boot=1, signing_key=key), report=told.append)
     try:
-        await links.open(
-            [f"udpout://127.0.0.1:{port}"],
-            exchange=LocalExchange(),
-            topics=TopicTable.installed(),
-            system=255,
-            boot=1,
-            told=told.append,
-            signing_key=key,
-        )
-        ((_, link),) = links.ways()
+        await ground.open([f"udpout://127.0.0.1:{port}"])
+        ((_, link),) = ground.links.ways()
         link.listen(hear)
         for _ in range(round(within_s / 0.25)):
             if link.heard():
@@ -52,7 +42,7 @@ async def answers(port: int, key: bytes | None, told: list[str], within_s: float
             if heard["1/1 AUTOPILOT_VERSION"]:
                 break
     finally:
-        await links.close()
+        await ground.close()
     return heard
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Refused
-from gloc3.platform import read_platform
+from gloc3.platform_reader import read_platform
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.factory import SourceHost, camera_name, make_sources, pair_names

@@ -14,7 +14,7 @@ from gloc3.link.memory import Conditions, MemoryLink
 from gloc3.link.signing import Signing, timestamp
 from gloc3.messages import Envelope, Event
 from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext, LinkSettings
 from gloc3_onboard.station_link import StationLink
 
 TOPICS = TopicTable.installed()
@@ -53,7 +53,7 @@ class Ends:
         self.told: list[str] = []
         self.here.subscribe("heron/ci/request", self.requests.append)
         self.here.subscribe("heron/components/station_link/event", self._take)
-        platform_signing, station_signing = self._signing(platform_key), self._signing(station_key)
+        platform_signing = self._signing(platform_key)
         self.platform = StationLink(
             "heron", 1, self.loop, self.here, TOPICS, 7, signing=platform_signing, role=role, way="udpin://:14551"
         )
@@ -61,13 +61,8 @@ class Ends:
         self.platform.open(self.memory.b)
         self.station = Link(
             self.memory.a.send,
-            loop=self.loop,
-            exchange=self.there,
-            topics=TOPICS,
-            system=255,
-            boot=8,
-            told=self.told.append,
-            signing=station_signing,
+            LinkContext(loop=self.loop, exchange=self.there, topics=TOPICS, boot=8, report=self.told.append),
+            LinkSettings(key=station_key),
         )
         self.memory.a.on_data = self.station.receive
 
@@ -154,15 +149,7 @@ def test_what_a_person_should_know_of_the_link_is_an_event_of_the_platform() -> 
     async def play() -> None:
         ends = Ends(None, None)
         await asyncio.sleep(2.0)
-        twin = Link(
-            ends.memory.a.send,
-            loop=ends.loop,
-            exchange=LocalExchange(),
-            topics=TOPICS,
-            system=255,
-            boot=99,
-            told=lambda _: None,
-        )
+        twin = Link(ends.memory.a.send, LinkContext(loop=ends.loop, exchange=LocalExchange(), topics=TOPICS, boot=99))
         await asyncio.sleep(10.0)
         assert any("255" in text for text in ends.events), "a second station of the same id"
         twin.close()

@@ -13,7 +13,7 @@ from gloc3.exchange import Publisher
 from gloc3.lci import State
 from gloc3.log.reader import LogReader
 from gloc3.messages import Envelope, Source
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.record import Recorder
 from gloc3.testing import PLATFORM, Bench
 from gloc3.topics import TopicTable

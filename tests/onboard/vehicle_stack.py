@@ -12,14 +12,14 @@ from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange
 from gloc3.link.memory import Conditions, MemoryEnd, MemoryLink
 from gloc3.messages import Envelope
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
+from gloc3.store import MemoryRecords
 from gloc3.topics import TopicTable
 from gloc3_groundstation.command_client import CommandClient
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.computer import SimulatedComputer
-from gloc3_onboard.records import MemoryRecords
 from gloc3_onboard.rig import PlatformRig
 from gloc3_onboard.runner import Onboard
 from gloc3_onboard.storage import NoPictures

@@ -8,7 +8,7 @@ import pytest
 from tests.commands.programs import processes_that_mention, program
 
 from gloc3.log.reader import LogReader
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_sitl.demo import sensed
 from gloc3_sitl.flight_report import FlightReport
 

@@ -6,7 +6,7 @@ from tests.sitl.autopilot.bench import Bench
 
 from gloc3.errors import Misuse
 from gloc3.frames import GeoPoint
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3_sitl.physics import Quadrotor
 from gloc3_sitl.vehicles import HUMMINGBIRD, PELICAN
 from gloc3_sitl.vehicles.table import vehicle_of

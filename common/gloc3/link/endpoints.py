@@ -38,7 +38,7 @@ ROLES: Final = ("operator", "observer")
 LEAST_RATE_BIT_S: Final = 1200
 
 
-class LinkEnd(Protocol):
+class Endpoint(Protocol):
     """One place where bytes go in and out. What it cannot send at once it drops, and counts: it never blocks."""
 
     url: str
@@ -63,16 +63,12 @@ class LinkEnd(Protocol):
     def problem(self) -> str:
         """Why it is not connected, or the last failure; empty if there was none."""
 
-    def send(self, data: bytes) -> None:
-        """Sends whole frames to everybody there."""
-
-
-class Endpoint(LinkEnd, Protocol):
-    """One that was opened by its URL."""
-
     @property
     def local_port(self) -> int | None:
         """The port that it really has, also where the URL asked for any (0); None for a serial line."""
+
+    def send(self, data: bytes) -> None:
+        """Sends whole frames to everybody there."""
 
     async def close(self) -> None:
         """Closes it; nothing is heard after that."""

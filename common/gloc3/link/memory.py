@@ -50,6 +50,8 @@ class MemoryEnd:
     """One end of a link: an endpoint without a socket."""
 
     is_datagram = True
+    problem = ""
+    local_port = None
 
     def __init__(self, link: MemoryLink, name: str) -> None:
         self.url = f"memory:{name}"
@@ -58,35 +60,27 @@ class MemoryEnd:
         self.conditions = link.conditions
         """Of what this end sends; may be exchanged at any time."""
         self.sent = 0
-        self.bytes_sent = 0
-        self.bytes_received = 0
         self.lost = 0
         """On the way, by chance."""
         self.dropped = 0
         """Before the way: the queue of a limited line was full."""
         self.received = 0
+        self.bytes_sent = 0
+        self.bytes_received = 0
         self._link = link
         self._line = _Line()
         self._other: MemoryEnd
         self._arriving: list[tuple[float, int, bytes]] = []
         self._wake_s: float | None = None
         self._last_s = 0.0
-        self._is_open = True
 
     @property
     def is_connected(self) -> bool:
-        """Whether both ends are open."""
-        return self._is_open and self._other._is_open
-
-    @property
-    def problem(self) -> str:
-        """Why nothing passes; empty while both ends are open."""
-        return "" if self.is_connected else "closed"
+        """Whether there is somebody at the other end."""
+        return self._other.on_data is not None
 
     def send(self, data: bytes) -> None:
         """Sends one frame or datagram, or a piece of a stream."""
-        if not self._is_open:
-            return
         link, conditions, now_s = self._link, self.conditions, self._link.loop.time()
         leaves_s = now_s
         if conditions.bandwidth_bit_s is not None:
@@ -113,14 +107,11 @@ class MemoryEnd:
         if conditions.duplicate and chance.random() < conditions.duplicate:
             self._other._expect(arrives_s, data)
 
-    def close(self) -> None:
-        """Sends and hears nothing from now on."""
-        self._is_open = False
-        self._arriving.clear()
+    async def close(self) -> None:
+        """Receives nothing more until somebody sets `on_data` again."""
+        self.on_data = None
 
     def _expect(self, arrives_s: float, data: bytes) -> None:
-        if not self._is_open:
-            return
         link = self._link
         link.count += 1
         heappush(self._arriving, (arrives_s, link.count, data))

@@ -153,7 +153,7 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
         component: Its name on the platform.
         platform: The platform, by name or file; by default the platform file in the log.
     """
-    from gloc3.platform import load_platform, read_platform
+    from gloc3.platform_reader import load_platform, read_platform
 
     topics = TopicTable.installed()
     file = find_log(file)

@@ -14,6 +14,7 @@ import msgspec
 from gloc3.log.foxglove import View, timestamp, view_of
 from gloc3.log.json_schema import describe_type
 from gloc3.messages import Envelope, Message
+from gloc3.wire import wire_name
 
 NOT_FINITE: Final = "_not_finite"
 PROBLEM: Final = "_problem"
@@ -56,7 +57,7 @@ class PayloadEncoder:
     @property
     def schema(self) -> tuple[str, bytes]:
         """Name and text of the records' JSON schema."""
-        name = self.view.schema if self.view else f"gloc3.{self._type.__name__}"
+        name = self.view.schema if self.view else f"gloc3.{wire_name(self._type.__name__)}"
         beside = {"_t_s": {"type": "number"}, **(self.view.properties if self.view else {})}
         return name, _encode(describe_type(self._type, name, beside))
 

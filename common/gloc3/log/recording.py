@@ -11,7 +11,7 @@ from gloc3.errors import Finding, InputError, Refused
 from gloc3.frames import GeoPoint, LocalFrame, Quaternion, Vector3
 from gloc3.log.flight_path import FlightPath, read_flight_path
 from gloc3.log.reader import LogReader, find_log
-from gloc3.platform import read_platform
+from gloc3.platform_reader import read_platform
 from gloc3.record import PLATFORM_FILE
 from gloc3.topics import TopicTable
 from gloc3.vehicle import ImageRecorded

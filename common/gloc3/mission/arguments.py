@@ -19,7 +19,7 @@ from gloc3.frames import Vector3
 from gloc3.installed import installed_points
 from gloc3.mission.legs import Budget, Leg, climb, fly
 from gloc3.mission.placement import Placement, written_for
-from gloc3.platform import Limits
+from gloc3.platform_limits import Limits
 
 Metres = Annotated[float, msgspec.Meta(ge=-100_000.0, le=100_000.0)]
 Height = Annotated[float, msgspec.Meta(ge=-11_000.0, le=20_000.0)]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from gloc3.errors import Misuse
 from gloc3.messages import Severity
@@ -16,9 +16,6 @@ from gloc3.mission.requests import Told
 from gloc3.mission.snapshot import PlannedSilence, Snapshot
 from gloc3.mission.states import ActionState, Trigger
 from gloc3.platform import Capability, Platform
-
-if TYPE_CHECKING:
-    from gloc3.mission.elsewhere import OtherPlatform
 
 
 class Condition(StrEnum):
@@ -57,6 +54,18 @@ class Manoeuvre:
         """The task that runs in its place first."""
         self.program: Program | None = None
         """With a contingency: its run."""
+
+
+class OtherPlatform:
+    """What is known of another platform of the mission."""
+
+    __slots__ = ("heard_s", "state")
+
+    def __init__(self, heard_s: float) -> None:
+        self.heard_s = heard_s
+        """When something was told of it last; the start of the mission until then."""
+        self.state: ActionState | None = None
+        """Of the mission there; None while nothing was told."""
 
 
 class Board:

@@ -11,24 +11,21 @@ from gloc3.document import load_bytes
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.abilities import WAIT, abilities
-from gloc3.mission.agreement import agreement_findings
-from gloc3.mission.altitude_check import altitude_findings
+from gloc3.mission.agreement import agreement_findings, silence_findings
 from gloc3.mission.arguments import SetOff, argument_kinds
 from gloc3.mission.budget_check import budget_findings, time_findings
-from gloc3.mission.contingencies import part_of
 from gloc3.mission.contingency_check import contingency_findings, way_findings
 from gloc3.mission.estimate import Estimate, Figures, estimate, together
 from gloc3.mission.examples import find_mission
-from gloc3.mission.guard_check import guard_findings
 from gloc3.mission.legs import Budget
-from gloc3.mission.model import Mission, where_of
-from gloc3.mission.plan_check import plan_findings
+from gloc3.mission.model import Mission, part_of, where_of
+from gloc3.mission.option_check import guard_findings, plan_findings
 from gloc3.mission.reader import Reading, Surroundings, inspect_mission
-from gloc3.mission.silence_check import silence_findings
-from gloc3.mission.space_check import flight_findings, space_findings
+from gloc3.mission.space_check import altitude_findings, flight_findings, space_findings
 from gloc3.mission.structure import PartialOrder, structure_findings
 from gloc3.mission.turn_check import turn_findings
-from gloc3.platform import Capability, Limits, Platform
+from gloc3.platform import Capability, Platform
+from gloc3.platform_limits import Limits
 
 HOME_CLEARANCE_M: Final = 0.5
 """A home outside the fence, or nearer to it than this, is refused."""

@@ -29,7 +29,8 @@ from gloc3.mission.formats import (
 from gloc3.mission.picture import picture
 from gloc3.mission.reader import Surroundings, load_mission
 from gloc3.mission.show import drawing, mermaid
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
 
 app = App(
     name="gloc3 mission",
@@ -146,8 +147,7 @@ def capabilities(
         platform: Whose capabilities; without it the kinds that the installed packages bring.
         json_output: For programs.
     """
-    from gloc3.mission.capability_lines import capability_line, capability_lines
-    from gloc3.mission.capability_report import explain, list_capabilities
+    from gloc3.mission.capability_lines import capability_line, capability_lines, explain, list_capabilities
     from gloc3.tables import print_json
 
     try:

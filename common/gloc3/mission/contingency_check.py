@@ -8,11 +8,10 @@ from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
 from gloc3.frames import Vector3
 from gloc3.mission.arguments import FollowWaypointsOrder, LandOrder, ReturnHome
-from gloc3.mission.contingencies import part_of
 from gloc3.mission.estimate import Estimate, estimate, return_energy_wh
 from gloc3.mission.fence import TOLERANCE_M
 from gloc3.mission.legs import Budget
-from gloc3.mission.model import Action, Contingency, ItemFile, Mission, Task
+from gloc3.mission.model import Action, Contingency, ItemFile, Mission, Task, part_of
 from gloc3.mission.policy import Policy
 from gloc3.mission.structure import PartialOrder
 from gloc3.platform import Platform

@@ -9,25 +9,13 @@ from typing import Final
 
 from gloc3.messages import Severity
 from gloc3.mission import reactions
-from gloc3.mission.board import Board, Condition
+from gloc3.mission.board import Board, Condition, OtherPlatform
 from gloc3.mission.items import Program
 from gloc3.mission.policy import Policy
 from gloc3.mission.states import ActionState, Trigger
 
 GIVEN_UP: Final = (ActionState.FAILED, ActionState.ABORTED)
 """States of a platform's mission in which its tasks that are left never end."""
-
-
-class OtherPlatform:
-    """What is known of another platform of the mission."""
-
-    __slots__ = ("heard_s", "state")
-
-    def __init__(self, heard_s: float) -> None:
-        self.heard_s = heard_s
-        """When something was told of it last; the start of the mission until then."""
-        self.state: ActionState | None = None
-        """Of the mission there; None while nothing was told."""
 
 
 def expect(board: Board, program: Program, now_s: float) -> None:

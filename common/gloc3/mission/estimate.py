@@ -10,7 +10,7 @@ from gloc3.mission.arguments import LandOrder, ReturnHome
 from gloc3.mission.legs import Budget, Leg
 from gloc3.mission.model import ItemFile, Mission, Task
 from gloc3.mission.structure import PartialOrder
-from gloc3.platform import Power
+from gloc3.platform_limits import Power
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -12,7 +12,7 @@ from typing import Final, Literal
 from gloc3.errors import Refused
 from gloc3.frames import Vector3
 from gloc3.messages import Severity
-from gloc3.mission import contingencies, elsewhere, flow, manoeuvres, reactions, resuming, silence, steering
+from gloc3.mission import elsewhere, flow, manoeuvres, reactions, steering
 from gloc3.mission.assignments import Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.conditions import Readings
@@ -261,9 +261,9 @@ class MissionExecutor:
             self.settle(now_s)
 
     def link(self, silent_s: float, now_s: float) -> None:
-        """For how long nothing was heard from the holder of control; see `silence`."""
+        """For how long nothing was heard from the holder of control; see `reactions.watch_link`."""
         before = set(self.board.conditions)
-        silence.look(self.board, silent_s, now_s)
+        reactions.watch_link(self.board, silent_s, now_s)
         if set(self.board.conditions) != before:
             self.settle(now_s)
 
@@ -377,9 +377,9 @@ class MissionExecutor:
     def settle(self, now_s: float) -> None:
         """Does everything that can be done now."""
         flow.advance(self.board, now_s)
-        while contingencies.has_ended(self.board):
-            if contingencies.follow(self.board, now_s):
-                resuming.resume_mission(self.board, now_s)
+        while reactions.has_contingency_ended(self.board):
+            if reactions.end_contingency(self.board, now_s):
+                steering.resume_mission(self.board, now_s)
             flow.advance(self.board, now_s)
         self._due_s = flow.due_s(self.board)
 

@@ -1,15 +1,16 @@
-"""Moves programs on: ends what has ended, starts what may start, watches deadlines, answers and availability."""
+"""Moves programs on: ends what has ended, starts what may start, watches guards, loops, deadlines and availability."""
 
+from enum import Enum, auto
 from math import inf
 from typing import Final
 
-from gloc3.mission import elsewhere, guards, manoeuvres, reactions
+from gloc3.messages import Severity
+from gloc3.mission import elsewhere, manoeuvres, reactions
 from gloc3.mission.arguments import LandOrder, SetOff, Wait
 from gloc3.mission.assignments import MOTION, Assignment, Phase
 from gloc3.mission.board import Board, Condition
 from gloc3.mission.failures import fail_action, fail_program, fail_task
-from gloc3.mission.guards import Leave
-from gloc3.mission.items import ActionRun, Program
+from gloc3.mission.items import ActionRun, Program, TaskRun
 from gloc3.mission.states import ActionState, Trigger
 
 GRACE_S: Final = 0.5
@@ -137,7 +138,7 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
             has_moved |= _end_companion(board, run, now_s)
         is_next = program.state is ActionState.RUNNING and task.state is ActionState.WAITING
         if is_next and all(program.tasks[name].has_ended for name in task.options.after):
-            leave = guards.leave(board, task, now_s)
+            leave = guard_says(board, task, now_s)
             if leave is Leave.BEGIN:
                 board.move(task, Trigger.START, now_s)
             has_moved |= leave is not Leave.WAIT
@@ -147,8 +148,8 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
                     has_moved |= _start(board, run, now_s)
         if not task.is_open or not all(run.has_ended for run in task.actions.values()):
             pass
-        elif guards.is_to_repeat(board, task):
-            has_moved |= guards.repeat(board, task, now_s)
+        elif is_to_repeat(board, task):
+            has_moved |= begin_repetition(board, task, now_s)
         else:
             board.move(task, Trigger.FAIL if task.blemish else Trigger.FINISH, now_s, task.blemish)
             task.is_settled = True
@@ -186,7 +187,7 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
         return False
     if board.has_pilot or (run.is_motion and not _may_move(board, run)):
         return False
-    leave = guards.leave(board, run, now_s)
+    leave = guard_says(board, run, now_s)
     if leave is not Leave.BEGIN:
         return leave is Leave.ENDED
     holder = board.assignments.holder(run.row)
@@ -250,7 +251,7 @@ def due_s(board: Board) -> float:
         if not program.is_open:
             continue
         times += [program.due_s(), *(item.due_s() for item in program.items())]
-        waits = [at_s for item in program.items() if (at_s := guards.due_s(item)) < inf]
+        waits = [at_s for item in program.items() if (at_s := guard_due_s(item)) < inf]
         board.is_watching = board.is_watching or bool(waits)
         times += waits
         for run in program.actions():
@@ -267,3 +268,71 @@ def due_s(board: Board) -> float:
     if manoeuvre is not None:
         times += [at_s for at_s in (manoeuvre.land_at_s, manoeuvre.again_s) if at_s is not None]
     return min(times, default=inf)
+
+
+GUARD_PATIENCE_S: Final = 2.0
+"""So long a guard waits for what is not measured at the moment; then it counts as not met."""
+
+
+class Leave(Enum):
+    """What a guard says."""
+
+    BEGIN = auto()
+    WAIT = auto()
+    ENDED = auto()
+    """The item was skipped, or has failed."""
+
+
+def guard_says(board: Board, item: TaskRun | ActionRun, now_s: float) -> Leave:
+    """Whether an item whose turn it is may begin; where it may not, it is skipped, waits or fails as its guard says."""
+    guard = item.options.when
+    if guard is None:
+        return Leave.BEGIN
+    holds = guard.holds(board.readings)
+    if holds:
+        item.rest(now_s)
+        return Leave.BEGIN
+    is_waited_for = item.options.otherwise == "wait" or holds is None
+    if is_waited_for and now_s < item.gives_up_s(GUARD_PATIENCE_S):
+        item.await_leave(now_s, f"waits for {guard}")
+        return Leave.WAIT
+    item.rest(now_s)
+    lacking = f"{guard} is not known" if holds is None else f"not {guard}"
+    if item.options.otherwise == "skip":
+        board.end(item, Trigger.SKIP, now_s, lacking)
+        return Leave.ENDED
+    board.move(item, Trigger.START, now_s)
+    reason = lacking if item.options.otherwise == "fail" else f"deadline passed: it waited for {guard}"
+    if isinstance(item, TaskRun):
+        fail_task(board, item, reason, now_s)
+    else:
+        fail_action(board, item, reason, now_s)
+    return Leave.ENDED
+
+
+def guard_due_s(item: TaskRun | ActionRun) -> float:
+    """When an item that waits for its guard gives up; infinite where it does not wait."""
+    return item.gives_up_s(GUARD_PATIENCE_S)
+
+
+def is_to_repeat(board: Board, task: TaskRun) -> bool:
+    """Whether a task whose actions have all ended is to be done once more."""
+    repeat = task.repeat if task.is_open else None
+    if repeat is None or task.repetition >= repeat.times:
+        return False
+    return repeat.until is None or not repeat.until.holds(board.readings)
+
+
+def begin_repetition(board: Board, task: TaskRun, now_s: float) -> bool:
+    """Has all actions of a task wait for their turn again; whether that was done: a paused task does not begin anew."""
+    assert task.repeat is not None
+    if task.state is not ActionState.RUNNING:
+        return False
+    task.repetition += 1
+    for run in task.actions.values():
+        if run.state is not ActionState.ABORTED:
+            run.move(Trigger.RETRY if run.state is ActionState.FAILED else Trigger.REPEAT, now_s)
+            run.forget()
+    board.is_changed = True
+    board.tell(Severity.INFO, f"{task.target}: {task.repetition} of {task.repeat.times}")
+    return any(run.state is ActionState.WAITING for run in task.actions.values())

@@ -7,7 +7,7 @@ from typing import Final
 import msgspec
 
 from gloc3.frames import Vector3
-from gloc3.platform import Limits, Power
+from gloc3.platform_limits import Limits, Power
 
 ARMING_S: Final = 3.0
 """From the request to the first centimetre of height: arming, spinning up, changing mode."""

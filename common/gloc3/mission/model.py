@@ -1,12 +1,13 @@
 """A mission: what its file may hold, and what is made of it, a partial order of tasks and of their actions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from hashlib import blake2s
 from typing import Annotated, Any, Final, Literal
 
 import msgspec
+from msgspec import structs
 
 from gloc3.document import Document, Where
 from gloc3.mission.arguments import Arguments, Latitude, Longitude, Metres, Seconds
@@ -354,3 +355,16 @@ def where_of(target: str) -> Where:
     """The path in the mission file of the mission (empty), a `TASK`, or a `TASK.ACTION`."""
     task, _, action = target.partition(".")
     return ("tasks", task, "actions", action) if action else ("tasks", task) if task else ()
+
+
+def part_of(mission: Mission, name: str) -> Mission:
+    """One contingency of a mission as a mission of its own, in which a failure ends nothing but the action."""
+    task = mission.contingencies[name]
+    return replace(
+        mission,
+        tasks={name: replace(task, options=structs.replace(task.options, after=()))},
+        contingencies={},
+        deadline_s=None,
+        policies=structs.replace(mission.policies, on_failure=Policy.CONTINUE),
+        document=mission.document.seen_as("tasks", "contingencies") if mission.document is not None else None,
+    )

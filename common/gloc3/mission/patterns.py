@@ -33,7 +33,7 @@ from gloc3.mission.arguments import (
     speed_of,
 )
 from gloc3.mission.placement import Placement, Point, written_for
-from gloc3.platform import Limits
+from gloc3.platform_limits import Limits
 
 ARRIVE: Final = "arrive"
 MAX_WAYPOINTS: Final = 10_000

@@ -1,6 +1,6 @@
-"""Reads mission files: YAML in, a mission in NED out, or everything that is wrong with it."""
+"""Reads mission files: YAML in, a mission in NED with its fence out, or all errors in the file."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
@@ -11,12 +11,14 @@ from gloc3.frames import GeoPoint, LocalFrame
 from gloc3.mission.abilities import abilities
 from gloc3.mission.arguments import Arguments, FollowWaypointsOrder, argument_kinds
 from gloc3.mission.definitions import expanded
-from gloc3.mission.fence_reader import read_fence
+from gloc3.mission.fence import Area, Fence, polygon_problem
 from gloc3.mission.library import bundled
 from gloc3.mission.model import (
+    FLY_PLAN,
     GEO,
     Action,
     ActionFile,
+    AreaFile,
     GeofenceFile,
     ItemFile,
     Mission,
@@ -27,9 +29,10 @@ from gloc3.mission.model import (
     where_of,
 )
 from gloc3.mission.patterns import MAX_WAYPOINTS, height_is_known
-from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement
-from gloc3.mission.plan_check import may_be_planned
-from gloc3.platform import Limits, Platform
+from gloc3.mission.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement, Point
+from gloc3.mission.structure import Tasks, structure_findings
+from gloc3.platform import Platform
+from gloc3.platform_limits import Limits
 from gloc3.yaml_nodes import Node
 
 Item = TypeVar("Item", bound=ItemFile)
@@ -81,20 +84,6 @@ class Surroundings:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Tasks:
-    """The tasks of a mission, or its contingencies."""
-
-    document: Document
-    """In which they stand under `tasks`."""
-    read: dict[str, Task]
-    """Lack the actions that are not usable."""
-    skeleton: dict[str, TaskOptions]
-    """As written."""
-    actions: dict[str, ActionFile]
-    """What each `TASK.ACTION` takes beside its capability, also of actions that are not usable."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class Reading:
     """What was found in a mission file, usable or not."""
 
@@ -112,8 +101,6 @@ def read_mission(data: bytes | str, file: str, surroundings: Surroundings | None
     Raises:
         InputError: with everything that is wrong in the file by itself.
     """
-    from gloc3.mission.structure import structure_findings
-
     reading = inspect_mission(data, file, surroundings or Surroundings())
     findings = [*reading.findings, *structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
     if reading.mission is None or any(not finding.is_warning for finding in findings):
@@ -206,11 +193,18 @@ def _tasks(
                     )
                     findings.append(document.finding(where, message, "make it several missions"))
             if isinstance(action, Action):
-                is_planned = options.flown_by == "autopilot" and may_be_planned(action.order, surroundings.capabilities)
+                is_planned = options.flown_by == "autopilot" and _may_be_planned(
+                    action.order, surroundings.capabilities
+                )
                 actions[action_name] = replace(action, is_planned=is_planned)
         found.skeleton[name] = options
         found.read[name] = Task(name=name, actions=actions, options=options, is_elsewhere=is_elsewhere)
     return found
+
+
+def _may_be_planned(order: Arguments, capabilities: Container[str] | None) -> bool:
+    """Whether an order is flown as a plan on a platform with these capabilities (None: not known)."""
+    return isinstance(order, FollowWaypointsOrder) and capabilities is not None and FLY_PLAN in capabilities
 
 
 def _entries(node: Node, key: str) -> Iterator[tuple[str, Node]]:
@@ -331,3 +325,55 @@ def _capability(
             message = f"a second capability {key!r} beside {named[0]!r}"
             findings.append(document.finding((*where, key), message, "make it an action of its own", at_key=True))
     return named[0] if named else None
+
+
+def read_fence(geofence: GeofenceFile, placement: Placement, document: Document, findings: list[Finding]) -> Fence:
+    """The fence in NED; what is wrong with it is appended to the findings."""
+    area = _area(geofence, placement, ("geofence",), document, findings, is_needed=geofence.ceiling_m is None)
+    keep_out = [
+        _area(one, placement, ("geofence", "keep_out", index), document, findings)
+        for index, one in enumerate(geofence.keep_out)
+    ]
+    ceiling_m = None if geofence.ceiling_m is None else placement.height_from(geofence.ceiling_m)
+    return Fence(area=area, keep_out=tuple(one for one in keep_out if one is not None), ceiling_m=ceiling_m)
+
+
+def _area(
+    written: AreaFile,
+    placement: Placement,
+    where: Where,
+    document: Document,
+    findings: list[Finding],
+    *,
+    is_needed: bool = True,
+) -> Area | None:
+    given = [name for name in AreaFile.__struct_fields__ if getattr(written, name) is not None]
+    if len(given) > 1 or (is_needed and not given):
+        wanted = "polygon or circle" if placement.is_geo else "polygon_m or circle_m"
+        findings.append(
+            document.finding(where, f"exactly one area is needed, {len(given)} are given", f"give {wanted}")
+        )
+        return None
+    if given and placement.is_geo != (given[0] in ("polygon", "circle")):
+        wanted = given[0].removesuffix("_m") if placement.is_geo else given[0] + "_m"
+        kind = "frame geo" if placement.is_geo else "a local frame"
+        findings.append(document.finding((*where, given[0]), f"{kind} takes {wanted}, not {given[0]}", at_key=True))
+        return None
+    if written.circle_m is not None:
+        return _round(written.circle_m.center_m, written.circle_m.radius_m, placement)
+    if written.circle is not None:
+        return _round(written.circle.center, written.circle.radius_m, placement)
+    corners = written.polygon_m or written.polygon
+    if corners is None:
+        return None
+    polygon = tuple(placement.ned_from((*corner, 0.0))[:2] for corner in corners)
+    problem = polygon_problem(polygon)
+    if problem:
+        findings.append(document.finding((*where, given[0]), problem))
+        return None
+    return Area(polygon_ne_m=polygon)
+
+
+def _round(center: Point, radius_m: float, placement: Placement) -> Area:
+    north, east, _ = placement.ned_from((*center, 0.0))
+    return Area(center_ne_m=(north, east), radius_m=radius_m)

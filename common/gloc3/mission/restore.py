@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 from gloc3.errors import InputError
 from gloc3.messages import Severity
-from gloc3.mission import elsewhere, flow, manoeuvres, silence
+from gloc3.mission import elsewhere, flow, manoeuvres
 from gloc3.mission.arguments import LandOrder, SetOff
 from gloc3.mission.board import Board
-from gloc3.mission.contingencies import CONTINGENCY, part_of, take_up
 from gloc3.mission.executor import MissionExecutor
 from gloc3.mission.items import ActionRun, Program
-from gloc3.mission.model import Mission
+from gloc3.mission.model import Mission, part_of
 from gloc3.mission.policy import Policy
+from gloc3.mission.reactions import CONTINGENCY, contingency_manoeuvre, restored_silence
 from gloc3.mission.snapshot import ProgramSnapshot, Snapshot
 from gloc3.mission.states import ActionState, Trigger
 from gloc3.platform import Platform
@@ -56,11 +56,11 @@ def restore(
             elsewhere.expect(board, program, now_s)
         elif kept.name == CONTINGENCY and _goes_on(board, snapshot, is_airborne):
             assert snapshot.contingency is not None
-            board.manoeuvre = take_up(program, snapshot.contingency, snapshot.cause)
+            board.manoeuvre = contingency_manoeuvre(program, snapshot.contingency, snapshot.cause)
         elif program.is_open:
             board.end_all(program, Trigger.ABORT, now_s, _RESTART)
             board.move(program, Trigger.ABORT, now_s, _RESTART)
-    board.silence = silence.restored(snapshot.silence, now_s)
+    board.silence = restored_silence(snapshot.silence, now_s)
     mission = board.mission
     if snapshot.has_pilot:
         executor.pilot(True, f"he had it before the {_RESTART}", now_s)

@@ -1,18 +1,22 @@
-"""Whether the way of a mission stays inside the fence and the platform's limits, and begins and ends on the ground."""
+"""Checks that a mission stays inside the fence and the platform's limits, and begins and ends on the ground."""
 
 from collections.abc import Iterator
 from itertools import groupby
 
+from gloc3.deployment import ComponentRow
 from gloc3.document import Document, Where
-from gloc3.errors import Finding
+from gloc3.errors import Finding, Gloc3Error
 from gloc3.frames import Vector3
+from gloc3.mission.abilities import abilities
 from gloc3.mission.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, SetOff
 from gloc3.mission.estimate import Estimate
 from gloc3.mission.fence import TOLERANCE_M, Fence
 from gloc3.mission.legs import Leg
-from gloc3.mission.model import Action, Mission, where_of
+from gloc3.mission.model import FLY_PLAN, Action, Mission, where_of
 from gloc3.mission.structure import PartialOrder
-from gloc3.platform import Limits
+from gloc3.platform import Platform
+from gloc3.platform_limits import Limits
+from gloc3.vehicle import HeightAboveGround
 
 
 def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool) -> Iterator[Finding]:
@@ -146,3 +150,35 @@ def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, p
 def name_of(place: Where) -> str:
     """A place for a person: a waypoint, or the end of an action."""
     return f"waypoint {place[-1] + 1}" if isinstance(place[-1], int) else f"{place[3]}'s end"
+
+
+def altitude_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
+    """An `altitude_m` on a platform that keeps none, or lower than it may be asked for."""
+    document = mission.document
+    if document is None or platform is None:
+        return
+    rows, topics, known = {row.name: row for row in platform.components}, platform.topics(), abilities(platform)
+    for target, action in mission.actions().items():
+        order = action.order
+        if not isinstance(order, FollowWaypointsOrder) or order.altitude_m is None or action.ability == FLY_PLAN:
+            continue
+        where = (*where_of(target), action.capability, "altitude_m")
+        ability = known.get(action.ability)
+        row = rows.get(ability.performed_by) if ability is not None else None
+        if row is not None and not _hears_heights(row, topics):
+            message = f"{row.name} of {platform.platform} keeps no height over the ground: it hears of none"
+            yield document.finding(where, message, "say height_m, or bind its input to what a range finder tells")
+        least_m = platform.limits.altitude_min_m
+        if order.altitude_m < least_m:
+            message = f"{order.altitude_m:g} m over the ground are less than the platform's {least_m:g} m"
+            yield document.finding(where, message, "keep higher")
+
+
+def _hears_heights(row: ComponentRow, topics: set[str]) -> bool:
+    """Whether a component's inputs bring it heights over the ground; true where its class is not installed here."""
+    try:
+        inputs = row.load_class().inputs
+    except Gloc3Error:
+        return True
+    heard = (topic for port, of in inputs.items() if of.message is HeightAboveGround for topic in row.topics(port))
+    return any(topic in topics for topic in heard)

@@ -2,19 +2,30 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from gloc3.document import Document, Where
 from gloc3.errors import Finding, nearest
-from gloc3.mission.model import ActionFile, ItemFile, Mission, TaskOptions, where_of
-
-if TYPE_CHECKING:
-    from gloc3.mission.reader import Tasks
+from gloc3.mission.model import ActionFile, ItemFile, Mission, Task, TaskOptions, where_of
 
 MAX_ACTIONS: Final = 500
 
 
-def structure_findings(reading: "Tasks") -> list[Finding]:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tasks:
+    """The tasks of a mission, or its contingencies."""
+
+    document: Document
+    """In which they stand under `tasks`."""
+    read: dict[str, Task]
+    """Lack the actions that are not usable."""
+    skeleton: dict[str, TaskOptions]
+    """As written."""
+    actions: dict[str, ActionFile]
+    """What each `TASK.ACTION` takes beside its capability, also of actions that are not usable."""
+
+
+def structure_findings(reading: Tasks) -> list[Finding]:
     """Unknown names in `after` and `until`, cycles, and too many actions."""
     document = reading.document
     if len(reading.actions) > MAX_ACTIONS:

@@ -15,7 +15,7 @@ from gloc3.mission.estimate import Estimate
 from gloc3.mission.legs import Leg
 from gloc3.mission.model import GEO, Action, Mission, where_of
 from gloc3.mission.space_check import name_of, place_of
-from gloc3.platform import Limits
+from gloc3.platform_limits import Limits
 
 _WIDEST_RAD: Final = 2.2
 """Wider turns need no more room: they are flown as a circle."""

@@ -14,6 +14,7 @@ from gloc3.errors import Refused, nearest
 from gloc3.network.access import Accepted, Role, grants
 from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, issue, make_authority
 from gloc3.network.file import address_problem, host_of, member_problem
+from gloc3.store import replace_file
 
 REGISTER: Final = "members.yaml"
 NETWORK_FILE: Final = "network.yaml"
@@ -184,7 +185,5 @@ def _replace(path: Path, text: str) -> bool:
     """Writes a file as a whole, so that nobody reads half of it; False where it says the same already."""
     if path.exists() and path.read_text() == text:
         return False
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(text)
-    beside.rename(path)
+    replace_file(path, text.encode())
     return True

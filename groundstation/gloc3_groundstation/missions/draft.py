@@ -12,6 +12,7 @@ from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES,
 from gloc3.mission.library import bundled
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.platform import Platform
+from gloc3.store import replace_file
 from gloc3_groundstation.missions.outline import Outline, outline_of
 from gloc3_groundstation.plans import Plan, known_platform
 
@@ -218,10 +219,8 @@ def write_file(path: Path, text: str) -> None:
     Raises:
         Refused: it cannot be written; with the reason.
     """
-    beside = path.with_name(f".{path.name}.new")
     try:
-        beside.write_text(text, encoding="utf-8", newline="")
-        beside.replace(path)
+        replace_file(path, text.encode())
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
         raise Refused(f"{path} cannot be written: {reason}") from None

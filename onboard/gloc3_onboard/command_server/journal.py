@@ -1,11 +1,12 @@
 """Remembers what stations have asked and what they were told, on disk, so that nothing is executed twice (DESIGN §7)."""
 
 from collections import OrderedDict
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import msgspec
 
 from gloc3.ci import CiReply, CiRequest, Outcome
+from gloc3.store import Records
 
 REMEMBERED: Final = 256
 """Requests kept for each sender."""
@@ -14,19 +15,6 @@ MOST_FLOORS: Final = 1024
 """Lives of senders of which it is remembered how far they had come, when their requests are not remembered any more."""
 COMPACT_AFTER: Final = 4 * REMEMBERED
 """Records after which the file is written anew."""
-
-
-class Store(Protocol):
-    """A file of records that survives the process."""
-
-    def load(self) -> list[bytes]:
-        """All whole records, oldest first; a torn one at the end is left out."""
-
-    def append(self, record: bytes) -> None:
-        """Adds a record, on its way to the disk when this returns."""
-
-    def rewrite(self, records: list[bytes]) -> None:
-        """Replaces all records at once."""
 
 
 class _Record(msgspec.Struct, frozen=True, array_like=True):
@@ -50,7 +38,7 @@ class Known(NamedTuple):
 class Journal:
     """The last requests of each sender. `begin` is written before a request is executed, `end` with its reply."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Records) -> None:
         self._store = store
         self._senders: OrderedDict[str, OrderedDict[tuple[int, int], CiReply | None]] = OrderedDict()
         self._floors: OrderedDict[tuple[str, int], int] = OrderedDict()

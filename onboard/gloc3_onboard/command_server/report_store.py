@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from gloc3.ci_summaries import CiEvent
 from gloc3.messages import Severity
-from gloc3_onboard.records import Records
+from gloc3.store import Records, RecordStore
 
 MOST_KEPT: Final = 4000
 """Events on disk: some 400 kB; the oldest make room."""
@@ -43,16 +43,20 @@ class ReportStore:
     """
 
     def __init__(self, records: Records, fresh_id: int, computer: str = "") -> None:
-        self._records, self._computer = records, computer
+        self.records: Final = RecordStore(records, "events")
+        self._computer = computer
         self._encode = msgspec.msgpack.Encoder().encode
-        self.problem = ""
-        """Why what was kept could not be read, or nothing can be kept any more; empty where all is well."""
+        self._unreadable = ""
         self._events: list[CiEvent] = []
         self._head = _Head(fresh_id & 0x7FFFFFFF, 0, -1, computer)
         self._appended = 0
-        self._is_behind = False
-        """Something that should be on disk is not."""
+        """Events and heads in the file."""
         self._load()
+
+    @property
+    def problem(self) -> str:
+        """Why what was kept could not be read, or nothing can be kept any more; empty where all is well."""
+        return self.records.problem or self._unreadable
 
     @property
     def id(self) -> int:
@@ -73,16 +77,11 @@ class ReportStore:
         """Numbers an event and keeps it; the disk is asked to take warnings, others outlive the process."""
         kept = replace(event, number=self.last + 1, store=self.id, text=event.text[:MOST_TEXT])
         self._events.append(kept)
-        try:
-            if self._appended >= SPARE + MOST_KEPT or self._is_behind:
-                self._rewrite()
-            else:
-                record = self._encode(kept)
-                self._records.append(record, outlives_power_cut=event.severity <= Severity.WARNING)
-                self._appended += 1
-        except OSError as error:
-            self._fail(error)
-            del self._events[:-MOST_KEPT]
+        if self._appended >= SPARE + MOST_KEPT:
+            self._rewrite()
+        else:
+            self.records.append(self._encode(kept), outlives_power_cut=event.severity <= Severity.WARNING)
+            self._appended += 1
         return replace(event, number=kept.number, store=self.id)
 
     def after(self, number: int, most: int) -> list[CiEvent]:
@@ -107,46 +106,18 @@ class ReportStore:
 
     def _set_delivered(self, number: int) -> None:
         self._head = _Head(self.id, self.last, number, self._computer)
-        try:
-            self._records.append(self._encode(self._head), outlives_power_cut=False)
-            self._appended += 1
-        except OSError as error:
-            self._fail(error)
-
-    def mark(self) -> int:
-        """A number for all that was written so far."""
-        return self._records.mark()
-
-    def wait(self, mark: int, most_s: float) -> bool:
-        """Whether nothing of that is on its way to the disk any more, after a wait of at most so long."""
-        return self._records.wait(mark, most_s)
-
-    def try_again(self) -> None:
-        """Writes everything that should be on disk, if something of it is not."""
-        try:
-            self._records.check()
-            if self._is_behind:
-                self._rewrite()
-        except OSError as error:
-            self._fail(error)
-
-    def _fail(self, error: OSError) -> None:
-        self._is_behind = True
-        self.problem = f"events cannot be kept: {error.strerror or error}"
+        self.records.append(self._encode(self._head), outlives_power_cut=False)
+        self._appended += 1
 
     def _rewrite(self) -> None:
         self._events = self._events[-MOST_KEPT:]
         self._head = _Head(self.id, self.last, self._head.delivered, self._computer)
-        self._records.rewrite([self._encode(self._head), *map(self._encode, self._events)])
+        self.records.rewrite([self._encode(self._head), *map(self._encode, self._events)])
         self._appended = len(self._events)
-        if self._is_behind:
-            self._is_behind, self.problem = False, ""
 
     def _load(self) -> None:
-        try:
-            records = self._records.load()
-        except OSError as error:
-            self.problem, records = f"the kept events cannot be read: {error.strerror or error}", []
+        records = self.records.load()
+        self._unreadable = self.records.problem
         head, fresh_id = msgspec.msgpack.Decoder(_Head), self._head.store
         event = msgspec.msgpack.Decoder(CiEvent)
         try:
@@ -157,15 +128,11 @@ class ReportStore:
                 else:
                     self._events.append(event.decode(data))
         except msgspec.MsgspecError as error:  # of another version of this program
-            self.problem = f"the kept events cannot be read: {error}"
+            self._unreadable = f"the kept events cannot be read: {error}"
             self._events.clear()
             records = []
         if not records:
             self._head = _Head(fresh_id, 0, -1, self._computer)
         if self._head.computer != self._computer:
             self._head = replace(self._head, store=fresh_id)
-        self._events = self._events[-MOST_KEPT:]
-        try:
-            self._rewrite()
-        except OSError as error:
-            self._fail(error)
+        self._rewrite()

@@ -7,12 +7,11 @@ import msgspec
 
 from gloc3.mission.snapshot import Snapshot
 from gloc3.platform import Platform
-from gloc3_onboard.command_server.enduring import EnduringStore
+from gloc3.store import Records, RecordStore
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.log_shelf import NoShelf, Shelf
 from gloc3_onboard.command_server.mission_checks import AtOnce
 from gloc3_onboard.command_server.report_store import ReportStore
-from gloc3_onboard.records import Records
 
 Mark = tuple[int, ...]
 
@@ -54,13 +53,13 @@ class Site:
         worker: Executor | None = None,
     ) -> None:
         self.platform: Final = platform
-        self.journal: Final = EnduringStore(journal, "journal of requests")
+        self.journal: Final = RecordStore(journal, "journal of requests")
         self.reports: Final = ReportStore(reports, fresh_id, computer)
         self.shelf: Final = shelf or NoShelf()
         self.worker: Final = worker or AtOnce()
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
-        self._progress: Final = EnduringStore(progress, "progress")
+        self._progress: Final = RecordStore(progress, "progress")
         self._computer: Final = computer
         self._snapshot: Snapshot | None = None
         self._home: KeptHome | None = None
@@ -82,14 +81,15 @@ class Site:
         return self._snapshot, self._home
 
     @property
-    def _stores(self) -> tuple[EnduringStore, EnduringStore, ReportStore]:
-        return self._progress, self.journal, self.reports
+    def _stores(self) -> tuple[RecordStore, ...]:
+        return self._progress, self.journal, self.reports.records
 
     def problems(self) -> list[str]:
         """Why something is not kept now, after another attempt."""
         for store in self._stores:
-            store.try_again()
-        return [store.problem for store in self._stores if store.problem]
+            store.check()
+        problems = (self._progress.problem, self.journal.problem, self.reports.problem)
+        return [problem for problem in problems if problem]
 
     def mark(self) -> Mark:
         """Numbers for all that was written so far."""

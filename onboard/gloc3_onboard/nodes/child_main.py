@@ -16,7 +16,7 @@ from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.host_messages import HOSTS
 from gloc3.messages import Severity
 from gloc3.places import Place
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 from gloc3.topics import TopicTable
 from gloc3_onboard.nodes.led import LedExchange
 from gloc3_onboard.nodes.loop import PlatformLoop

@@ -13,7 +13,8 @@ from gloc3.context import HostContext
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
 from gloc3.places import Place, rows_at
-from gloc3.platform import Platform, find_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform
 from gloc3.readiness import SensorCondition
 from gloc3.topics import TopicTable
 from gloc3_onboard.assembly import Hosting, Parts, devices_of, host_components, open_sensors

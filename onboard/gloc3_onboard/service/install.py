@@ -18,7 +18,9 @@ from gloc3.clock import utc_now
 from gloc3.errors import Finding, Refused
 from gloc3.network.file import read_network
 from gloc3.places import choose_host
-from gloc3.platform import Platform, find_platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import find_platform, load_platform
+from gloc3.store import replace_file
 from gloc3_onboard.nodes.shared import check_member
 from gloc3_onboard.onboard_options import OnboardOptions
 from gloc3_onboard.process import DEVICES
@@ -175,9 +177,7 @@ def carry_out(plan: Plan, prefix: Path, tell: Tell) -> None:
     for path, text in plan.files(prefix).items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            fresh = path.with_name(path.name + ".new")
-            fresh.write_text(text)
-            fresh.replace(path)
+            replace_file(path, text.encode())
         except PermissionError as error:
             raise Refused(f"{path} cannot be written: {error.strerror}; run it with sudo, or with --dry-run") from error
         tell(f"wrote {path}")

@@ -1,5 +1,6 @@
 """The in-memory link does what its conditions say, the same for the same seed."""
 
+import asyncio
 import random
 
 import pytest
@@ -87,7 +88,8 @@ def test_a_closed_end_hears_nothing_more() -> None:
     heard: list[bytes] = []
     link.b.on_data = heard.append
     link.a.send(b"late")
-    link.b.close()
+    link.a.on_data = heard.append
+    asyncio.run(link.b.close())
     link.a.send(b"later")
     loop.run(10)
     assert heard == []

@@ -8,7 +8,8 @@ from gloc3.mission.formats import exported
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.mission.show import drawing
 from gloc3.mission.writer import write_mission
-from gloc3.platform import Platform, load_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform
 
 TEXT = """\
 mission: by the autopilot

@@ -7,7 +7,7 @@ from gloc3.mission.arguments import FollowWaypointsOrder
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.formats import exported
 from gloc3.mission.reader import Surroundings, read_mission
-from gloc3.platform import load_platform
+from gloc3.platform_reader import load_platform
 
 TEXT = """\
 mission: over the floor

@@ -11,7 +11,8 @@ from gloc3.mission.arguments import Arguments, argument_kinds
 from gloc3.mission.capability_lines import capability_lines
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.cli import app
-from gloc3.platform import Platform, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import read_platform
 
 Install = Callable[[dict[str, str]], None]
 

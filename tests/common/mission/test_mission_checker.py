@@ -4,7 +4,8 @@ import pytest
 
 from gloc3.mission.checker import Circumstances, Report, check_file, check_text, home_problem
 from gloc3.mission.examples import example_missions
-from gloc3.platform import Platform, load_platform, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import load_platform, read_platform
 
 MISSION = """\
 mission: test

@@ -12,7 +12,8 @@ from gloc3.mission.board import Condition
 from gloc3.mission.policy import Policy
 from gloc3.mission.states import ENDED, ActionState
 from gloc3.mission.writer import single_action
-from gloc3.platform import Platform, read_platform
+from gloc3.platform import Platform
+from gloc3.platform_reader import read_platform
 
 from .conftest import PELICAN
 from .executor_rig import Rig

@@ -14,7 +14,8 @@ from gloc3.mission.formats import exported, read_plan, to_mission
 from gloc3.mission.model import Mission
 from gloc3.mission.reader import Surroundings, read_mission
 from gloc3.mission.structure import PartialOrder
-from gloc3.platform import Limits, Platform
+from gloc3.platform import Platform
+from gloc3.platform_limits import Limits
 
 from .executor_rig import Rig
 

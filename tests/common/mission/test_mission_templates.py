@@ -11,7 +11,7 @@ from gloc3.mission.checker import Circumstances, check_text
 from gloc3.mission.cli import app
 from gloc3.mission.mission_schema import mission_schema
 from gloc3.mission.templates import mission_from, templates
-from gloc3.platform import load_platform, platform_files
+from gloc3.platform_reader import load_platform, platform_files
 
 DIVING = ("auv", "rov", "submarine")
 

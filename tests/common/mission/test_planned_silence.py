@@ -5,8 +5,8 @@ from msgspec.structs import replace
 
 from gloc3.mission.checker import Circumstances, check_text
 from gloc3.platform import Failsafes, LinkLossFailsafe, Platform
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.records import MemoryRecords
 
 from .executor_rig import MISSION, Rig, flying
 

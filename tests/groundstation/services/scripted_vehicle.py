@@ -27,7 +27,7 @@ from gloc3.link.service import Service
 from gloc3.link.statustext import StatusTextSender
 from gloc3.link.version import Capability, Version, VersionServer, version_number
 from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext
 from gloc3_groundstation.services.vehicle import VehicleServices
 
 T = TypeVar("T")
@@ -168,15 +168,7 @@ def over(
         vehicle = ScriptedVehicle(
             loop, memory, autopilot=autopilot, parameters=parameters or numbered(), logs=logs or Logs(), folder=folder
         )
-        link = Link(
-            memory.a.send,
-            loop=loop,
-            exchange=LocalExchange(),
-            topics=TOPICS,
-            system=255,
-            boot=1,
-            told=lambda text: None,
-        )
+        link = Link(memory.a.send, LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1))
         memory.a.on_data = link.receive
         try:
             async with VehicleServices(link, VEHICLE) as services:

@@ -23,7 +23,7 @@ from gloc3.link.plan import PlanItem, PlanType
 from gloc3.link.runner import NodeRunner
 from gloc3.link.signing import Signing, Verdict, timestamp
 from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.link import Link, LinkContext, LinkSettings
 from gloc3_groundstation.services import raw
 from gloc3_groundstation.services.raw import MavsdkBehindLink
 
@@ -51,13 +51,8 @@ class Bench:
         self.memory.b.on_data = self._take
         self.link = Link(
             self.memory.a.send,
-            loop=loop,
-            exchange=LocalExchange(),
-            topics=TopicTable.installed(),
-            system=255,
-            boot=1,
-            told=lambda text: None,
-            signing=Signing(KEY, link_id=2, now=now) if is_signed else None,
+            LinkContext(loop=loop, exchange=LocalExchange(), topics=TopicTable.installed(), boot=1),
+            LinkSettings(key=KEY if is_signed else None),
         )
         self.memory.a.on_data = self.link.receive
         self.mavsdk = MavsdkBehindLink(self.link, VEHICLE)

@@ -11,14 +11,12 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.exchange import LocalExchange
 from gloc3.link.calibration import CalibrationKind, Phase
 from gloc3.link.codec import message
 from gloc3.link.plan import PlanType
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
-from gloc3.topics import TopicTable
+from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.link import Link
-from gloc3_groundstation.links import Links
 from gloc3_groundstation.services.facts import Firmware
 from gloc3_groundstation.services.parameter_table import Change
 from gloc3_groundstation.services.progress import Progress
@@ -74,16 +72,10 @@ async def until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
 
 @asynccontextmanager
 async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, Link]]:
-    links, garage = Links(), Garage()
+    ground, garage = GroundStation(StationSetup(boot=1)), Garage()
+    links = ground.links
     try:
-        await links.open(
-            [f"udpout://127.0.0.1:{port}"],
-            exchange=LocalExchange(),
-            topics=TopicTable.installed(),
-            system=255,
-            boot=1,
-            told=lambda text: None,
-        )
+        await ground.open([f"udpout://127.0.0.1:{port}"])
         await until(lambda: bool(links.autopilots()))
         link, target = links.autopilots()[0]
         services = garage.services(link, target)
@@ -91,7 +83,7 @@ async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, Link]]:
         yield services, link
     finally:
         await garage.close()
-        await links.close()
+        await ground.close()
 
 
 async def test_parameters_are_listed_changed_and_refused(vehicle: tuple[str, int], tmp_path: Path) -> None:

@@ -14,13 +14,13 @@ from gloc3.context import HostContext
 from gloc3.lci import State
 from gloc3.messages import ComponentStatus, Envelope
 from gloc3.places import Place, rows_at
-from gloc3.platform import read_platform
+from gloc3.platform_reader import read_platform
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.nodes.child import ChildProcess
 from gloc3_onboard.nodes.keeper import HostKeeper
 from gloc3_onboard.nodes.pipe import Order
 from gloc3_onboard.nodes.shared import open_shared
-from gloc3_onboard.records import MemoryRecords
 from gloc3_onboard.run_log import LogLimits
 from gloc3_onboard.runner import Onboard
 

@@ -8,7 +8,7 @@ from tests.onboard.nodes.three_hosts import fly, platform
 from tests.onboard.nodes.three_hosts_faults import LINE_DOWN
 
 from gloc3.places import Place, rows_at
-from gloc3.platform import read_platform
+from gloc3.platform_reader import read_platform
 
 pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from gloc3.mission import contingencies, failures, flow, guards, manoeuvres, restore, space_check
+from gloc3.mission import failures, flow, manoeuvres, reactions, restore, space_check
 from gloc3.mission.assignments import Assignments
 from gloc3.mission.board import Board
 from gloc3.mission.executor import MissionExecutor
@@ -63,30 +63,34 @@ MUTANTS = (
         "return\n    clearance_m = fence",
         seed=62,
     ),
-    Mutant("guards are not looked at", guards.leave, "if guard is None:", "if True:", seed=44),
+    Mutant("guards are not looked at", flow.guard_says, "if guard is None:", "if True:", seed=44),
     Mutant(
         "a loop is done once too often",
-        guards.is_to_repeat,
+        flow.is_to_repeat,
         "task.repetition >= repeat.times",
         "task.repetition > repeat.times",
         seed=16,
     ),
     Mutant(
         "the mission runs on beside a contingency",
-        contingencies.begin,
+        reactions.begin_contingency,
         'board.halt(program, "mission", now_s, reason)',
         "pass",
         seed=72,
     ),
     Mutant(
         "what follows a contingency is left out",
-        contingencies.follow,
+        reactions.end_contingency,
         "manoeuvres.apply(board, policy, cause, now_s)",
         "pass",
         seed=140,
     ),
     Mutant(
-        "the mission does not go on after a contingency", contingencies.follow, "return True", "return False", seed=72
+        "the mission does not go on after a contingency",
+        reactions.end_contingency,
+        "return True",
+        "return False",
+        seed=72,
     ),
 )
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3_onboard.records import MemoryRecords, RecordFile
+from gloc3.store import MemoryRecords, RecordFile
 
 RECORDS = [b"first", b"", b"third, which is a little longer", bytes(range(0, 256, 16))]
 SOON_S = 30.0
@@ -212,7 +212,7 @@ def test_a_record_that_fits_only_in_part_leaves_no_torn_end(tmp_path: Path) -> N
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / "journal.1").stat().st_size + 20, limits[1]))
     try:
-        with pytest.raises(OSError, match="no room for a record of 108 bytes"):
+        with pytest.raises(OSError, match="no room for 108 bytes"):
             file.append(bytes(100))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -1,0 +1,76 @@
+"""Limits and power model of a platform: what its motion and its energy are checked against and held to."""
+
+from typing import Annotated
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
+Height = Annotated[float, msgspec.Meta(ge=-11_000.0, le=1e6)]
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+
+
+class PlatformRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The base of everything that stands in a platform file."""
+
+
+class Limits(PlatformRow, frozen=True, kw_only=True):
+    """What the driver and the limiter never let the vehicle exceed, and missions are checked against."""
+
+    speed_m_s: Positive = 3.0
+    """Greatest horizontal speed."""
+    climb_m_s: Positive = 1.0
+    """Greatest vertical speed."""
+    landing_m_s: Positive = 0.5
+    """Speed of the last part of a landing; landings are estimated with it."""
+    acceleration_m_s2: Positive = 2.5
+    height_min_m: Height = 0.3
+    """Least height above home of a waypoint; negative for what dives."""
+    height_max_m: Height = 30.0
+    """Greatest height above home."""
+    altitude_min_m: NotNegative = 0.5
+    """Least height over the ground, or the floor of the water, that a way may be asked to keep."""
+    fence_margin_m: NotNegative = 0.5
+    """Distance that waypoints and legs keep from the fence."""
+    survey_height_m: Height | None = None
+    """Height above home at which patterns are flown that say none: 0 on the ground or the water, negative for what dives."""
+    survey_speed_m_s: Positive | None = None
+    """Speed of ways that say none; None: 1 m/s, or the greatest where that is less."""
+    survey_acceptance_m: Positive = 0.25
+    """So near patterns that say nothing come to a waypoint."""
+    speed_min_m_s: NotNegative = 0.0
+    """Slower ways are refused: what flies on wings falls."""
+    turn_radius_m: NotNegative = 0.0
+    """Of what cannot turn on the spot nor stop, such as a plane: ways need room to turn, and it waits in circles."""
+
+    def __post_init__(self) -> None:
+        if self.height_min_m >= self.height_max_m:
+            raise ValueError("height_min_m must be less than height_max_m")
+        if self.survey_height_m is not None and not self.height_min_m <= self.survey_height_m <= self.height_max_m:
+            raise ValueError("survey_height_m must be from height_min_m to height_max_m")
+        if self.survey_speed_m_s is not None and self.survey_speed_m_s > self.speed_m_s:
+            raise ValueError("survey_speed_m_s must be no more than speed_m_s")
+        if not self.speed_min_m_s <= (self.survey_speed_m_s or self.speed_m_s) <= self.speed_m_s:
+            raise ValueError("speed_min_m_s must be no more than survey_speed_m_s and speed_m_s")
+
+
+class Power(PlatformRow, frozen=True, kw_only=True):
+    """The stated power model from which the energy of a mission is estimated."""
+
+    hover_w: NotNegative
+    """Power to hover (or to stay put)."""
+    per_m_s_w: NotNegative = 0.0
+    """More power for each metre per second of horizontal speed."""
+    climb_w_per_m_s: NotNegative = 0.0
+    """More power for each metre per second of climb."""
+    avionics_w: NotNegative = 0.0
+    """Computers and sensors, all the time."""
+    battery_wh: Positive
+    """Energy of the full battery."""
+    reserve: Share = 0.25
+    """Share of the battery that missions must leave; below it the battery counts as low."""
+
+    @property
+    def usable_wh(self) -> float:
+        """What a mission may use."""
+        return self.battery_wh * (1.0 - self.reserve)

@@ -1,0 +1,217 @@
+"""Small files that survive: replaced whole or appended to, and a thread that waits for the disk."""
+
+import errno
+import io
+import os
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO, Generic, TypeVar
+
+import msgspec
+
+T = TypeVar("T")
+
+
+class AppendFile:
+    """Bytes that are only ever added, whole or not at all, and read by their place.
+
+    Args:
+        file: open for appending, unbuffered or not.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.size = file.seek(0, os.SEEK_END)
+        """In bytes."""
+
+    def append(self, data: bytes) -> None:
+        """Adds data and hands them to the operating system.
+
+        Raises:
+            OSError: they could not be written; the file is as it was.
+        """
+        try:
+            self._file.seek(self.size)
+            if self._file.write(data) != len(data):
+                raise OSError(errno.ENOSPC, f"no room for {len(data)} bytes")
+            self._file.flush()
+        except OSError:
+            with suppress(OSError):  # what comes behind a torn end would never be read again
+                self._file.truncate(self.size)
+            raise
+        self.size += len(data)
+
+    def read(self, begin: int, size: int) -> bytes:
+        """Bytes of the file, also from other threads.
+
+        Raises:
+            OSError: they cannot be read.
+        """
+        if isinstance(self._file, io.BytesIO):
+            return self._file.getvalue()[begin : begin + size]
+        return os.pread(self._file.fileno(), size, begin)
+
+    def close(self) -> None:
+        """Closes the file.
+
+        Raises:
+            OSError: something is left that cannot be written.
+        """
+        self._file.close()
+
+
+class DocumentFile(Generic[T]):
+    """One value in a small file of JSON, replaced whole; never raises.
+
+    The file before stays beside it, as `NAME.old`, until the new one is on disk, so that one of them is always whole.
+
+    Args:
+        path: the file; its folder is made when it is first written.
+        type_: of the value.
+    """
+
+    def __init__(self, path: Path, type_: type[T]) -> None:
+        self._path, self._old, self._type = path, path.with_name(path.name + ".old"), type_
+        self._written: bytes | None = None
+        self._lock = threading.Lock()
+        """Held while files are renamed or removed."""
+        self._count = 0
+        """Of the files written so far."""
+        self._disk = DiskThread(path.name, self._bring_to_disk)
+        self.problem = ""
+        """Why the file cannot be read or written; empty where it can."""
+
+    def read(self) -> T | None:
+        """The value that was written last, or the one before where a power cut has torn it; None where there is none."""
+        for path in (self._path, self._old):
+            try:
+                self._written = path.read_bytes()
+                value = msgspec.json.decode(self._written, type=self._type)
+            except FileNotFoundError:
+                continue
+            except (OSError, msgspec.DecodeError) as error:
+                self._written, self.problem = None, f"{self._path} cannot be read: {error}"
+            else:
+                self.problem = ""
+                return value
+        return None
+
+    def write(self, value: T) -> None:
+        """Replaces the file, unless it holds this value already."""
+        data = msgspec.json.encode(value)
+        if data == self._written:
+            return
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._lock:
+                if self._path.exists() and not self._old.exists():
+                    self._path.replace(self._old)
+                replace_file(self._path, data)
+                self._count += 1
+        except OSError as error:
+            self.problem = f"{self._path} cannot be written: {error.strerror or error}"
+        else:
+            self._written, self.problem = data, ""
+            self._disk.request()
+
+    def _bring_to_disk(self) -> None:
+        count = self._count
+        sync(self._path)
+        sync(self._path.parent)
+        with self._lock:
+            if count == self._count:
+                self._old.unlink(missing_ok=True)
+
+
+class DiskThread:
+    """Waits for the disk in a thread of its own, which lives as long as something is on its way there.
+
+    Args:
+        name: of the file, in words.
+        bring: returns when the disk has all that is written, or raises `OSError`.
+    """
+
+    def __init__(self, name: str, bring: Callable[[], None]) -> None:
+        self._name, self._bring = name, bring
+        self._changed = threading.Condition()
+        self._requested = self._settled = 0
+        """Requests, and how many of them the disk has taken, or failed to take."""
+        self._is_running = False
+        self._error: OSError | None = None
+
+    def request(self) -> None:
+        """Has the disk take what is written."""
+        with self._changed:
+            self._requested += 1
+            if not self._is_running:
+                self._is_running = True
+                threading.Thread(target=self._run, name=f"disk: {self._name}").start()
+
+    def mark(self) -> int:
+        """A number for all requests so far."""
+        return self._requested
+
+    def wait(self, mark: int, most_s: float) -> bool:
+        """Whether the requests up to a mark are settled, after a wait of at most so long."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._settled >= mark, most_s)
+
+    def check(self) -> None:
+        """Requests once more what the disk has failed to take since the last check.
+
+        Raises:
+            OSError: the disk has failed.
+        """
+        with self._changed:
+            error, self._error = self._error, None
+        if error is not None:
+            self.request()
+            raise error
+
+    def _run(self) -> None:
+        """Until everything that is written meanwhile is on disk, too."""
+        while True:
+            with self._changed:
+                requested = self._requested
+            error: OSError | None = None
+            try:
+                self._bring()
+            except OSError as found:
+                error = found
+            with self._changed:
+                self._error, self._settled = error, requested
+                self._is_running = error is None and self._requested != requested
+                self._changed.notify_all()
+                if not self._is_running:
+                    return
+
+
+def replace_file(path: Path, data: bytes, beside: Path | None = None) -> None:
+    """Writes a file whole, or leaves what was there.
+
+    Args:
+        path: the file; its folder is there.
+        data: the new content.
+        beside: where it is written first; by default a hidden file in the same folder.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    half = beside or path.with_name(f".{path.name}.new")
+    half.write_bytes(data)
+    half.replace(path)
+
+
+def sync(path: Path) -> None:
+    """Returns when the disk has a file, or a folder's names.
+
+    Raises:
+        OSError: it has not.
+    """
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,77 @@
+"""A station is wired in one place: what `gloc3 station` runs is what flights in virtual time run."""
+
+import ast
+import importlib
+import pkgutil
+from pathlib import Path
+from random import Random
+
+import pytest
+
+import gloc3_groundstation
+from gloc3.clock import run_virtual
+from gloc3.link.memory import MemoryLink
+from gloc3_groundstation import assembly, links
+from gloc3_groundstation.acoustic_way import AcousticWay
+from gloc3_groundstation.assembly import NOT_IN_FLIGHTS, GroundStation, StationSetup
+from gloc3_groundstation.link import Link, LinkContext
+from gloc3_groundstation.links import Links
+from gloc3_groundstation.recording import Recording
+from gloc3_groundstation.station import Station
+from gloc3_groundstation.vehicles import Vehicles
+
+ROOT = Path(__file__).parents[2]
+BUILDERS = {
+    Station: {assembly.__name__},
+    Links: {assembly.__name__},
+    LinkContext: {assembly.__name__},
+    Vehicles: {assembly.__name__},
+    Recording: {assembly.__name__},
+    Link: {links.__name__},
+    AcousticWay: {AcousticWay.__module__},
+}
+"""A part of a station, and the modules that may construct it."""
+
+
+@pytest.mark.parametrize("part", BUILDERS, ids=lambda part: part.__name__)
+def test_nothing_but_the_assembly_constructs_the_parts_of_a_station(part: type) -> None:
+    found = set()
+    for path in (
+        path for folder in ("common", "onboard", "groundstation", "sitl") for path in ROOT.glob(f"{folder}/**/*.py")
+    ):
+        text = path.read_text(encoding="utf-8")
+        if part.__name__ not in text:
+            continue
+        module = ".".join(path.relative_to(ROOT).with_suffix("").parts[1:])
+        tree = ast.parse(text)
+        names = {
+            alias.asname or alias.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and node.module == part.__module__
+            for alias in node.names
+            if alias.name == part.__name__
+        } | ({part.__name__} if module == part.__module__ else set())
+        calls = (node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
+        if any(isinstance(called, ast.Name) and called.id in names for called in calls):
+            found.add(module)
+    assert found == BUILDERS[part]
+
+
+def parts(setup: StationSetup) -> tuple[str, ...]:
+    async def work() -> tuple[str, ...]:
+        ground = GroundStation(setup)
+        ground.attach(MemoryLink(ground.loop, Random(1)).a)
+        names = ground.parts()
+        await ground.close()
+        return names
+
+    return run_virtual(work())
+
+
+def test_what_a_flight_s_station_lacks_is_listed_with_the_reason(tmp_path: Path) -> None:
+    flown, real = parts(StationSetup(boot=1)), parts(StationSetup(boot=1, record=tmp_path))
+    assert flown == ("Station", "EventsDesk", "Links", "Vehicles", "ServicesDesk")
+    assert set(real) - set(flown) <= set(NOT_IN_FLIGHTS)
+    modules = pkgutil.walk_packages(gloc3_groundstation.__path__, "gloc3_groundstation.")
+    known = {name for module in modules for name in vars(importlib.import_module(module.name))}
+    assert set(NOT_IN_FLIGHTS) <= known

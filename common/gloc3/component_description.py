@@ -10,6 +10,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.component import Component, FunctionEntry
+from gloc3.deployment import COMPONENTS
 from gloc3.errors import Gloc3Error, nearest
 from gloc3.functions import GENERIC
 from gloc3.installed import installed_points
@@ -17,9 +18,6 @@ from gloc3.messages import Kind
 from gloc3.ports import Input, Port
 from gloc3.settings import field_docs
 from gloc3.topics import TopicTable
-
-GROUP: Final = "gloc3.components"
-"""Entry points of component classes: a short name to `package.module:Class`."""
 
 KIND_NAMES: Final = {
     Kind.SAMPLER: "sensor sampler",
@@ -81,7 +79,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
 def installed() -> dict[str, str]:
     """The component classes of all installed packages: name to `package.module:Class`."""
-    return {point.name: point.value for point in installed_points(GROUP)}
+    return {point.name: point.value for point in installed_points(COMPONENTS)}
 
 
 def find_class(name: str) -> type[Component[Any]]:

@@ -14,6 +14,9 @@ from gloc3.installed import installed_points
 DEVICES: Final = "gloc3.devices"
 """Entry points of devices that packages bring: a name to a class or function that makes one, without arguments."""
 
+COMPONENTS: Final = "gloc3.components"
+"""Entry points of component classes that packages bring: a short name to `package.module:Class`."""
+
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)]
 
 
@@ -104,9 +107,8 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         Raises:
             Gloc3Error: it cannot be imported, or is no component.
         """
-        module_name, _, class_name = self.class_name.partition(":")
         try:
-            found = getattr(import_module(module_name), class_name)
+            found = _load(self.class_name)
         except (ImportError, AttributeError, ValueError) as error:
             raise Gloc3Error(f"component {self.name}: cannot load {self.class_name!r}: {error}") from error
         if not (isinstance(found, type) and issubclass(found, Component)):
@@ -139,3 +141,19 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
             return points[name].load()()
         except (ImportError, AttributeError, OSError, TypeError) as error:
             raise Gloc3Error(f"component {self.name}: device {name!r} cannot be made: {error}") from error
+
+
+def _load(path: str) -> Any:
+    """What `package.module:Class` names; for an installed component, also after its module has moved in its package.
+
+    Platform files and logs keep the path of the day on which they were written.
+    """
+    module_name, _, class_name = path.partition(":")
+    try:
+        return getattr(import_module(module_name), class_name)
+    except ModuleNotFoundError:
+        package = module_name.partition(".")[0]
+        for point in installed_points(COMPONENTS):
+            if point.module.partition(".")[0] == package and point.attr == class_name:
+                return point.load()
+        raise

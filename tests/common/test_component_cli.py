@@ -10,6 +10,7 @@ import pytest
 from gloc3 import component_description
 from gloc3.component_cli import app
 from gloc3.component_description import bounds_of, describe, find_class, spell
+from gloc3.deployment import COMPONENTS
 from gloc3.errors import Gloc3Error
 from gloc3.lci import State
 from gloc3.settings import Bounds
@@ -38,8 +39,8 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two packages that bring components, one of them broken."""
     points = [
-        EntryPoint("specimen", HERE, component_description.GROUP),
-        EntryPoint("broken", "nowhere:Thing", component_description.GROUP),
+        EntryPoint("specimen", HERE, COMPONENTS),
+        EntryPoint("broken", "nowhere:Thing", COMPONENTS),
     ]
     monkeypatch.setattr(component_description, "installed_points", lambda group: points)
 

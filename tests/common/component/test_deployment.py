@@ -204,6 +204,16 @@ def test_a_class_is_loaded_and_made_with_its_devices() -> None:
         source(**{"class": "gloc3.lci:State"}).load_class()
 
 
+def test_an_installed_component_is_found_where_its_module_was_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [EntryPoint("source", f"{HERE}:Source", "gloc3.components")]
+    monkeypatch.setattr(deployment, "installed_points", lambda group: points)
+    package = HERE.partition(".")[0]
+    assert source(**{"class": f"{package}.before:Source"}).load_class() is Source
+    for elsewhere in (f"{package}.before:Listener", "another.before:Source"):
+        with pytest.raises(Gloc3Error, match="No module named"):
+            source(**{"class": elsewhere}).load_class()
+
+
 def test_a_device_that_the_host_does_not_have_comes_from_an_installed_package(monkeypatch: pytest.MonkeyPatch) -> None:
     points = [EntryPoint("d", "io:BytesIO", "gloc3.devices"), EntryPoint("x", "nowhere:Thing", "gloc3.devices")]
     monkeypatch.setattr(deployment, "installed_points", lambda group: points)

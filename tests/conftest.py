@@ -37,7 +37,14 @@ def _is_interruptible() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-PERCEPTION = ("onboard/vision/", "onboard/scan_matching/", "onboard/fusion/", "pose_fusion", "odometry", "stereo")
+PERCEPTION = (
+    "algorithms/vision/",
+    "algorithms/scan_matching/",
+    "algorithms/fusion/",
+    "pose_fusion",
+    "odometry",
+    "stereo",
+)
 """In the paths of tests that fly along walls to see how well they are seen."""
 
 
@@ -46,11 +53,11 @@ LONG = (
     "flight/test_flying_on_our_own_pose",
     "flight/test_among_obstacles",
     "flight/test_sources_that_fail",
-    "onboard/nodes/",
-    "onboard/test_stations_on_",
+    "onboard/hosts/",
+    "companion/test_stations_on_",
     "sitl/firmware/",
-    "sitl/test_demo",
-    "sitl/test_fly_command",
+    "demo/test_demo",
+    "cli/test_fly_command",
 )
 """In the paths of tests that take longest: they come first, so that at the end no core waits for one of them."""
 

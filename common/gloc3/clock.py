@@ -17,8 +17,8 @@ from datetime import UTC, datetime
 from heapq import heappop, heappush
 from typing import Any, Final, TypeVar, TypeVarTuple
 
+from gloc3.component.guard import guard
 from gloc3.errors import Misuse
-from gloc3.guard import guard
 
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")

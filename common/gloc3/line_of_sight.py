@@ -3,7 +3,7 @@
 from math import atan, atan2, cos, hypot, inf, sin, sqrt
 from typing import Final, NamedTuple
 
-from gloc3.frames import Vector3, wrap_pi
+from gloc3.messages.frames import Vector3, wrap_pi
 
 _LEAST_LOOKAHEAD_M: Final = 0.3
 

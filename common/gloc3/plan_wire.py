@@ -5,7 +5,7 @@ import struct
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.link.plan import PlanItem, units_per_degree
+from gloc3.mavlink.services.plan import PlanItem, units_per_degree
 from gloc3.mission.formats.items import MavItem
 
 _INT_MAX: Final = 2**31 - 1

@@ -15,23 +15,23 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
-from gloc3.link.memory import MemoryEnd
-from gloc3.messages import Severity
+from gloc3.mavlink.transport.memory import MemoryEnd
+from gloc3.messages.envelope import Severity
+from gloc3.messages.topics import TopicTable
 from gloc3.network.file import Membership
-from gloc3.topics import TopicTable
-from gloc3_groundstation.acoustic_way import Modem, attach_modem, open_modem
-from gloc3_groundstation.contact_queue import FILE as QUEUE_FILE
-from gloc3_groundstation.contact_queue import ContactQueue
-from gloc3_groundstation.event_store import EventStore
-from gloc3_groundstation.events_desk import EventsDesk
-from gloc3_groundstation.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
-from gloc3_groundstation.link import Link, LinkContext
-from gloc3_groundstation.links import Links
-from gloc3_groundstation.network_way import role_of
-from gloc3_groundstation.recording import Recording
-from gloc3_groundstation.services_desk import ServicesDesk
-from gloc3_groundstation.station import Station
-from gloc3_groundstation.vehicles import Vehicles
+from gloc3_groundstation.desk.events_desk import EventsDesk
+from gloc3_groundstation.desk.services_desk import ServicesDesk
+from gloc3_groundstation.links.acoustic_way import Modem, attach_modem, open_modem
+from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.links import Links
+from gloc3_groundstation.links.network_way import role_of
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.station.vehicles import Vehicles
+from gloc3_groundstation.store.contact_queue import FILE as QUEUE_FILE
+from gloc3_groundstation.store.contact_queue import ContactQueue
+from gloc3_groundstation.store.event_store import EventStore
+from gloc3_groundstation.store.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
+from gloc3_groundstation.store.recording import Recording
 
 NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
     "Recording": "a flight's log already holds both ends; a test may give a folder",

@@ -10,45 +10,45 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import msgspec
 
-from gloc3.ci import StationRole
-from gloc3.context import HostContext
-from gloc3.counting import counted
-from gloc3.deployment import ComponentRow
+from gloc3.cli.counting import counted
+from gloc3.component.context import HostContext
+from gloc3.component.deployment import ComponentRow
+from gloc3.evaluation.requested_path import RequestedPath
 from gloc3.exchange.link_budget import budget_of
-from gloc3.link.codec import Frame, MavlinkMessage
-from gloc3.link.endpoints import Endpoint, parse_url
-from gloc3.link.ftp_files import Files
-from gloc3.link.router import Router
-from gloc3.link.signed_only import SignedOnly
-from gloc3.link.signing import Signing
-from gloc3.messages import Severity
-from gloc3.platform import Platform
-from gloc3.readiness import LinkCondition
-from gloc3.requested_path import RequestedPath
-from gloc3.store import Records
-from gloc3_onboard.acoustic_link import PERIOD_S, AcousticLink
-from gloc3_onboard.arm_authority import ArmAuthority
+from gloc3.log.store import Records
+from gloc3.mavlink.codec import Frame, MavlinkMessage
+from gloc3.mavlink.router import Router
+from gloc3.mavlink.services.ftp_files import Files
+from gloc3.mavlink.signed_only import SignedOnly
+from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.transport.endpoints import Endpoint, parse_url
+from gloc3.messages.command_interface import StationRole
+from gloc3.messages.envelope import Severity
+from gloc3.messages.readiness import LinkCondition
+from gloc3.platform.platform import Platform
+from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.log_shelf import Shelf
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.companion.companion import Companion
+from gloc3_onboard.companion.herald import Herald
+from gloc3_onboard.companion.link_watch import LinkWatch
 from gloc3_onboard.companion.own_parameters import own_parameters
-from gloc3_onboard.devices import Rig
+from gloc3_onboard.companion.rate_watch import RateWatch
+from gloc3_onboard.companion.routing import Keep, RoutedLink, keep_nothing
+from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.event_narration import EventNarration, Report
-from gloc3_onboard.herald import Herald
-from gloc3_onboard.link_watch import LinkWatch
-from gloc3_onboard.rate_watch import RateWatch
-from gloc3_onboard.rig import PlatformRig
-from gloc3_onboard.routing import Keep, RoutedLink, keep_nothing
-from gloc3_onboard.runner import Create, Member, Onboard
-from gloc3_onboard.sensor_watch import SensorWatch
+from gloc3_onboard.process.runner import Create, Member, Onboard
+from gloc3_onboard.process.taps import ExchangeTaps
+from gloc3_onboard.process.vitals import Vitals
+from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.rig import PlatformRig
+from gloc3_onboard.sensors.sensor_watch import SensorWatch
 from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.factory import SourceHost, make_sources
-from gloc3_onboard.station_link import HeartbeatSource, StationLink
-from gloc3_onboard.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
-from gloc3_onboard.vitals import Vitals
 
 P = TypeVar("P")
 

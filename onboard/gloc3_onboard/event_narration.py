@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from gloc3.exchange.base import Exchange
-from gloc3.messages import Envelope, Event, Severity
+from gloc3.messages.envelope import Envelope, Event, Severity
 
 Report = Callable[[Severity, str], None]
 

@@ -5,29 +5,29 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final, Literal
 
-from gloc3.context import HostContext
+from gloc3.component.context import HostContext
 from gloc3.errors import Refused
-from gloc3.frames import Vector3
-from gloc3.link.endpoints import parse_url
-from gloc3.link.ftp_files import Files
-from gloc3.link.signing import Signing
-from gloc3.link.signing_key import read_signing_key
-from gloc3.messages import Severity
-from gloc3.places import Place
-from gloc3.platform import Platform
-from gloc3.platform_reader import find_platform
-from gloc3.store import RecordFile
+from gloc3.log.store import RecordFile
+from gloc3.mavlink.services.ftp_files import Files
+from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.signing_key import read_signing_key
+from gloc3.mavlink.transport.endpoints import parse_url
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
+from gloc3.platform.places import Place
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import find_platform
 from gloc3_onboard.assembly import Parts, Storage
 from gloc3_onboard.command_server.log_shelf import LogShelf
 from gloc3_onboard.companion.files import shared_files
-from gloc3_onboard.computer import start_of_computer
-from gloc3_onboard.devices import Rig
 from gloc3_onboard.event_narration import Report
-from gloc3_onboard.log_files import LogFiles, log_stem
-from gloc3_onboard.process_options import ProcessOptions
-from gloc3_onboard.run_log import RunLog
-from gloc3_onboard.signing_memory import SigningMemory
-from gloc3_onboard.storage import PictureFolder
+from gloc3_onboard.process.computer import start_of_computer
+from gloc3_onboard.process.log_files import LogFiles, log_stem
+from gloc3_onboard.process.options import ProcessOptions
+from gloc3_onboard.process.run_log import RunLog
+from gloc3_onboard.process.signing_memory import SigningMemory
+from gloc3_onboard.process.storage import PictureFolder
+from gloc3_onboard.sensors.devices import Rig
 
 
 class ProcessStorage:

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from gloc3.component_cli import app
-from gloc3.component_description import describe, find_class, installed
-from gloc3.deployment_check import check_deployment
-from gloc3.lci import State
-from gloc3.platform import Platform
-from gloc3.platform_reader import load_platform
-from gloc3.testing import Bench
-from gloc3.topics import TopicTable
+from gloc3.cli.component import app
+from gloc3.component.deployment_check import check_deployment
+from gloc3.component.description import describe, find_class, installed
+from gloc3.component.lci import State
+from gloc3.component.test_bench import Bench
+from gloc3.messages.topics import TopicTable
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import load_platform
 
 pytestmark = pytest.mark.thorough
 
@@ -135,7 +135,7 @@ def test_the_pages_component_and_message_are_found_by_their_entry_points(
 @pytest.mark.parametrize("command", re.findall(r"^\$ (gloc3 .*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE))
 def test_the_commands_of_the_page_exist(command: str) -> None:
     name = command.split()[1]
-    from gloc3.cli import SUMMARIES
+    from gloc3.cli.program import SUMMARIES
 
     assert name in SUMMARIES
 

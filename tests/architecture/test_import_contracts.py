@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from importlinter.cli import lint_imports
 
-from gloc3.component import Component
+from gloc3.component.component import Component
 
 pytestmark = pytest.mark.thorough
 
@@ -69,5 +69,10 @@ def test_the_vehicle_loads_nothing_that_only_the_ground_or_the_simulation_needs(
 
 
 def test_the_generic_component_loads_no_mavlink_no_log_format_and_no_command_line() -> None:
-    loaded = loaded_by("gloc3.host", "gloc3.supervision", "gloc3.testing", "gloc3.standard_topics")
+    loaded = loaded_by(
+        "gloc3.component.host",
+        "gloc3.component.supervision",
+        "gloc3.component.test_bench",
+        "gloc3.messages.standard_topics",
+    )
     assert loaded.isdisjoint({*HEAVY, "pymavlink", "mcap", "rich", "cyclopts", "serial", "numpy"})

@@ -10,15 +10,16 @@ import pytest
 
 import gloc3_groundstation
 from gloc3.clock import run_virtual
-from gloc3.link.memory import MemoryLink
-from gloc3_groundstation import assembly, links
-from gloc3_groundstation.acoustic_way import AcousticWay
+from gloc3.mavlink.transport.memory import MemoryLink
+from gloc3_groundstation import assembly
 from gloc3_groundstation.assembly import NOT_IN_FLIGHTS, GroundStation, StationSetup
-from gloc3_groundstation.link import Link, LinkContext
-from gloc3_groundstation.links import Links
-from gloc3_groundstation.recording import Recording
-from gloc3_groundstation.station import Station
-from gloc3_groundstation.vehicles import Vehicles
+from gloc3_groundstation.links import links
+from gloc3_groundstation.links.acoustic_way import AcousticWay
+from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.links import Links
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.station.vehicles import Vehicles
+from gloc3_groundstation.store.recording import Recording
 
 ROOT = Path(__file__).parents[2]
 BUILDERS = {

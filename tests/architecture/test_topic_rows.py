@@ -4,11 +4,11 @@ from typing import Final
 
 import pytest
 
-from gloc3.deployment_check import TOLD_BY_HOSTS, check_deployment
-from gloc3.messages import Message
-from gloc3.platform_reader import load_platform
-from gloc3.topics import TopicTable, matches
-from gloc3.wire import type_name
+from gloc3.component.deployment_check import TOLD_BY_HOSTS, check_deployment
+from gloc3.messages.envelope import Message
+from gloc3.messages.topics import TopicTable, matches
+from gloc3.messages.wire import type_name
+from gloc3.platform.reader import load_platform
 
 TABLE = TopicTable.installed()
 PLATFORMS = ("pelican",)

@@ -5,14 +5,14 @@ import sys
 
 from tests.groundstation.scripted_platform import TASKS, ScriptedPlatform
 
-from gloc3.ci import CiRequest
-from gloc3.ci_summaries import ComponentLine, ComponentTable, Health, MissionSummary, Summary, TableRow
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.tunnel.pacing import LinkBudget
-from gloc3.link.endpoints import open_endpoint
-from gloc3.messages import Envelope
-from gloc3.topics import TopicTable
-from gloc3_onboard.station_link import StationLink
+from gloc3.mavlink.transport.endpoints import open_endpoint
+from gloc3.messages.command_interface import CiRequest
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import ComponentLine, ComponentTable, Health, MissionSummary, Summary, TableRow
+from gloc3.messages.topics import TopicTable
+from gloc3_onboard.companion.station_link import StationLink
 
 NETWORK = LinkBudget(rate_bit_s=10_000_000.0, bits_per_byte=8.0)
 KINDS = ("SS", "SS", "DP", "CC", "AD")

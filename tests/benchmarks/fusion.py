@@ -3,10 +3,10 @@
 import time
 from typing import Any
 
-from tests.onboard.fusion.flown import inspection, sensors_of
-from tests.onboard.fusion.fly import Recorder
+from tests.onboard.algorithms.fusion.flown import inspection, sensors_of
+from tests.onboard.algorithms.fusion.fly import Recorder
 
-from gloc3_onboard.fusion.pose_fusion import PoseFusion
+from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
 
 BAR_MS = 0.1
 REPEATS = 5

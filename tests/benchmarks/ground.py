@@ -10,8 +10,8 @@ from tests.evidence.ground import SETTINGS
 from tests.evidence.ground_flight import fly, motion, truths
 from tests.evidence.tracker import follower_in, tracker_in
 
-from gloc3.wall_coverage import Limits, View, Wall, cover
-from gloc3_onboard.vision.ground_odometer import GroundOdometer
+from gloc3.camera.wall_coverage import Limits, View, Wall, cover
+from gloc3_onboard.algorithms.vision.ground_odometer import GroundOdometer
 from gloc3_sitl.world.rig import FRONT_LEFT, GROUND
 from gloc3_sitl.world.world import World
 

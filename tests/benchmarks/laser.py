@@ -5,14 +5,14 @@ from math import pi
 
 import numpy as np
 from tests.benchmarks.parts import best_us, yardstick
-from tests.onboard.scan_matching.rays import HOLD, Scanner, flight
+from tests.onboard.algorithms.scan_matching.rays import HOLD, Scanner, flight
 
-from gloc3.opencv import load_opencv
-from gloc3_onboard.obstacle_field import Detour, ObstacleField
-from gloc3_onboard.scan_matching.laser_odometer import LaserOdometer
-from gloc3_onboard.scan_matching.planar import Planar
-from gloc3_onboard.scan_matching.scan_points import Mount
-from gloc3_onboard.sensing.obstacles import obstacles_of
+from gloc3.camera.opencv import load_opencv
+from gloc3_onboard.algorithms.mapping.obstacle_field import Detour, ObstacleField
+from gloc3_onboard.algorithms.scan_matching.laser_odometer import LaserOdometer
+from gloc3_onboard.algorithms.scan_matching.planar import Planar
+from gloc3_onboard.algorithms.scan_matching.scan_points import Mount
+from gloc3_onboard.sensors.checks.obstacles import obstacles_of
 
 LENGTH_M = 40.0
 BAR_MS = 2.0

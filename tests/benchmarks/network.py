@@ -25,9 +25,9 @@ from tests.benchmarks.parts import POSE, best_us, deliveries
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import UNIX, Node, configuration
-from gloc3.messages import Envelope
-from gloc3.topics import Service, TopicRow, TopicTable
-from gloc3.vehicle import Image, Pose
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.topics import Service, TopicRow, TopicTable
+from gloc3.messages.vehicle import Image, Pose
 
 ROUNDS = 5
 PACED = 150

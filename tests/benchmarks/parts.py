@@ -7,17 +7,17 @@ from collections.abc import Callable, Sequence
 from random import Random
 
 from gloc3.clock import Clock, run_virtual
-from gloc3.component import DataProcessor
-from gloc3.context import HostContext
-from gloc3.deployment import ComponentRow
+from gloc3.component.component import DataProcessor
+from gloc3.component.context import HostContext
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.host import ComponentHost
+from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.settings import NoSettings
 from gloc3.exchange import LocalExchange, Publisher
-from gloc3.host import ComponentHost
-from gloc3.link import codec
-from gloc3.ports import Inbox, Input, Output, Result
-from gloc3.record import Recorder
-from gloc3.settings import NoSettings
-from gloc3.topics import TopicTable
-from gloc3.vehicle import HeightAboveGround, Pose
+from gloc3.log.record import Recorder
+from gloc3.mavlink import codec
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import HeightAboveGround, Pose
 
 REPEATS = 5
 

@@ -22,13 +22,13 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple
 
-from gloc3.link.codec import Encoder, Frame, Parser, message, shape
-from gloc3.link.compiling import can_compile, kept_at, prepare
-from gloc3.link.endpoints import open_endpoint
-from gloc3.link.message import Address
-from gloc3.link.router import Router
-from gloc3.link.udp import enlarge
-from gloc3_onboard.routing import RoutedLink
+from gloc3.mavlink.codec import Encoder, Frame, Parser, message, shape
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.router import Router
+from gloc3.mavlink.services.compiling import can_compile, kept_at, prepare
+from gloc3.mavlink.transport.endpoints import open_endpoint
+from gloc3.mavlink.transport.udp import enlarge
+from gloc3_onboard.companion.routing import RoutedLink
 
 ROOT = Path(__file__).parents[2]
 PEERS = ROOT / "runs" / "peers"

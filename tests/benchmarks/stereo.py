@@ -3,11 +3,11 @@
 import time
 
 import numpy as np
-from tests.onboard.vision.flights import Pair, fly, inspection
+from tests.onboard.algorithms.vision.flights import Pair, fly, inspection
 
-from gloc3_onboard.vision.features import FeatureMatcher
-from gloc3_onboard.vision.stereo_motion import StereoMotion
-from gloc3_onboard.vision.stereo_rig import StereoRig
+from gloc3_onboard.algorithms.vision.features import FeatureMatcher
+from gloc3_onboard.algorithms.vision.stereo_motion import StereoMotion
+from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
 
 WARMED_UP = 5

@@ -6,8 +6,8 @@ import time
 from statistics import quantiles
 from typing import Any
 
-from gloc3.link.codec import Parser, shape
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3.mavlink.codec import Parser, shape
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 SECONDS = 12.0
 

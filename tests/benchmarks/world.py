@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gloc3.opencv import load_opencv
-from gloc3_sitl.record_cli import lap
+from gloc3.camera.opencv import load_opencv
+from gloc3_sitl.cli.record import lap
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sequences.smooth_flight import SmoothFlight
-from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.laser import LaserScanner

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.cli import SUMMARIES, run
-from gloc3.platform_reader import find_platform
-from gloc3_sitl.fault_effects import EFFECTS
-from gloc3_sitl.faults import SHORT
+from gloc3.cli.program import SUMMARIES, run
+from gloc3.platform.reader import find_platform
+from gloc3_sitl.faults.fault_effects import EFFECTS
+from gloc3_sitl.faults.faults import SHORT
 
 pytestmark = pytest.mark.thorough
 
@@ -75,7 +75,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["log", "info", "/nowhere/log.mcap"], "cannot be read"),
     (["log", "plot"], "FILE is missing"),
     (["component", "describe", "nosuch"], "no installed component is called 'nosuch'"),
-    (["component", "describe", "gloc3.component:Component"], "is a base of components"),
+    (["component", "describe", "gloc3.component.component:Component"], "is a base of components"),
     (["component", "list", "--platform", "nosuch"], "no such platform"),
 ]
 

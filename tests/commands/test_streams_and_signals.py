@@ -10,7 +10,7 @@ import pytest
 from tests.commands.programs import program
 
 import gloc3
-from gloc3 import start
+from gloc3.cli import start
 from gloc3.log.reader import LogReader
 
 GLOC3 = f"{sys.executable} -m gloc3"
@@ -102,10 +102,10 @@ def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
 def test_ctrl_c_while_the_program_loads_is_an_exit_code_too(monkeypatch: pytest.MonkeyPatch) -> None:
     class Pressed(MetaPathFinder):
         def find_spec(self, fullname: str, path: object = None, target: object = None) -> None:
-            if fullname == "gloc3.cli":
+            if fullname == "gloc3.cli.program":
                 raise KeyboardInterrupt
 
-    monkeypatch.delitem(sys.modules, "gloc3.cli", raising=False)
+    monkeypatch.delitem(sys.modules, "gloc3.cli.program", raising=False)
     monkeypatch.delattr(gloc3, "cli", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Pressed(), *sys.meta_path])
     with pytest.raises(SystemExit) as ended:

@@ -5,10 +5,10 @@ from typing import Any
 
 import msgspec
 
-from gloc3.deployment import ComponentRow
-from gloc3.lci import State
-from gloc3.messages import CommandReply, ComponentStatus, Kind
-from gloc3.supervision import Order, Step, Supervision
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.lci import State
+from gloc3.component.supervision import Order, Step, Supervision
+from gloc3.messages.envelope import CommandReply, ComponentStatus, Kind
 
 
 def row(name: str, **entries: Any) -> ComponentRow:

@@ -4,8 +4,8 @@ from math import cos, degrees, sin
 
 import pytest
 
-from gloc3.frames import Vector3
 from gloc3.line_of_sight import LineOfSight, corner_speed_m_s, heading_vector, slowed_m_s
+from gloc3.messages.frames import Vector3
 
 START, END = (0.0, 0.0, 0.0), (200.0, 0.0, 0.0)
 

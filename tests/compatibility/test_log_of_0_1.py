@@ -8,12 +8,12 @@ import pytest
 
 from gloc3.log.cli import app
 from gloc3.log.reader import LogReader
+from gloc3.log.record import PLATFORM_FILE
 from gloc3.log.replay import replay
-from gloc3.messages import Message
-from gloc3.platform_reader import read_platform
-from gloc3.record import PLATFORM_FILE
-from gloc3.topics import TopicTable
-from gloc3.vehicle import Pose
+from gloc3.messages.envelope import Message
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import Pose
+from gloc3.platform.reader import read_platform
 
 from .released import LOG
 

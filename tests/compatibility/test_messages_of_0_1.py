@@ -6,14 +6,14 @@ from typing import Any
 import msgspec
 import pytest
 
-from gloc3 import wire
-from gloc3.ci import Body, CiRequest, LoadMission
 from gloc3.log.payloads import PayloadDecoder, PayloadEncoder
-from gloc3.messages import Envelope, Message, Source
-from gloc3.preflight import Verdict
-from gloc3.software import Software, compared
-from gloc3.topics import TopicTable
-from gloc3.wire import TypeRegistry, type_name
+from gloc3.messages import wire
+from gloc3.messages.command_interface import Body, CiRequest, LoadMission
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.preflight import Verdict
+from gloc3.messages.software import Software, compared
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.wire import TypeRegistry, type_name
 
 from .released import Example, examples
 

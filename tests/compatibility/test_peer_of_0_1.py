@@ -10,20 +10,20 @@ from typing import Any
 
 import pytest
 
-from gloc3.ci import CiRequest, LoadMission, Steer, Verb
-from gloc3.ci_summaries import ComponentTable, MissionSummary
 from gloc3.clock import VirtualLoop
 from gloc3.exchange.local import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, PeerChanged, Trouble
 from gloc3.exchange.tunnel.layout import Role
-from gloc3.link.codec import Address, Parser
-from gloc3.messages import Envelope
-from gloc3.topics import TopicTable
-from gloc3.watch import Sample
-from gloc3_groundstation.station import Station
-from gloc3_onboard.station_link import StationLink
+from gloc3.mavlink.codec import Address, Parser
+from gloc3.messages.command_interface import CiRequest, LoadMission, Steer, Verb
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import ComponentTable, MissionSummary
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.watch import Sample
+from gloc3_groundstation.station.station import Station
+from gloc3_onboard.companion.station_link import StationLink
 
 from .released import Piece, transcript
 

@@ -19,13 +19,13 @@ import msgspec
 from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.clock import VirtualLoop
-from gloc3.frames import interpolate
-from gloc3.messages import Envelope
-from gloc3.mission.states import ActionState
-from gloc3.vehicle import LandedState, Pose
-from gloc3_sitl.faults import schedule_faults
-from gloc3_sitl.flight import Flight, FlightPlan
-from gloc3_sitl.flight_messages import SimTruth
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import interpolate
+from gloc3.messages.vehicle import LandedState, Pose
+from gloc3.mission.model.states import ActionState
+from gloc3_sitl.faults.faults import schedule_faults
+from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.messages import SimTruth
 
 Heard = dict[str, list[Envelope[Any]]]
 """Everything that was published, by topic below the platform's name."""

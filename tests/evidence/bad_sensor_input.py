@@ -11,10 +11,10 @@ from tests.onboard.bad_input.trial import INPUTS, MISFITS, Trial, faults
 GOOD_S, BAD_S = 1.5, 3.0
 LONGEST_REASON = 80
 TESTS = (
-    "tests/onboard/test_bad_input_of_samplers.py",
-    "tests/onboard/test_bad_input_of_chains.py",
-    "tests/onboard/vision/test_bad_pictures_at_random.py",
-    "tests/onboard/fusion/test_fusion_in_short_flights.py",
+    "tests/onboard/components/samplers/test_bad_input_of_samplers.py",
+    "tests/onboard/bad_input/test_bad_input_of_chains.py",
+    "tests/onboard/algorithms/vision/test_bad_pictures_at_random.py",
+    "tests/onboard/algorithms/fusion/test_fusion_in_short_flights.py",
     "tests/onboard/calibration",
 )
 

@@ -13,13 +13,13 @@ from tests.evidence.suites import suite
 
 TOOLS = (
     *(f"tests/onboard/test_{name}_through_the_onboard_process.py" for name in ("mavsdk", "mavproxy", "qgc")),
-    "tests/onboard/test_stations_on_all_kinds_of_links.py",
+    "tests/onboard/companion/test_stations_on_all_kinds_of_links.py",
 )
 SERVICES = (
     "tests/flight/test_stations_of_others.py",
     "tests/flight/test_parameters_and_files_of_the_companion.py",
-    *(f"tests/common/link/test_{name}.py" for name in ("commands", "parameters", "mission_protocol", "ftp")),
-    "tests/common/link/test_upstream_definitions.py",
+    *(f"tests/common/mavlink/test_{name}.py" for name in ("commands", "parameters", "mission_protocol", "ftp")),
+    "tests/common/mavlink/test_upstream_definitions.py",
 )
 STRANGERS = 5000
 ROUNDS = 4
@@ -40,13 +40,13 @@ def tools(progress: Progress) -> list[Figure]:
 
 def growth() -> dict[str, float]:
     """What strangers leave behind: kilobytes after each round in which each of them asks for everything once."""
-    from gloc3.ci_summaries import ControlState
     from gloc3.clock import Clock, run_virtual
     from gloc3.exchange import LocalExchange, Publisher
-    from gloc3.link.codec import Encoder, Parser, message
-    from gloc3.link.ftp import Operation, Payload
-    from gloc3.link.message import Address
-    from gloc3.platform_reader import load_platform
+    from gloc3.mavlink.codec import Encoder, Parser, message
+    from gloc3.mavlink.message import Address
+    from gloc3.mavlink.services.ftp import Operation, Payload
+    from gloc3.messages.summaries import ControlState
+    from gloc3.platform.reader import load_platform
     from gloc3_onboard.companion.companion import Companion
     from gloc3_onboard.companion.files import MemoryFiles
 

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from tests.benchmarks import fusion, ground, laser, stereo, world
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.vision.flights import fly, inspection
+from tests.onboard.algorithms.vision.flights import fly, inspection
 
 from gloc3.mission.examples import find_mission
 from gloc3_sitl.world import World

@@ -13,8 +13,8 @@ from typing import Any
 import msgspec
 from tests.evidence.page import Bar, Figure, Progress
 
-from gloc3.ci_motion import MotionSummary
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
+from gloc3.messages.motion import MotionSummary
 
 EVENTS = 1_000_000
 VEHICLES = 10

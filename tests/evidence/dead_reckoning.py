@@ -8,7 +8,7 @@ import numpy as np
 from tests.evidence.page import PAGES, Bar, Figure, Progress
 from tests.flight.diving import Dive, dive
 
-from gloc3.log.figure import drawing
+from gloc3.log.report.figure import drawing
 
 SEEDS = range(1, 11)
 ADRIFT = range(1, 7)

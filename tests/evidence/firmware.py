@@ -15,7 +15,7 @@ import msgspec
 from tests.evidence.page import Bar, Figure, Progress
 from tests.sitl.firmware.real_flight import fly
 
-from gloc3_sitl.wind import gusty
+from gloc3_sitl.physics.wind import gusty
 
 PROGRAM = "arducopter"
 HOVER_RMS_M = 0.3

@@ -16,7 +16,7 @@ from tests.evidence.page import ROOT, Bar, Figure, Progress
 from tests.flight.accuracy import CALM_LIMITS, WIND_RMS_M, cut_corners, hover, skip_a_leg
 from tests.flight.card import Card
 
-from gloc3_sitl.path_error import PathResult
+from gloc3_sitl.flight.path_error import PathResult
 
 GLOC3 = str(ROOT / ".venv/bin/gloc3")
 SPEED_RUNS = 5

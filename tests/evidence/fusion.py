@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.fusion.ablation import FAULTS, HARMLESS, SOURCES, suffer
-from tests.onboard.fusion.consistency import consistency
+from tests.onboard.algorithms.fusion.ablation import FAULTS, HARMLESS, SOURCES, suffer
+from tests.onboard.algorithms.fusion.consistency import consistency
 
 SEEDS = range(10)
 LARGEST_M = 0.3

@@ -12,12 +12,12 @@ import numpy as np
 from tests.evidence.ground_flight import RATE_HZ, Motion, Step, fly, motion, trajectory
 from tests.evidence.page import Bar, Figure, Progress
 
-from gloc3.camera_geometry import matrix
-from gloc3.frames import from_yaw, wrap_pi, yaw_of
-from gloc3.perception import Odometry
-from gloc3.trajectory_metrics import Evaluation, evaluate
-from gloc3_onboard.odometry_chain import OdometryChain
-from gloc3_onboard.vision.ground_odometer import GroundOdometer, GroundSettings
+from gloc3.camera.geometry import matrix
+from gloc3.evaluation.metrics import Evaluation, evaluate
+from gloc3.messages.frames import from_yaw, wrap_pi, yaw_of
+from gloc3.messages.perception import Odometry
+from gloc3_onboard.algorithms.odometry.chain import OdometryChain
+from gloc3_onboard.algorithms.vision.ground_odometer import GroundOdometer, GroundSettings
 from gloc3_sitl.world.model import Box
 from gloc3_sitl.world.rig import GROUND
 from gloc3_sitl.world.world import World

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gloc3.frames import Quaternion, from_euler, from_rotation_vector, multiply
-from gloc3.trajectory import Array, Trajectory, matrices_from_quaternions
-from gloc3_sitl.truth import Truth
+from gloc3.evaluation.trajectory import Array, Trajectory, matrices_from_quaternions
+from gloc3.messages.frames import Quaternion, from_euler, from_rotation_vector, multiply
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.probe import WorldProbe
 from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER

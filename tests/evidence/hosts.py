@@ -9,10 +9,10 @@ from typing import Any
 
 import msgspec
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.nodes.namespaces import BASE, NETS, VISION, has_netem, missing, namespaces
-from tests.onboard.nodes.three_hosts import fly
-from tests.onboard.nodes.three_hosts_faults import EITHER, HOLDS, LANDS, Fault, emulated
-from tests.onboard.nodes.three_hosts_told import Report, Trial
+from tests.onboard.hosts.namespaces import BASE, NETS, VISION, has_netem, missing, namespaces
+from tests.onboard.hosts.three_hosts import fly
+from tests.onboard.hosts.three_hosts_faults import EITHER, HOLDS, LANDS, Fault, emulated
+from tests.onboard.hosts.three_hosts_told import Report, Trial
 
 CALM_S = 15.0
 BOUND_S = 0.01

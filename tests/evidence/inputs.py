@@ -69,11 +69,11 @@ def state_table(progress: Progress) -> list[Figure]:
 
 BAD_INPUT = [
     "tests/commands/test_command_line.py",
-    "tests/common/test_document.py",
-    "tests/common/test_platform.py",
-    "tests/common/test_wire.py",
+    "tests/common/documents/test_document.py",
+    "tests/common/platform/test_platform.py",
+    "tests/common/messages/test_wire.py",
     "tests/common/mission",
-    "tests/common/link/test_parser.py",
+    "tests/common/mavlink/test_parser.py",
     "tests/common/exchange/mavlink/test_hostile_frames.py",
     "tests/common/log",
 ]

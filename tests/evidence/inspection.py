@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 from tests.evidence.page import ROOT, Bar, Figure, Progress
 
-from gloc3.frames import interpolate, multiply, slerp
 from gloc3.log.reader import LogReader
-from gloc3.topics import TopicTable
-from gloc3.vehicle import ImageRecorded
-from gloc3_sitl.flight_messages import SimTruth
+from gloc3.messages.frames import interpolate, multiply, slerp
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import ImageRecorded
+from gloc3_sitl.flight.messages import SimTruth
 from gloc3_sitl.vehicles import PELICAN
 from gloc3_sitl.world.coverage import Coverage
 from gloc3_sitl.world.placing import Place, Placing

@@ -10,8 +10,8 @@ from typing import Any
 
 import msgspec
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.nodes.kills import VICTIMS, at_random, fly
-from tests.onboard.nodes.kills_told import HEIGHT_M
+from tests.onboard.hosts.kills import VICTIMS, at_random, fly
+from tests.onboard.hosts.kills_told import HEIGHT_M
 
 KILLS = 200
 PAUSE_S = (3.0, 9.0)

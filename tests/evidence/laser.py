@@ -11,18 +11,18 @@ import numpy as np
 from tests.evidence.laser_matchers import Run, constant_drive, peers, plain_drive, plain_match, zero_drive
 from tests.evidence.page import ROOT, Bar, Figure, Progress
 
-from gloc3.opencv import load_opencv
-from gloc3.trajectory_metrics import Alignment, evaluate
+from gloc3.camera.opencv import load_opencv
+from gloc3.evaluation.metrics import Alignment, evaluate
+from gloc3_onboard.algorithms.scan_matching.correlative import Window
+from gloc3_onboard.algorithms.scan_matching.laser_odometer import LaserOdometer
+from gloc3_onboard.algorithms.scan_matching.lines import lines_of
+from gloc3_onboard.algorithms.scan_matching.local_map import LocalMap
+from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
+from gloc3_onboard.algorithms.scan_matching.point_to_line import search
+from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt, points_of, ranges_of
+from gloc3_onboard.cli.odometry_laser import trajectory_of
 from gloc3_onboard.datasets.laser_log import LaserLog
 from gloc3_onboard.datasets.laser_logs import read_laser_log
-from gloc3_onboard.odometry_laser import trajectory_of
-from gloc3_onboard.scan_matching.correlative import Window
-from gloc3_onboard.scan_matching.laser_odometer import LaserOdometer
-from gloc3_onboard.scan_matching.lines import lines_of
-from gloc3_onboard.scan_matching.local_map import LocalMap
-from gloc3_onboard.scan_matching.planar import Array, Planar
-from gloc3_onboard.scan_matching.point_to_line import search
-from gloc3_onboard.scan_matching.scan_points import Mount, Tilt, points_of, ranges_of
 
 DATA: Final = ROOT.parent / "shared" / "data" / "lidar"
 START_M, START_RAD = 0.3, radians(50.0)

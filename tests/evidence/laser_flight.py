@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.scan_matching.rays import CORRIDOR, Scanner, flight
+from tests.onboard.algorithms.scan_matching.rays import CORRIDOR, Scanner, flight
 
-from gloc3.frames import from_euler, rotate, wrap_pi
-from gloc3.perception import UNKNOWN_VARIANCE, LaserScan
-from gloc3_onboard.scan_matching.laser_odometer import LaserOdometer
-from gloc3_onboard.scan_matching.planar import Planar
-from gloc3_onboard.scan_matching.scan_points import Tilt
+from gloc3.messages.frames import from_euler, rotate, wrap_pi
+from gloc3.messages.perception import UNKNOWN_VARIANCE, LaserScan
+from gloc3_onboard.algorithms.scan_matching.laser_odometer import LaserOdometer
+from gloc3_onboard.algorithms.scan_matching.planar import Planar
+from gloc3_onboard.algorithms.scan_matching.scan_points import Tilt
 from gloc3_sitl.world.world import World
 
 SEEDS: Final = 10

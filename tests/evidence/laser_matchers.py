@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tests.evidence.page import ROOT, SCRATCH
 
-from gloc3.frames import wrap_pi
-from gloc3_onboard.scan_matching.planar import Array, Planar
+from gloc3.messages.frames import wrap_pi
+from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
 PEERS: Final = ("small_gicp==1.0.1", "kiss-icp==1.3.0")
 STEPS: Final = 30

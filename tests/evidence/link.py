@@ -36,7 +36,7 @@ def uploads(first: int, count: int) -> list[dict[str, Any]]:
 
 def transfers(first: int, count: int) -> list[dict[str, Any]]:
     """Some runs of the mission protocol with 800 items and 10 % loss each way."""
-    from tests.common.link.mission_transfer import transfer
+    from tests.common.mavlink.mission_transfer import transfer
 
     rows = []
     for seed in range(first, first + count):
@@ -73,7 +73,7 @@ def run(progress: Progress) -> list[Figure]:
         Figure("transfers of 800 items at 10 % loss each way", str(len(moved))),
         Figure("… that failed", str(bad), "0", bad == 0),
         Figure("… upload, median in seconds", f"{median(row['upload_s'] for row in moved):.1f}"),
-        *suite("mission-with-mavsdk", ["tests/common/link/test_mission_with_mavsdk.py"])(progress),
+        *suite("mission-with-mavsdk", ["tests/common/mavlink/test_mission_with_mavsdk.py"])(progress),
     ]
 
 

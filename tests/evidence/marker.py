@@ -8,10 +8,10 @@ from typing import Any
 import cv2
 import msgspec
 
-from gloc3.frames import interpolate, slerp
 from gloc3.log.reader import LogReader
-from gloc3_sitl.flight_messages import SimTruth
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import interpolate, slerp
+from gloc3_sitl.flight.messages import SimTruth
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER

@@ -6,10 +6,10 @@ from typing import Any, Final
 
 import numpy as np
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.scan_matching.rays import Wall, box
-from tests.onboard.test_ways_among_obstacles import Chain
+from tests.onboard.algorithms.mapping.test_ways_among_obstacles import Chain
+from tests.onboard.algorithms.scan_matching.rays import Wall, box
 
-from gloc3.mission.arguments import HeadingOrder
+from gloc3.mission.model.arguments import HeadingOrder
 
 SEEDS: Final = 20
 LEAST_M: Final = 0.5

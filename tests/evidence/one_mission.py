@@ -10,7 +10,7 @@ from tests.evidence.page import PAGES, Bar, Figure, Progress
 from tests.evidence.ways import Around, draw, gone, missed_m
 
 from gloc3.mission.examples import find_mission
-from gloc3.platform_reader import load_platform
+from gloc3.platform.reader import load_platform
 
 LIMITS = ("speed_m_s", "survey_height_m", "survey_speed_m_s", "survey_acceptance_m")
 

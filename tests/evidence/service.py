@@ -11,9 +11,9 @@ from typing import Any
 
 from tests.evidence.booted import Booted, booted, why_not
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.test_service import PLATFORM, STUCK
+from tests.onboard.service.test_service import PLATFORM, STUCK
 
-from gloc3_onboard.onboard_options import OnboardOptions
+from gloc3_onboard.cli.onboard_options import OnboardOptions
 from gloc3_onboard.service.install import make_plan
 
 MOST_EXPOSURE = 2.0

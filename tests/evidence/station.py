@@ -75,6 +75,8 @@ BARS = (
         "The station in a real terminal",
         "On a pty of 80×24 and under tmux, with three real processes: a mission with a mistake is opened, mended, saved, "
         "streamed, started, paused, resumed and aborted by keys; the window is made too small, then 250×70.",
-        suite("terminal", ["tests/groundstation/test_real_terminal_journey.py", "tests/groundstation/test_web.py"]),
+        suite(
+            "terminal", ["tests/groundstation/tui/test_real_terminal_journey.py", "tests/groundstation/web/test_web.py"]
+        ),
     ),
 )

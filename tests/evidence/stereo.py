@@ -9,18 +9,18 @@ from typing import Any
 import msgspec
 import numpy as np
 from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
-from tests.onboard.vision.flights import Pair, fly, inspection
-from tests.onboard.vision.moved_rest import drive, rectified
-from tests.onboard.vision.trial import BOUND_95, Trial, constant, follow, zero
+from tests.onboard.algorithms.vision.flights import Pair, fly, inspection
+from tests.onboard.algorithms.vision.moved_rest import drive, rectified
+from tests.onboard.algorithms.vision.trial import BOUND_95, Trial, constant, follow, zero
 
-from gloc3.camera_geometry import matrix
-from gloc3.camera_model import Lens
-from gloc3.trajectory import Trajectory, read_trajectory
-from gloc3.trajectory_metrics import evaluate, relative_errors, steps
+from gloc3.camera.geometry import matrix
+from gloc3.camera.model import Lens
+from gloc3.evaluation.metrics import evaluate, relative_errors, steps
+from gloc3.evaluation.trajectory import Trajectory, read_trajectory
+from gloc3_onboard.algorithms.odometry.chain import OdometryChain
+from gloc3_onboard.algorithms.vision.stereo_odometry import StereoOdometer
+from gloc3_onboard.cli.odometry_stereo import run_mono, run_stereo
 from gloc3_onboard.datasets.stereo_set import read_mono_set, read_stereo_set
-from gloc3_onboard.odometry_chain import OdometryChain
-from gloc3_onboard.odometry_stereo import run_mono, run_stereo
-from gloc3_onboard.vision.stereo_odometry import StereoOdometer
 from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
 
 SEEDS = range(10)

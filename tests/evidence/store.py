@@ -21,20 +21,20 @@ import msgspec
 from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
 from tests.sitl.relay import Relay
 
-from gloc3.acoustic.frames import MOST_BYTES
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error
-from gloc3.link.memory import Conditions
-from gloc3.link.message import Address
-from gloc3.messages import Envelope
-from gloc3.mission.model import digest_of
-from gloc3_groundstation import wording
-from gloc3_groundstation.contact_queue import ContactQueue
-from gloc3_groundstation.log_pull import LogPuller, Pulled, ftp_carrier
-from gloc3_groundstation.plans import Plan
-from gloc3_sitl.demo import free_ports
-from gloc3_sitl.faults import schedule_faults
-from gloc3_sitl.flight import STATION_RADIO, Flight, FlightPlan
+from gloc3.exchange.acoustic import MOST_BYTES
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.envelope import Envelope
+from gloc3.mission.model.model import digest_of
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.store.contact_queue import ContactQueue
+from gloc3_groundstation.store.log_pull import LogPuller, Pulled, ftp_carrier
+from gloc3_sitl.demo.demo import free_ports
+from gloc3_sitl.faults.faults import schedule_faults
+from gloc3_sitl.flight.flight import STATION_RADIO, Flight, FlightPlan
 
 MISSION: Final = Path(__file__).with_name("store.yaml")
 SURFACE_M: Final = 0.6
@@ -386,7 +386,7 @@ def _fetched(
 def _network_relay(own: int, to: int) -> Iterator[Callable[..., None]]:
     """A relay between a station on the network and the platform, which does what it is told."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.onboard.nodes.relay", f"127.0.0.1:{own}", f"127.0.0.1:{to}"],
+        [sys.executable, "-m", "tests.onboard.hosts.relay", f"127.0.0.1:{own}", f"127.0.0.1:{to}"],
         cwd=ROOT,
         stdin=subprocess.PIPE,
         text=True,

@@ -78,7 +78,13 @@ BARS = (
         "MAVSDK 4.1 as an unmodified client",
         "MAVSDK connects over UDP, sees the simulated vehicle healthy and armable, arms it, takes off, goes to places, "
         "flies an uploaded mission and lands; and it is told the right result where something is refused.",
-        suite("mavsdk", ["tests/sitl/test_mavsdk_with_px4_style.py", "tests/sitl/test_mavsdk_with_ardupilot_style.py"]),
+        suite(
+            "mavsdk",
+            [
+                "tests/sitl/autopilot/test_mavsdk_with_px4_style.py",
+                "tests/sitl/autopilot/test_mavsdk_with_ardupilot_style.py",
+            ],
+        ),
     ),
     Bar(
         "autopilot-cases",

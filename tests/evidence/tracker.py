@@ -8,8 +8,8 @@ from tests.evidence.ground_flight import STANDING_M, motion, truths
 from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.errors import Misuse
-from gloc3.frames import rotate
-from gloc3_onboard.vision.optical_follower import FollowerSettings, OpticalFollower
+from gloc3.messages.frames import rotate
+from gloc3_onboard.algorithms.vision.optical_follower import FollowerSettings, OpticalFollower
 from gloc3_sitl.world.rig import TRACKER, TRACKER_IMAGER
 from gloc3_sitl.world.tracker import LED_FRD_M, TrackerCamera
 from gloc3_sitl.world.world import World

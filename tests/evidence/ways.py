@@ -9,13 +9,13 @@ from statistics import fmean
 from typing import NamedTuple
 
 from gloc3.clock import run_virtual
-from gloc3.frames import Vector3
-from gloc3.log.plot import plot_path
-from gloc3.messages import Envelope
-from gloc3.requested_path import RequestedPath
-from gloc3.vehicle import Pose
-from gloc3_sitl.flight import Flight, FlightPlan
-from gloc3_sitl.wind import CALM, gusty
+from gloc3.evaluation.requested_path import RequestedPath
+from gloc3.log.report.plot import plot_path
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Vector3
+from gloc3.messages.vehicle import Pose
+from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.physics.wind import CALM, gusty
 
 WITHIN_S = 1500.0
 PERIOD_S = 0.1

@@ -13,9 +13,9 @@ from tests.sitl.world.pictures import CLEAN, fore_wall_by_hand, largest_shift_px
 from tests.sitl.world.test_lenses import FRONT, LENSES, hold_with_the_fore_wall_alone
 from tests.sitl.world.test_tracker_camera import spots, tracker_in
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sequences.smooth_flight import SmoothFlight
-from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.laser import LaserModel, LaserScanner

@@ -7,10 +7,10 @@ import msgspec
 from tests.flight.card import Card
 from tests.flight.missions import mission
 
-from gloc3.frames import Vector3
-from gloc3.messages import Envelope
-from gloc3_sitl.path_error import PathResult, path_error
-from gloc3_sitl.wind import CALM, Wind
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.flight.path_error import PathResult, path_error
+from gloc3_sitl.physics.wind import CALM, Wind
 
 SPEED_M_S = 0.5
 LANES = [(1.0, 0.0, 2.0), (8.0, 0.0, 2.0), (8.0, 2.0, 2.0), (1.0, 2.0, 2.0)]

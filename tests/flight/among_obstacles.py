@@ -11,9 +11,9 @@ import numpy as np
 from tests.flight.card import Card
 from tests.flight.missions import platform
 
-from gloc3.frames import Vector3
-from gloc3.perception import Odometry, PositionFix
-from gloc3.platform_reader import find_platform
+from gloc3.messages.frames import Vector3
+from gloc3.messages.perception import Odometry, PositionFix
+from gloc3.platform.reader import find_platform
 from gloc3_sitl.world.placing import Placing
 from gloc3_sitl.world.world import World
 

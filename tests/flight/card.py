@@ -7,20 +7,30 @@ from typing import Any, TypeVar
 
 import pytest
 
-from gloc3.ci import AnyBody, CiReply, CommandComponent, Emergency, EmergencyVerb, Outcome, RequestAction, Steer, Verb
-from gloc3.ci_summaries import CiEvent, Health, MissionSummary
 from gloc3.clock import VirtualLoop
-from gloc3.lci import State
-from gloc3.link.codec import MavlinkMessage, Parser
-from gloc3.messages import ComponentStatus, Envelope, Message, Source
-from gloc3.mission.states import ActionState
-from gloc3.vehicle import AutopilotState, DriverState, FlightMode, LandedState
-from gloc3.wire import type_name
-from gloc3_groundstation import flights
-from gloc3_groundstation.command_client import CommandClient
-from gloc3_groundstation.plans import Plan
-from gloc3_sitl.faults import Injection, schedule_faults
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3.component.lci import State
+from gloc3.mavlink.codec import MavlinkMessage, Parser
+from gloc3.messages.command_interface import (
+    AnyBody,
+    CiReply,
+    CommandComponent,
+    Emergency,
+    EmergencyVerb,
+    Outcome,
+    RequestAction,
+    Steer,
+    Verb,
+)
+from gloc3.messages.envelope import ComponentStatus, Envelope, Message, Source
+from gloc3.messages.summaries import CiEvent, Health, MissionSummary
+from gloc3.messages.vehicle import AutopilotState, DriverState, FlightMode, LandedState
+from gloc3.messages.wire import type_name
+from gloc3.mission.model.states import ActionState
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station.command_client import CommandClient
+from gloc3_sitl.faults.faults import Injection, schedule_faults
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 T = TypeVar("T")
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gloc3.clock import run_virtual
-from gloc3.messages import Envelope
-from gloc3.vehicle import Pose
-from gloc3_sitl.faults import schedule_faults
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import Pose
+from gloc3_sitl.faults.faults import schedule_faults
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 
 class Drive(NamedTuple):

@@ -39,10 +39,10 @@ from tests.flight.fleet_trial import (
 from tests.flight.fleet_trial import ways as ways_of
 
 from gloc3.log.reader import LogReader
-from gloc3.platform_reader import find_platform
-from gloc3.topics import TopicTable
+from gloc3.messages.topics import TopicTable
+from gloc3.platform.reader import find_platform
 from gloc3_groundstation.assembly import GroundStation, StationSetup
-from gloc3_sitl.demo import free_ports
+from gloc3_sitl.demo.demo import free_ports
 
 ROOT = Path(__file__).parents[2]
 SYSTEMS = (255, 254, 253)

@@ -12,15 +12,15 @@ from typing import Any
 
 import msgspec
 
-from gloc3.ci import CallFunction, CiReply, Control, ControlVerb, Outcome
-from gloc3.ci_summaries import ControlState
 from gloc3.clock import VirtualLoop
-from gloc3.link.memory import Conditions
-from gloc3_groundstation import flights
-from gloc3_groundstation.plans import read_plan
-from gloc3_groundstation.station import Station
-from gloc3_sitl.fleet_flight import FleetFlight
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.command_interface import CallFunction, CiReply, Control, ControlVerb, Outcome
+from gloc3.messages.summaries import ControlState
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.missions.plans import read_plan
+from gloc3_groundstation.station.station import Station
+from gloc3_sitl.flight.fleet_flight import FleetFlight
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 RADIO = Conditions(latency_s=0.05, jitter_s=0.05, loss=0.1, duplicate=0.05, reorder=0.05)
 COMPONENT = "hold"

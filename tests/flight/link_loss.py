@@ -11,8 +11,8 @@ import msgspec
 from tests.flight.card import Card
 from tests.flight.missions import mission
 
-from gloc3.ci import Outcome, Preflight, Steer, Verb
-from gloc3.preflight import PreflightReport, red
+from gloc3.messages.command_interface import Outcome, Preflight, Steer, Verb
+from gloc3.messages.preflight import PreflightReport, red
 from gloc3_sitl.autopilot.surroundings import Power
 
 LINKS = ("station", "autopilot")

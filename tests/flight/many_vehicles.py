@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 
 from gloc3.clock import VirtualLoop
-from gloc3.platform_reader import find_platform
-from gloc3_sitl.fleet_flight import FleetFlight
-from gloc3_sitl.flight import FlightPlan
+from gloc3.platform.reader import find_platform
+from gloc3_sitl.flight.fleet_flight import FleetFlight
+from gloc3_sitl.flight.flight import FlightPlan
 
 SETTLE_S = 10.0
 
@@ -38,8 +38,8 @@ class Cost(msgspec.Struct):
 
 
 STANDBYS = """\
-  - {name: hold_standby, class: "gloc3_onboard.controllers.hold:HoldController", rate_hz: 20, trigger: pose, begin: quiet, standby_for: hold, ports: {grant: motion/grant, setpoint_wanted: setpoint_wanted/hold, action_status: action_status/hold}}
-  - {name: landing_standby, class: "gloc3_onboard.controllers.landing:LandingController", rate_hz: 10, begin: quiet, standby_for: landing, ports: {setpoint_wanted: setpoint_wanted/landing, manoeuvre_wanted: manoeuvre_wanted/landing, action_status: action_status/landing}}
+  - {name: hold_standby, class: "gloc3_onboard.components.controllers.hold:HoldController", rate_hz: 20, trigger: pose, begin: quiet, standby_for: hold, ports: {grant: motion/grant, setpoint_wanted: setpoint_wanted/hold, action_status: action_status/hold}}
+  - {name: landing_standby, class: "gloc3_onboard.components.controllers.landing:LandingController", rate_hz: 10, begin: quiet, standby_for: landing, ports: {setpoint_wanted: setpoint_wanted/landing, manoeuvre_wanted: manoeuvre_wanted/landing, action_status: action_status/landing}}
 """
 """Two more components beside the 18 of the platform."""
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gloc3.platform_reader import find_platform
+from gloc3.platform.reader import find_platform
 
 FENCE = "{polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}"
 UP = "depart: {actions: {climb: {take_off: {height_m: 1.5}}}}"

@@ -10,14 +10,14 @@ from scipy.stats import chi2
 from tests.flight.probe import Array, Belief, ProbedFusion, probed
 
 from gloc3.clock import run_virtual
-from gloc3.frames import Quaternion, conjugate, multiply, to_rotation_vector
-from gloc3.messages import Envelope
-from gloc3.perception import Odometry
-from gloc3.trajectory import Trajectory, matrices_from_quaternions
-from gloc3.trajectory_metrics import Evaluation, evaluate
-from gloc3_onboard.odometry_chain import OdometryChain
-from gloc3_sitl.faults import schedule_faults
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3.evaluation.metrics import Evaluation, evaluate
+from gloc3.evaluation.trajectory import Trajectory, matrices_from_quaternions
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Quaternion, conjugate, multiply, to_rotation_vector
+from gloc3.messages.perception import Odometry
+from gloc3_onboard.algorithms.odometry.chain import OdometryChain
+from gloc3_sitl.faults.faults import schedule_faults
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 TRUTH_PERIOD_S = 0.01
 MOMENTS_S = 4.0

@@ -5,14 +5,14 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from gloc3.frames import Quaternion, Vector3
-from gloc3.platform_reader import find_platform
-from gloc3.ports import Inbox, Result
-from gloc3_onboard.processors.pose_fusion import PoseFusionProcessor
+from gloc3.component.ports import Inbox, Result
+from gloc3.messages.frames import Quaternion, Vector3
+from gloc3.platform.reader import find_platform
+from gloc3_onboard.components.processors.pose_fusion import PoseFusionProcessor
 
 Array = np.ndarray[Any, np.dtype[Any]]
 _ROWS = [0, 1, 2, 6, 7, 8]
-_CLASS = "gloc3_onboard.processors.pose_fusion:PoseFusionProcessor"
+_CLASS = "gloc3_onboard.components.processors.pose_fusion:PoseFusionProcessor"
 
 
 class Belief(NamedTuple):

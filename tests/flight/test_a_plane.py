@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from tests.flight.card import Card
 
-from gloc3.vehicle import FlightMode
+from gloc3.messages.vehicle import FlightMode
 
 LINES = """mission: two lines
 frame: geo

@@ -3,7 +3,7 @@
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.mission.board import Condition
+from gloc3.mission.executing.board import Condition
 
 STALL_S = 2.9
 

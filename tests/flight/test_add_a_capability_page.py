@@ -11,13 +11,13 @@ from jsonschema import Draft202012Validator
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import platform as heron
 
-from gloc3.document import parse
-from gloc3.mission.arguments import argument_kinds
-from gloc3.mission.capability_lines import capability_line
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.mission_schema import mission_schema
-from gloc3.platform import Platform
-from gloc3.platform_reader import read_platform
+from gloc3.documents.document import parse
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.model.arguments import argument_kinds
+from gloc3.mission.model.capability_lines import capability_line
+from gloc3.mission.reading.mission_schema import mission_schema
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import read_platform
 from gloc3_groundstation.missions.forms import form_for
 
 PAGE = (Path(__file__).parents[2] / "docs" / "add-a-capability.md").read_text(encoding="utf-8")

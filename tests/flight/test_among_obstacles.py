@@ -7,7 +7,7 @@ from tests.flight import among_obstacles as courses
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.test_flying_on_our_own_pose import errors_m
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 SEED = 7
 TRACKER_M = (20.6, -2.6, 9.2)

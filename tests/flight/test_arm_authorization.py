@@ -3,8 +3,8 @@
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci_summaries import Health
-from gloc3.link.codec import MavlinkMessage, message
+from gloc3.mavlink.codec import MavlinkMessage, message
+from gloc3.messages.summaries import Health
 
 ASKS = {"COM_ARM_AUTH_REQ": 1.0, "COM_ARM_AUTH_ID": 1.0}
 REQUEST, ARM = 3001, 400

@@ -6,7 +6,7 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission, platform
 
-from gloc3.vehicle import FlightMode
+from gloc3.messages.vehicle import FlightMode
 
 HOME_M = 0.3
 

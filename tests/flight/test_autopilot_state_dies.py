@@ -4,7 +4,7 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.link.codec import enums
+from gloc3.mavlink.codec import enums
 
 
 def landing_orders(flight: Card, since_s: float) -> int:

@@ -4,7 +4,17 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci import CommandComponent, Control, ControlVerb, Emergency, EmergencyVerb, Outcome, RequestTask, Steer, Verb
+from gloc3.messages.command_interface import (
+    CommandComponent,
+    Control,
+    ControlVerb,
+    Emergency,
+    EmergencyVerb,
+    Outcome,
+    RequestTask,
+    Steer,
+    Verb,
+)
 
 OTHER = "254"
 TASK = """mission: look

@@ -3,11 +3,11 @@
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci_summaries import Health
-from gloc3_groundstation.component_desk import ComponentDesk
-from gloc3_groundstation.data_chain import stages
-from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.snapshots import ComponentSnapshot
+from gloc3.messages.summaries import Health
+from gloc3_groundstation.desk.component_desk import ComponentDesk
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.station.data_chain import stages
+from gloc3_groundstation.station.snapshots import ComponentSnapshot
 
 WAY = "{out: {follow_waypoints: {waypoints_m: [[8, 0, 1.5]], speed_m_s: 0.5}}}"
 

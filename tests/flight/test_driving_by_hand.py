@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from tests.flight.card import Card
 
-from gloc3.ci import Outcome
-from gloc3.frames import yaw_of
-from gloc3.teleoperation import EXPIRES_S
-from gloc3_groundstation.teleoperation import FullSpeed, HandControl, Sticks
+from gloc3.messages.command_interface import Outcome
+from gloc3.messages.frames import yaw_of
+from gloc3.messages.teleoperation import EXPIRES_S
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, Sticks
 
 MISSION = """\
 mission: by hand

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from tests.flight.card import Card
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 MISSION = """\
 mission: a line

@@ -7,9 +7,9 @@ import pytest
 from tests.flight.test_driving_missions import MISSION
 
 from gloc3.clock import run_virtual
-from gloc3.platform_reader import load_platform
-from gloc3_sitl.flight import DEVICES
-from gloc3_sitl.fly import FlyOptions, fly_mission
+from gloc3.platform.reader import load_platform
+from gloc3_sitl.flight.flight import DEVICES
+from gloc3_sitl.flight.fly import FlyOptions, fly_mission
 
 pytestmark = [pytest.mark.firmware, pytest.mark.sockets, pytest.mark.thorough]
 

@@ -7,9 +7,9 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.messages import Severity
-from gloc3.platform import Platform
-from gloc3.vehicle import FlightMode
+from gloc3.messages.envelope import Severity
+from gloc3.messages.vehicle import FlightMode
+from gloc3.platform.platform import Platform
 from gloc3_onboard.service.departure import Departure
 from gloc3_onboard.service.reload import PlatformReload
 

@@ -8,18 +8,18 @@ from typing import Any
 import pytest
 from tests.flight.fleet_trial import run_trial
 
-from gloc3.ci import CallFunction, EmergencyVerb, Verb
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error
-from gloc3.link.memory import Conditions
 from gloc3.log.commands import list_commands, render_commands
 from gloc3.log.reader import LogReader
-from gloc3.mission.states import ActionState
-from gloc3_groundstation import flights
-from gloc3_groundstation.plans import Plan, read_plan
-from gloc3_groundstation.station import Station
-from gloc3_sitl.fleet_flight import FleetFlight
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.command_interface import CallFunction, EmergencyVerb, Verb
+from gloc3.mission.model.states import ActionState
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.missions.plans import Plan, read_plan
+from gloc3_groundstation.station.station import Station
+from gloc3_sitl.flight.fleet_flight import FleetFlight
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 TOGETHER = """\
 mission: two in the hold
@@ -144,8 +144,8 @@ def test_another_station_takes_over_and_passes_on_in_place_of_the_first(plan: Pl
 
 def test_a_station_without_control_is_not_believed(plan: Plan) -> None:
     async def work() -> None:
-        from gloc3.ci import Elsewhere
-        from gloc3.mission.model import digest_of
+        from gloc3.messages.command_interface import Elsewhere
+        from gloc3.mission.model.model import digest_of
 
         async with pair(plan, stations=2) as fleet:
             first, second = (ground.station for ground in fleet.grounds)

@@ -10,7 +10,7 @@ import msgspec
 from gloc3.log.reader import LogReader
 from gloc3.mission.examples import example_missions
 
-RUN = "import sys; from gloc3.cli import main; sys.exit(main())"
+RUN = "import sys; from gloc3.cli.program import main; sys.exit(main())"
 STUMBLES = ("link_loss=0.2@5..9", "sensor:fix=noisy/0.1@6..8", "crash:limiter@8", "restart@9.5..11")
 
 

@@ -10,11 +10,11 @@ from tests.flight.missions import mission
 from tests.flight.pose_trial import Judged, TrueWay, judge, watch
 from tests.flight.probe import ProbedFusion, probed
 
-from gloc3.frames import Vector3, interpolate
-from gloc3.messages import Envelope
-from gloc3.perception import FusionState
-from gloc3.vehicle import Pose
-from gloc3_sitl.flight_messages import SimTruth
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Vector3, interpolate
+from gloc3.messages.perception import FusionState
+from gloc3.messages.vehicle import Pose
+from gloc3_sitl.flight.messages import SimTruth
 
 SWEEP = mission("{out: {follow_waypoints: {waypoints_m: [[4, 0, 1.5], [4, 2, 2]], speed_m_s: 0.5}}}")
 SOURCES = {"pelican": {"stereo", "ground", "laser", "tracker"}, "hummingbird": {"stereo", "ground", "tracker"}}

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from tests.flight.card import ONE_STYLE, Card
 
-from gloc3.ci_summaries import Summary
-from gloc3.link.memory import Conditions
-from gloc3.messages import Envelope
-from gloc3.vehicle import Pose
-from gloc3.watch import LEASE_S, Preview, Want
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import Summary
+from gloc3.messages.vehicle import Pose
+from gloc3.messages.watch import LEASE_S, Preview, Want
 
 RADIO = Conditions(latency_s=0.3, bandwidth_bit_s=57_600.0, bits_per_byte=10.0)
 INSPECTION = """

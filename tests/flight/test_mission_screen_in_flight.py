@@ -14,18 +14,18 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from gloc3.ci_summaries import MissionSummary
-from gloc3_groundstation.desk import Desk
+from gloc3.messages.summaries import MissionSummary
+from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.tui.app import StationApp
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
+from gloc3_groundstation.tui.dialogues.questions import Question
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
-from gloc3_groundstation.tui.lines import text_of
-from gloc3_groundstation.tui.list_panel import ListPanel
-from gloc3_groundstation.tui.mission_editor import MissionEditor
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import Question
 from gloc3_groundstation.tui.screens.mission import MissionScreen
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3_groundstation.tui.widgets.lines import text_of
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel
+from gloc3_groundstation.tui.widgets.mission_editor import MissionEditor
+from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 pytestmark = pytest.mark.flight
 
@@ -208,7 +208,7 @@ async def ask_for_single_actions(here: Operator) -> None:
 
 
 def missing(here: Operator) -> list[str]:
-    from gloc3_groundstation import flights
+    from gloc3_groundstation.desk import flights
 
     platform = here.app.platform
     return flights.missing(platform, here.app.desk.station.now_s()) if platform is not None else ["a vehicle"]

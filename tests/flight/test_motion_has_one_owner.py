@@ -8,8 +8,8 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission
 
-from gloc3.messages import Envelope
-from gloc3.vehicle import FlightMode, Setpoint
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import FlightMode, Setpoint
 
 HOME_M = 0.3
 

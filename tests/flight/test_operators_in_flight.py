@@ -4,8 +4,8 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci import CommandComponent, Outcome, RequestAction, Steer, Verb
-from gloc3.lci import State
+from gloc3.component.lci import State
+from gloc3.messages.command_interface import CommandComponent, Outcome, RequestAction, Steer, Verb
 
 HOME_M = 0.3
 TWO_WAYS = (

@@ -6,10 +6,10 @@ import hmac
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.acoustic.frames import MOST_BYTES, AcousticCode, AcousticSummary, Order, Receipt, Verb
-from gloc3.ci import EmergencyVerb
 from gloc3.errors import Gloc3Error
-from gloc3_groundstation import wording
+from gloc3.exchange.acoustic import MOST_BYTES, AcousticCode, AcousticSummary, Order, Receipt, Verb
+from gloc3.messages.command_interface import EmergencyVerb
+from gloc3_groundstation.station import wording
 
 SWEEP = "{out: {follow_waypoints: {waypoints_m: [[8, 0, 1.5], [0, 0, 1.5], [8, 0, 1.5]], speed_m_s: 0.1}}}"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.clock import run_virtual
-from gloc3_sitl.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight, FlightPlan
 
 WORLD = """\
 world: reef

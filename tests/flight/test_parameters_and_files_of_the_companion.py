@@ -7,11 +7,11 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.tool import COMPANION, GEO_HOP, Tool
 
-from gloc3.ci import CallFunction, CommandComponent, Control, ControlVerb, Outcome
-from gloc3.link.ftp import FtpError, Operation, Payload, checksum
-from gloc3.link.ftp_server import MOST_CLIENTS, MOST_SESSIONS, FtpServer
-from gloc3.link.parameter import ParameterType
-from gloc3.link.parameter_client import ParameterResult
+from gloc3.mavlink.services.ftp import FtpError, Operation, Payload, checksum
+from gloc3.mavlink.services.ftp_server import MOST_CLIENTS, MOST_SESSIONS, FtpServer
+from gloc3.mavlink.services.parameter import ParameterType
+from gloc3.mavlink.services.parameter_client import ParameterResult
+from gloc3.messages.command_interface import CallFunction, CommandComponent, Control, ControlVerb, Outcome
 from gloc3_onboard.companion.files import LARGEST_MISSION_BYTES, MOST_MISSIONS, shared_files
 
 pytestmark = [ONE_STYLE]

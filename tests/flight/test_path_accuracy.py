@@ -3,7 +3,7 @@
 from tests.flight.accuracy import CALM_LIMITS, SPEED_M_S, WIND_RMS_M, cut_corners, fly, hover, skip_a_leg
 from tests.flight.card import Card
 
-from gloc3_sitl.wind import gusty
+from gloc3_sitl.physics.wind import gusty
 
 
 def test_in_calm_air_the_path_is_kept_within_decimetres_at_the_speed_that_was_asked(flight: Card) -> None:

@@ -6,9 +6,9 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission, platform
 
-from gloc3.ci import Steer, Verb
 from gloc3.errors import InputError
-from gloc3.vehicle import FlightMode
+from gloc3.messages.command_interface import Steer, Verb
+from gloc3.messages.vehicle import FlightMode
 
 HOME_M = 0.3
 NO_FAILSAFE = {"  low_battery: {action: return, at: 0.1}": "  {}"}

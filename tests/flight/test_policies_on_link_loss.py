@@ -4,7 +4,7 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci_summaries import StationHeard
+from gloc3.messages.summaries import StationHeard
 
 HOME_M = 0.4
 """So near to the place of take-off counts as home."""

@@ -7,10 +7,10 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci import Hello, Outcome, Preflight, RequestAction, Steer, Verb
-from gloc3.link.codec import message
-from gloc3.preflight import Check, PreflightReport, Verdict, red
-from gloc3.software import own_software
+from gloc3.mavlink.codec import message
+from gloc3.messages.command_interface import Hello, Outcome, Preflight, RequestAction, Steer, Verb
+from gloc3.messages.preflight import Check, PreflightReport, Verdict, red
+from gloc3.messages.software import own_software
 
 LINK_LOSS = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
 RETURNS = {"px4": 2.0, "ardupilot": 1.0}
@@ -120,7 +120,7 @@ def test_a_setup_that_cannot_be_read_anew_does_not_keep_a_start_waiting(flight: 
     deaf = {"PARAM_REQUEST_READ"}
     cable = flight.flight.cable
     send = cable.b.send
-    from gloc3.link.codec import Parser
+    from gloc3.mavlink.codec import Parser
 
     def lossy(data: bytes) -> None:
         frames = Parser(is_datagram=True).receive(data)

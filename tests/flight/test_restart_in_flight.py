@@ -4,9 +4,9 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.ci import CiRequest, CommandComponent, Outcome, Query, Steer
 from gloc3.exchange import Publisher
-from gloc3.vehicle import FlightMode
+from gloc3.messages.command_interface import CiRequest, CommandComponent, Outcome, Query, Steer
+from gloc3.messages.vehicle import FlightMode
 
 HOME_M = 0.3
 TWO_WAYS = (

@@ -8,10 +8,10 @@ from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 from tests.flight.test_flying_on_our_own_pose import errors_m
 
-from gloc3.lci import State
-from gloc3.messages import Envelope
-from gloc3.vehicle import Pose
-from gloc3_onboard.controllers.limiter import LimiterSettings
+from gloc3.component.lci import State
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import Pose
+from gloc3_onboard.components.controllers.limiter import LimiterSettings
 
 pytestmark = pytest.mark.thorough
 

@@ -3,12 +3,12 @@
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.tool import COMPANION, GEO_HOP, HOP, Tool, item
 
-from gloc3.ci import CiRequest, Control, ControlVerb, LoadMission, Outcome, Steer, Verb
-from gloc3.link.command import CommandResult
-from gloc3.link.memory import Conditions
-from gloc3.link.mission_client import Transfer
-from gloc3.link.parameter_client import ParameterResult
-from gloc3.link.plan import PlanResult, PlanType
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.mission_client import Transfer
+from gloc3.mavlink.services.parameter_client import ParameterResult
+from gloc3.mavlink.services.plan import PlanResult, PlanType
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.command_interface import CiRequest, Control, ControlVerb, LoadMission, Outcome, Steer, Verb
 
 pytestmark = [ONE_STYLE]
 

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from tests.flight.card import Card
 
-from gloc3.ci import Control, ControlVerb, Outcome
-from gloc3.teleoperation import EXPIRES_S, VelocityDemand
-from gloc3.vehicle import Pose
-from gloc3_groundstation.teleoperation import FullSpeed, HandControl, Sticks
+from gloc3.messages.command_interface import Control, ControlVerb, Outcome
+from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
+from gloc3.messages.vehicle import Pose
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, Sticks
 
 MISSION = """\
 mission: by hand

@@ -2,9 +2,9 @@
 
 from tests.flight.card import Card
 
-from gloc3.lci import State
-from gloc3.mission.states import ActionState
-from gloc3.vehicle import FlightMode
+from gloc3.component.lci import State
+from gloc3.messages.vehicle import FlightMode
+from gloc3.mission.model.states import ActionState
 
 PROGRESS_S = 4.0
 

@@ -4,13 +4,13 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import OUT, mission
 
-from gloc3.ci_summaries import Health
-from gloc3.lci import State
-from gloc3.messages import ComponentStatus
-from gloc3.platform_reader import load_platform
-from gloc3.vehicle import FlightMode
-from gloc3_onboard.process import DEVICES as PROCESS_DEVICES
-from gloc3_sitl.flight import DEVICES
+from gloc3.component.lci import State
+from gloc3.messages.envelope import ComponentStatus
+from gloc3.messages.summaries import Health
+from gloc3.messages.vehicle import FlightMode
+from gloc3.platform.reader import load_platform
+from gloc3_onboard.process.process import DEVICES as PROCESS_DEVICES
+from gloc3_sitl.flight.flight import DEVICES
 
 
 def statuses(flight: Card, component: str, since_s: float) -> list[tuple[float, ComponentStatus]]:

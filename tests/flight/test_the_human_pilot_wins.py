@@ -4,8 +4,8 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission, platform
 
-from gloc3.ci import CommandComponent, Outcome, RequestAction
-from gloc3.vehicle import FlightMode, LandedState
+from gloc3.messages.command_interface import CommandComponent, Outcome, RequestAction
+from gloc3.messages.vehicle import FlightMode, LandedState
 
 HOME_M = 0.3
 SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tests.flight.card import ONE_STYLE, Card
 
-from gloc3.ci_summaries import VehicleSummary
+from gloc3.messages.summaries import VehicleSummary
 from gloc3_groundstation.mapping.mission_texts import MissionTexts
 from gloc3_groundstation.mapping.requested import requested
 from gloc3_groundstation.mapping.tracks import Channel, Tracks
-from gloc3_groundstation.snapshots import STALE_AFTER_S, PlatformSnapshot
+from gloc3_groundstation.station.snapshots import STALE_AFTER_S, PlatformSnapshot
 
 MISSION = """mission: corner
 frame: hold

@@ -6,19 +6,19 @@ from typing import Any
 
 from tests.flight.card import Card
 
-from gloc3.link.codec import Encoder, MavlinkMessage, Parser, message
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.ftp_client import FtpClient
-from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.memory import Conditions, MemoryLink
-from gloc3.link.message import Address
-from gloc3.link.mission_client import MissionClient
-from gloc3.link.node import Node
-from gloc3.link.parameter import ParameterEncoding
-from gloc3.link.parameter_client import ParameterClient
-from gloc3.link.plan import PlanItem
-from gloc3.link.runner import NodeRunner
+from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser, message
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.runner import NodeRunner
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.ftp_client import FtpClient
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.mission_client import MissionClient
+from gloc3.mavlink.services.parameter import ParameterEncoding
+from gloc3.mavlink.services.parameter_client import ParameterClient
+from gloc3.mavlink.services.plan import PlanItem
+from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 
 COMPANION = Address(1, 191)
 PLACE = (39.5528, 2.6285)

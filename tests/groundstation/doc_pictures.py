@@ -5,11 +5,11 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from gloc3.acoustic.frames import AcousticSummary
-from gloc3.ci_summaries import Health, MissionSummary
 from gloc3.exchange import Publisher
-from gloc3.mission.model import digest_of
-from gloc3_groundstation.configuration import Configuration, LastSession, ThemeName
+from gloc3.exchange.acoustic import AcousticSummary
+from gloc3.messages.summaries import Health, MissionSummary
+from gloc3.mission.model.model import digest_of
+from gloc3_groundstation.store.configuration import Configuration, LastSession, ThemeName
 
 from .flown import FLOWN, Flight
 from .scripted_platform import CHECKS, CLOCK, LINK_LOSS, TASKS

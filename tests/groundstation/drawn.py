@@ -15,10 +15,10 @@ from textual.geometry import Region
 from textual.widget import Widget
 from textual.widgets import Static
 
-from gloc3_groundstation.tui.lines import text_of
-from gloc3_groundstation.tui.list_panel import ListPanel
-from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.themes import THEMES
+from gloc3_groundstation.tui.widgets.lines import text_of
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 def clipped(app: App[Any]) -> list[str]:

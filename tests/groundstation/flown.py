@@ -6,11 +6,11 @@ from math import atan2, cos, degrees, dist, hypot, pi, sin
 
 import msgspec
 
-from gloc3.ci_motion import MotionSummary, SiteSummary
-from gloc3.ci_summaries import MissionSummary
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.examples import find_mission
-from gloc3.mission.model import digest_of
+from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.mapping.requested import requested
 
 from .station_scene import Scene

@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 
 from gloc3.exchange import LocalExchange, Publisher
-from gloc3.frames import from_euler
-from gloc3.messages import Envelope, Message, Source
-from gloc3.vehicle import HeightAboveGround, Pose
-from gloc3.watch import Preview, TopicActivity, TopicEntry, pack
-from gloc3.wire import type_name
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.frames import from_euler
+from gloc3.messages.vehicle import HeightAboveGround, Pose
+from gloc3.messages.watch import Preview, TopicActivity, TopicEntry, pack
+from gloc3.messages.wire import type_name
 
 from .scripted_platform import ScriptedPlatform
 

@@ -9,21 +9,21 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, TextArea
 
-from gloc3.ci import CommandComponent, RequestAction
-from gloc3.ci_summaries import ControlState
-from gloc3.messages import Severity
-from gloc3.preflight import Check, Group, Verdict
-from gloc3.vehicle import ObstacleScan
-from gloc3_groundstation.configuration import Configuration, ThemeName
-from gloc3_groundstation.tui.component_dialogues import ComponentMenu, FunctionForm
+from gloc3.messages.command_interface import CommandComponent, RequestAction
+from gloc3.messages.envelope import Severity
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.summaries import ControlState
+from gloc3.messages.vehicle import ObstacleScan
+from gloc3_groundstation.store.configuration import Configuration, ThemeName
+from gloc3_groundstation.tui.dialogues.component_dialogues import ComponentMenu, FunctionForm
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
+from gloc3_groundstation.tui.dialogues.questions import AskFor, EmergencyQuestion, Question
 from gloc3_groundstation.tui.dialogues.save_mission import SaveMission
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.dialogues.unsaved import UnsavedQuestion
 from gloc3_groundstation.tui.help import HelpScreen
-from gloc3_groundstation.tui.list_panel import ListPanel
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import AskFor, EmergencyQuestion, Question
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 from .drawn import READABLE, clipped, contrasts
 from .flown import Flight

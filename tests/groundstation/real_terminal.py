@@ -19,7 +19,7 @@ from typing import Protocol
 
 from tests.commands.programs import PATIENCE_S, Program, program
 
-from gloc3_sitl.demo import free_ports
+from gloc3_sitl.demo.demo import free_ports
 
 from .emulator import Emulator
 

@@ -8,7 +8,10 @@ import msgspec
 from msgspec.structs import astuple
 
 from gloc3 import __version__
-from gloc3.ci import (
+from gloc3.component.lci import Command, State, transition
+from gloc3.errors import Refused
+from gloc3.exchange import LocalExchange, Publisher
+from gloc3.messages.command_interface import (
     AnyBody,
     CallFunction,
     CiReply,
@@ -26,7 +29,9 @@ from gloc3.ci import (
     Verb,
     Watch,
 )
-from gloc3.ci_summaries import (
+from gloc3.messages.envelope import Envelope, Message, Severity
+from gloc3.messages.preflight import Check, Group, PreflightReport, Verdict, red, summary
+from gloc3.messages.summaries import (
     CiEvent,
     ComponentLine,
     ComponentTable,
@@ -39,12 +44,7 @@ from gloc3.ci_summaries import (
     VehicleSummary,
     health_of,
 )
-from gloc3.errors import Refused
-from gloc3.exchange import LocalExchange, Publisher
-from gloc3.lci import Command, State, transition
-from gloc3.messages import Envelope, Message, Severity
-from gloc3.preflight import Check, Group, PreflightReport, Verdict, red, summary
-from gloc3.watch import TopicEntry
+from gloc3.messages.watch import TopicEntry
 
 ROWS = [
     TableRow("autopilot", "SS", 20.0, True, ""),

@@ -5,16 +5,16 @@ from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from pathlib import Path
 
+from tests.groundstation.services.scripted_vehicle import Logs
+from tests.groundstation.services.test_services_with_sitl import PLAN
 from textual.widgets import Input
 
-from gloc3.link.memory import Conditions
+from gloc3.mavlink.transport.memory import Conditions
 from gloc3.mission.formats import write_plan
-from gloc3_groundstation.configuration import Configuration, ThemeName
-from gloc3_groundstation.tui.entry import Entry
+from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.help import HelpScreen
+from gloc3_groundstation.tui.widgets.entry import Entry
 
-from .services.scripted_vehicle import Logs
-from .services.test_services_with_sitl import PLAN
 from .services_scene import INFOS, NAME, ServicesScene, services_scene
 
 CONDITIONS = Conditions(latency_s=0.005, bandwidth_bit_s=2e6)

@@ -6,25 +6,25 @@ from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from tests.groundstation.services.scripted_vehicle import PX4, TOPICS, VEHICLE, Logs, ScriptedVehicle
 from textual.widgets import ContentSwitcher
 
 from gloc3.exchange import LocalExchange
-from gloc3.link.memory import PERFECT, Conditions, MemoryLink
-from gloc3.link.message import Address
-from gloc3.link.parameter import Parameter, ParameterType, parameter
-from gloc3_groundstation import fleet as reducers
-from gloc3_groundstation.configuration import Configuration
-from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.link import Link, LinkContext
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.parameter import Parameter, ParameterType, parameter
+from gloc3.mavlink.transport.memory import PERFECT, Conditions, MemoryLink
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.desk.services_desk import ServicesDesk
+from gloc3_groundstation.links.link import Link, LinkContext
 from gloc3_groundstation.services.machines import Wire
-from gloc3_groundstation.services_desk import ServicesDesk
-from gloc3_groundstation.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Timed
-from gloc3_groundstation.station import Station
+from gloc3_groundstation.station import fleet as reducers
+from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Timed
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.store.configuration import Configuration
 from gloc3_groundstation.tui.app import StationApp
 
 from .scripted_platform import VEHICLE as SUMMARY
 from .scripted_platform import ScriptedPlatform
-from .services.scripted_vehicle import PX4, TOPICS, VEHICLE, Logs, ScriptedVehicle
 from .station_scene import Scene
 
 NAME = "px4-1"

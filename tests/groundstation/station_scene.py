@@ -11,22 +11,22 @@ from textual.pilot import Pilot
 from textual.screen import Screen
 from textual.widgets import Input
 
-from gloc3.ci_summaries import MissionSummary
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
-from gloc3.messages import Severity
-from gloc3.mission.model import digest_of
-from gloc3_groundstation.configuration import Configuration
-from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.flights import End
-from gloc3_groundstation.link_snapshot import LinkSnapshot
-from gloc3_groundstation.plans import Plan
-from gloc3_groundstation.station import Station
+from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import MissionSummary
+from gloc3.mission.model.model import digest_of
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.desk.flights import End
+from gloc3_groundstation.links.link_snapshot import LinkSnapshot
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.store.configuration import Configuration
 from gloc3_groundstation.tui.app import StationApp
-from gloc3_groundstation.tui.lines import text_of
-from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.screen import SMALLEST
 from gloc3_groundstation.tui.screens.table import SCREENS
+from gloc3_groundstation.tui.widgets.lines import text_of
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 from .scripted_platform import TASKS, ScriptedPlatform
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from gloc3_groundstation.configuration import ThemeName
+from gloc3_groundstation.store.configuration import ThemeName
 
 from .poses import poses, problems
 from .station_scene import shoot

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from gloc3.clock import VirtualLoop
 from gloc3.exchange import LocalExchange
-from gloc3.topics import TopicTable
-from gloc3_groundstation.contact_queue import ContactQueue
-from gloc3_groundstation.event_feed import Cursor
-from gloc3_groundstation.kept_state import FeedFile, SilenceFile
-from gloc3_groundstation.station import Station
+from gloc3.messages.topics import TopicTable
+from gloc3_groundstation.station.event_feed import Cursor
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.store.contact_queue import ContactQueue
+from gloc3_groundstation.store.kept_state import FeedFile, SilenceFile
 
 DATA = next(folder for folder in Path(__file__).parents if folder.name == "tests") / "data" / "stores"
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gloc3.errors import Gloc3Error
-from gloc3.link.signing_key import read_signing_key
-from gloc3_groundstation import alerts
-from gloc3_groundstation.alerts import Alerts
-from gloc3_groundstation.configuration import ConfigurationFile
+from gloc3.mavlink.signing_key import read_signing_key
 from gloc3_groundstation.services.parameter_files import load_parameter_file
+from gloc3_groundstation.station import alerts
+from gloc3_groundstation.station.alerts import Alerts
+from gloc3_groundstation.store.configuration import ConfigurationFile
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 
 from .scripted_platform import ScriptedPlatform

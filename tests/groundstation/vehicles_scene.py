@@ -8,14 +8,14 @@ from typing import Any, TypeVar
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
-from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.memory import MemoryLink
-from gloc3.link.message import Address
-from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link, LinkContext
-from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.station import Station
-from gloc3_groundstation.vehicles import Vehicles
+from gloc3.mavlink.codec import Encoder, Parser, message
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.transport.memory import MemoryLink
+from gloc3.messages.topics import TopicTable
+from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.station.vehicles import Vehicles
 
 from .scripted_platform import ScriptedPlatform
 

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from gloc3.messages import Message
-from gloc3.vehicle import DriverState, FlightMode, Manoeuvre, ManoeuvreKind, MotionGrant
-from gloc3_onboard.drivers.autopilot import AutopilotDriver
-from gloc3_onboard.drivers.manoeuvres import DriverSettings
+from gloc3.messages.envelope import Message
+from gloc3.messages.vehicle import DriverState, FlightMode, Manoeuvre, ManoeuvreKind, MotionGrant
+from gloc3_onboard.components.drivers.autopilot import AutopilotDriver
+from gloc3_onboard.components.drivers.manoeuvres import DriverSettings
 
 from .messages import LIMITS, autopilot_pose, grant, pose, setpoint
 from .scripted_autopilot import ScriptedAutopilot

@@ -3,16 +3,16 @@
 from typing import Any
 
 from gloc3.clock import VirtualLoop
-from gloc3.link import codec
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CommandRequest, CommandServer
-from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.interval import STREAM_COMMANDS, StreamScheduler
-from gloc3.link.memory import MemoryEnd
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.node import Node
-from gloc3.link.statustext import StatusTextSender
-from gloc3.link.timesync import TimeSync
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.interval import STREAM_COMMANDS, StreamScheduler
+from gloc3.mavlink.services.statustext import StatusTextSender
+from gloc3.mavlink.services.timesync import TimeSync
+from gloc3.mavlink.transport.memory import MemoryEnd
 
 TICK_S = 0.02
 VEHICLE = Address(1, 1)

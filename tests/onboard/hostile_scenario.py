@@ -10,22 +10,22 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
-from gloc3.ci import CiRequest, Hello
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange, Publisher
-from gloc3.link.codec import Encoder, Frame, MavlinkMessage, Parser, message
-from gloc3.link.memory import MemoryLink
-from gloc3.link.message import Address
-from gloc3.link.parser import SIGNED
-from gloc3.link.router import MOST_ADDRESSES, Router
-from gloc3.link.signing import MAY_BE_OFF, TICKS_PER_S, Signing, is_signed_with, timestamp
-from gloc3.messages import Envelope, Event
-from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link, LinkContext, LinkSettings
+from gloc3.mavlink.codec import Encoder, Frame, MavlinkMessage, Parser, message
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.parser import SIGNED
+from gloc3.mavlink.router import MOST_ADDRESSES, Router
+from gloc3.mavlink.signing import MAY_BE_OFF, TICKS_PER_S, Signing, is_signed_with, timestamp
+from gloc3.mavlink.transport.memory import MemoryLink
+from gloc3.messages.command_interface import CiRequest, Hello
+from gloc3.messages.envelope import Envelope, Event
+from gloc3.messages.topics import TopicTable
+from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.routing import RoutedLink
-from gloc3_onboard.signing_memory import SigningMemory
-from gloc3_onboard.station_link import StationLink
+from gloc3_onboard.companion.routing import RoutedLink
+from gloc3_onboard.companion.station_link import StationLink
+from gloc3_onboard.process.signing_memory import SigningMemory
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 STATION_AGAIN = Encoder(255, 190)

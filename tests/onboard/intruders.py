@@ -22,18 +22,18 @@ from msgspec.structs import replace
 from tests.commands.programs import Program, program
 from tests.common.network.yard import NOW, Yard
 
-from gloc3.ci import AnyBody, CallFunction, CiReply, CiRequest, Control, ControlVerb
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import Node
 from gloc3.log.commands import list_commands
 from gloc3.log.reader import LogReader
-from gloc3.messages import Envelope, FunctionRequest
+from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, CiRequest, Control, ControlVerb
+from gloc3.messages.envelope import Envelope, FunctionRequest
+from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.network.access import Role
-from gloc3.platform_reader import find_platform
-from gloc3.topics import TopicTable
-from gloc3_sitl.demo import free_ports
+from gloc3.platform.reader import find_platform
+from gloc3_sitl.demo.demo import free_ports
 
 PLATFORM, COMPONENT = "pelican", "hold"
 FUNCTION = f"{PLATFORM}/components/{COMPONENT}/function"

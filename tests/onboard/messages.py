@@ -3,9 +3,9 @@
 import itertools
 from typing import Any, TypeVar
 
-from gloc3.frames import Quaternion, Vector3
-from gloc3.messages import Envelope, Message, Source
-from gloc3.vehicle import (
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.frames import Quaternion, Vector3
+from gloc3.messages.vehicle import (
     AutopilotPose,
     AutopilotState,
     FlightMode,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tests.commands.programs import Program, program
 
-from gloc3_sitl.demo import free_ports
+from gloc3_sitl.demo.demo import free_ports
 
 LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M = 39.5528, 2.6285, 2.0
 

@@ -8,12 +8,12 @@ import math
 from typing import Final
 
 from gloc3.clock import VirtualLoop
-from gloc3.frames import GeoPoint, TangentPlane, Vector3, wrap_pi
-from gloc3.link import codec
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CommandRequest
-from gloc3.link.memory import MemoryEnd
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.transport.memory import MemoryEnd
+from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, wrap_pi
 
 from .vehicle_peer import IGNORES_POSITION, STEP_S, VehiclePeer
 

@@ -11,29 +11,29 @@ from random import Random
 
 import msgspec
 
-from gloc3.ci import CiRequest, LoadMission
-from gloc3.ci_summaries import ComponentLine, Health, Summary
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.tunnel.pacing import RADIO
-from gloc3.link.codec import Frame, MavlinkMessage, message, shape
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.command_server import CommandServer
-from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.memory import Conditions, MemoryLink
-from gloc3.link.message import Address
-from gloc3.link.mission_client import MissionClient
-from gloc3.link.mission_server import MissionServer
-from gloc3.link.node import Node
-from gloc3.link.plan import PlanItem, PlanResult, PlanType
-from gloc3.link.router import Router
-from gloc3.link.runner import NodeRunner
-from gloc3.messages import Envelope
-from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link, LinkContext, LinkSettings
-from gloc3_onboard.routing import RoutedLink
-from gloc3_onboard.station_link import StationLink, heartbeat
+from gloc3.mavlink.codec import Frame, MavlinkMessage, message, shape
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.router import Router
+from gloc3.mavlink.runner import NodeRunner
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.command_server import CommandServer
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.mission_client import MissionClient
+from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.transport.memory import Conditions, MemoryLink
+from gloc3.messages.command_interface import CiRequest, LoadMission
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import ComponentLine, Health, Summary
+from gloc3.messages.topics import TopicTable
+from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
+from gloc3_onboard.companion.routing import RoutedLink
+from gloc3_onboard.companion.station_link import StationLink, heartbeat
 
 LOSS = 0.1
 RADIO_CONDITIONS = Conditions(latency_s=0.05, loss=LOSS, bandwidth_bit_s=57_600.0, bits_per_byte=10.0)

@@ -10,11 +10,11 @@ import msgspec
 from tests.commands.programs import Program, program
 from tests.onboard.real_vehicle import Vehicle, pictures, simulated, station, until
 
-from gloc3.ci import Verb
 from gloc3.log.reader import LogReader
-from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.station import Station
-from gloc3_sitl.demo import free_ports
+from gloc3.messages.command_interface import Verb
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.station import Station
+from gloc3_sitl.demo.demo import free_ports
 
 # A simulation that is starved of its computer stands still now and then: it goes on when it is there again.
 MISSION = """\

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from gloc3_groundstation import flights
 from gloc3_groundstation.assembly import GroundStation, StationSetup
-from gloc3_groundstation.station import Station
-from gloc3_sitl.demo import free_ports
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.station.station import Station
+from gloc3_sitl.demo.demo import free_ports
 
 PICTURES = 200
 

@@ -2,10 +2,10 @@
 
 from msgspec.structs import replace
 
-from gloc3.frames import Vector3
-from gloc3.vehicle import AutopilotState, FlightMode, LandedState, VehicleClass
+from gloc3.messages.frames import Vector3
+from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, VehicleClass
 from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
-from gloc3_onboard.devices import Answer, Manners
+from gloc3_onboard.sensors.devices import Answer, Manners
 
 from .messages import standing
 

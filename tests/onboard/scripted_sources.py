@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gloc3.camera_model import CameraModel
+from gloc3.camera.model import CameraModel
 from gloc3.errors import Gloc3Error
-from gloc3.perception import ImuSample, LaserScan
-from gloc3.vehicle import Image
-from gloc3_onboard.devices import Bell, StampedImage, StampedImu, StampedPair, StampedScan, Unwatch
+from gloc3.messages.perception import ImuSample, LaserScan
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedImu, StampedPair, StampedScan, Unwatch
 
 WIDTH, HEIGHT = 64, 48
 

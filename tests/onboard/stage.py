@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from gloc3.action import ActionPerformer
-from gloc3.component import ActuatorDriver, Component
-from gloc3.messages import Message
-from gloc3.mission.messages import ActionStatus
-from gloc3.ports import Actuation, Mailbox, Report
+from gloc3.component.action import ActionPerformer
+from gloc3.component.component import ActuatorDriver, Component
+from gloc3.component.ports import Actuation, Mailbox, Report
+from gloc3.messages.envelope import Message
+from gloc3.mission.model.messages import ActionStatus
 
 from .messages import at
 

@@ -8,21 +8,21 @@ import math
 from typing import Any, Final
 
 from gloc3.clock import VirtualLoop
-from gloc3.frames import GeoPoint, TangentPlane, from_yaw, wrap_pi
-from gloc3.link import codec
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CommandRequest, CommandServer
-from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.interval import STREAM_COMMANDS, StreamScheduler
-from gloc3.link.memory import MemoryEnd
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.node import Node
-from gloc3.link.parameter import Parameter, ParameterEncoding, ParameterType
-from gloc3.link.parameter_server import ParameterServer
-from gloc3.link.service import Service
-from gloc3.link.statustext import StatusTextSender
-from gloc3.link.timesync import TimeSync
-from gloc3.link.version import Capability, Version, version_number
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.interval import STREAM_COMMANDS, StreamScheduler
+from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType
+from gloc3.mavlink.services.parameter_server import ParameterServer
+from gloc3.mavlink.services.statustext import StatusTextSender
+from gloc3.mavlink.services.timesync import TimeSync
+from gloc3.mavlink.services.version import Capability, Version, version_number
+from gloc3.mavlink.transport.memory import MemoryEnd
+from gloc3.messages.frames import GeoPoint, TangentPlane, from_yaw, wrap_pi
 
 OWN: Final = Address(1, 1)
 STEP_S: Final = 0.02

@@ -6,26 +6,26 @@ from pathlib import Path
 from random import Random
 from typing import Any, Generic, TypeVar
 
-from gloc3.ci import CiReply, Outcome, Steer, Verb
-from gloc3.ci_summaries import CiEvent
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange
-from gloc3.link.memory import Conditions, MemoryEnd, MemoryLink
-from gloc3.messages import Envelope
-from gloc3.platform_reader import load_platform
-from gloc3.store import MemoryRecords
-from gloc3.topics import TopicTable
-from gloc3_groundstation.command_client import CommandClient
+from gloc3.log.store import MemoryRecords
+from gloc3.mavlink.transport.memory import Conditions, MemoryEnd, MemoryLink
+from gloc3.messages.command_interface import CiReply, Outcome, Steer, Verb
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import CiEvent
+from gloc3.messages.topics import TopicTable
+from gloc3.platform.reader import load_platform
+from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.site import Site
-from gloc3_onboard.computer import SimulatedComputer
-from gloc3_onboard.rig import PlatformRig
-from gloc3_onboard.runner import Onboard
-from gloc3_onboard.storage import NoPictures
-from gloc3_onboard.taps import ExchangeTaps
+from gloc3_onboard.process.computer import SimulatedComputer
+from gloc3_onboard.process.runner import Onboard
+from gloc3_onboard.process.storage import NoPictures
+from gloc3_onboard.process.taps import ExchangeTaps
+from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.viewer.catalogue import Catalogue
-from gloc3_sitl.sim_devices import NoCamera
+from gloc3_sitl.flight.sim_devices import NoCamera
 
 T = TypeVar("T")
 PeerT_co = TypeVar("PeerT_co", covariant=True)

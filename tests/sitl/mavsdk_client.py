@@ -25,7 +25,7 @@ P = TypeVar("P")
 
 log_subscribe(lambda level, text, file, line: True)
 
-PROGRAM = "import sys; from gloc3_sitl.cli import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
+PROGRAM = "import sys; from gloc3_sitl.cli.sitl import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
 TIMEOUT_S = 1.0
 """Of each of MAVSDK's four attempts; its own 0.5 s is little where the simulator gets no processor for a second."""
 LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M = 47.3977, 8.5456, 488.0

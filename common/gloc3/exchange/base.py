@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from gloc3.messages import Envelope, Message, Source
-from gloc3.wire import type_name
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.wire import type_name
 
 Deliver = Callable[[Envelope[Any]], None]
 """Takes a message in. Called in the loop's thread; it must not block."""

@@ -11,8 +11,8 @@ import zenoh
 from gloc3.exchange.inbound import Arrivals, Inbound
 from gloc3.exchange.near import NearServer
 from gloc3.exchange.sender import Sender
-from gloc3.topics import Service
-from gloc3.wire import TypeRegistry
+from gloc3.messages.topics import Service
+from gloc3.messages.wire import TypeRegistry
 
 SERVICES: Final[Mapping[Service, tuple[zenoh.Priority, zenoh.Reliability]]] = {
     Service.CONTROL: (zenoh.Priority.REAL_TIME, zenoh.Reliability.BEST_EFFORT),

@@ -17,7 +17,7 @@ import zenoh
 from gloc3.exchange.channel import Channel, Means
 from gloc3.exchange.inbound import Inbound
 from gloc3.exchange.near import DEPTH, LONGEST_HEAD, NearLink, NearServer
-from gloc3.topics import Service
+from gloc3.messages.topics import Service
 
 LARGE: Final = 16_384
 """Messages of so many bytes go this way."""

@@ -4,8 +4,8 @@ from typing import Final
 
 from gloc3.exchange.tunnel.layout import WIRE_OVERHEAD
 from gloc3.exchange.tunnel.pacing import LinkBudget
-from gloc3.link.endpoints import DEFAULT_BAUD, SERIAL_SCHEMES, parse_url
-from gloc3.link.parser import SIGNATURE_LENGTH
+from gloc3.mavlink.parser import SIGNATURE_LENGTH
+from gloc3.mavlink.transport.endpoints import DEFAULT_BAUD, SERIAL_SCHEMES, parse_url
 
 NETWORK_BIT_S: Final = 2_000_000.0
 """Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""

@@ -5,10 +5,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
+from gloc3.component.guard import guard
 from gloc3.exchange.base import Deliver, Unsubscribe
-from gloc3.guard import guard
-from gloc3.messages import Envelope
-from gloc3.topics import TopicTable, matches
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.topics import TopicTable, matches
 
 
 class LocalExchange:

@@ -17,10 +17,10 @@ from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Delivered, Happening, TokenChanged
 from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, Role
 from gloc3.exchange.tunnel.routes import route
-from gloc3.link.codec import message as make
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.messages import Envelope
-from gloc3.topics import TopicTable
+from gloc3.mavlink.codec import message as make
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.topics import TopicTable
 
 SMALLEST_WAIT_S: Final = 1e-3
 FEW_PEERS: Final = 8

@@ -8,8 +8,8 @@ import zenoh
 
 from gloc3.exchange.channel import Channel, Means
 from gloc3.exchange.large import LARGE, LargeOutlet
-from gloc3.messages import Envelope, Message
-from gloc3.topics import Service, TopicRow
+from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.topics import Service, TopicRow
 
 LATCHED: Final = "latched"
 """The level of a token's name that stands behind the platform's."""

@@ -4,7 +4,7 @@ import asyncio
 from typing import Any
 
 from gloc3.exchange.base import Exchange, Publisher
-from gloc3.messages import CommandRequest, Envelope, FunctionRequest, Message
+from gloc3.messages.envelope import CommandRequest, Envelope, FunctionRequest, Message
 
 REPLY_TOPICS = {CommandRequest: "reply", FunctionRequest: "function_reply"}
 

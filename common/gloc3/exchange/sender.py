@@ -7,7 +7,7 @@ from collections.abc import Callable
 from threading import Condition, Thread
 from typing import Final
 
-from gloc3.guard import guard
+from gloc3.component.guard import guard
 
 LEAVE_S: Final = 1.0
 """What waits may take so long to leave when everything ends."""

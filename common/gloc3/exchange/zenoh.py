@@ -25,9 +25,9 @@ from gloc3.exchange.near import NearServer
 from gloc3.exchange.outlet import LATCHED, UNKNOWN, Outlet, latched_token
 from gloc3.exchange.sender import Sender
 from gloc3.exchange.zenoh_session import Node, new_session, plain
-from gloc3.messages import Envelope, Source
-from gloc3.topics import Service, TopicTable, matches
-from gloc3.wire import VersionsDiffer, WireError
+from gloc3.messages.envelope import Envelope, Source
+from gloc3.messages.topics import Service, TopicTable, matches
+from gloc3.messages.wire import VersionsDiffer, WireError
 
 DEPTHS: Final = {Service.CONTROL: 64, Service.STREAM: 1024, Service.BULK: 8}
 """So many messages of one subscription wait for a loop that is busy."""

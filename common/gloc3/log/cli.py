@@ -13,15 +13,15 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.installed import installed_points
 from gloc3.log.commands import list_commands, render_commands
 from gloc3.log.fields import plot_series, read_series
-from gloc3.log.flight_path import read_flight_path
 from gloc3.log.info import render, require_topic, summarize
-from gloc3.log.plot import plot_flight
 from gloc3.log.reader import LogReader, find_log
+from gloc3.log.record import PLATFORM_FILE
 from gloc3.log.recover import recover
 from gloc3.log.replay import render_comparisons, replay
-from gloc3.log.timeline import plot_timelines, read_timelines
-from gloc3.record import PLATFORM_FILE
-from gloc3.topics import TopicTable
+from gloc3.log.report.flight_path import read_flight_path
+from gloc3.log.report.plot import plot_flight
+from gloc3.log.report.timeline import plot_timelines, read_timelines
+from gloc3.messages.topics import TopicTable
 
 app = App(
     name="gloc3 log",
@@ -153,7 +153,7 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
         component: Its name on the platform.
         platform: The platform, by name or file; by default the platform file in the log.
     """
-    from gloc3.platform_reader import load_platform, read_platform
+    from gloc3.platform.reader import load_platform, read_platform
 
     topics = TopicTable.installed()
     file = find_log(file)
@@ -200,10 +200,10 @@ def report_(
             stands, where poses count from there.
         out: Folder for the report; by default `report` beside the pictures.
     """
-    from gloc3.log.inspection_report import PAGE, summary, write_report
-    from gloc3.log.recording import read_cameras, read_recording
-    from gloc3.log.walls import read_wall
-    from gloc3.wall_coverage import Limits
+    from gloc3.camera.wall_coverage import Limits
+    from gloc3.log.report.inspection_report import PAGE, summary, write_report
+    from gloc3.log.report.recording import read_cameras, read_recording
+    from gloc3.log.report.walls import read_wall
 
     if not (0.001 <= cell <= 10.0 and 0.0 < farthest < float("inf") and 0.0 < oblique < 90.0):
         raise Refused("--cell must be 0.001 to 10 m, --farthest above 0 m, --oblique between 0 and 90 degrees")

@@ -4,9 +4,9 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.ci import LOOKS, AnyBody, CiRequest, Elsewhere
 from gloc3.log.reader import LogReader
-from gloc3.messages import Envelope
+from gloc3.messages.command_interface import LOOKS, AnyBody, CiRequest, Elsewhere
+from gloc3.messages.envelope import Envelope
 
 LONG: Final = 60
 """Characters of an argument that are shown."""

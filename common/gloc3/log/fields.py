@@ -8,8 +8,8 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.errors import Refused, nearest
-from gloc3.log.figure import drawing, thin
 from gloc3.log.reader import LogReader
+from gloc3.log.report.figure import drawing, thin
 
 _STEP: Final = re.compile(r"[^.\[\]]+")
 

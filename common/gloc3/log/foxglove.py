@@ -10,9 +10,9 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.frames import IDENTITY, Quaternion, Vector3
 from gloc3.log.json_schema import Schema
-from gloc3.messages import Envelope, Severity
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
 
 MAP_FRAME: Final = "map"
 """The frame that Foxglove's 3D panel shows upright: x east, y north, z up."""

@@ -8,8 +8,8 @@ import msgspec
 
 from gloc3.errors import Refused, nearest
 from gloc3.log.reader import LogReader
-from gloc3.messages import Severity
-from gloc3.topics import TopicTable
+from gloc3.messages.envelope import Severity
+from gloc3.messages.topics import TopicTable
 
 FAULT_MARK: Final = "-> faulty: "
 """How a component's host tells in an event that it has become faulty."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.messages import Message
+from gloc3.messages.envelope import Message
 
 Schema = dict[str, Any]
 

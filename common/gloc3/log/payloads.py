@@ -13,8 +13,8 @@ import msgspec
 
 from gloc3.log.foxglove import View, timestamp, view_of
 from gloc3.log.json_schema import describe_type
-from gloc3.messages import Envelope, Message
-from gloc3.wire import wire_name
+from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.wire import wire_name
 
 NOT_FINITE: Final = "_not_finite"
 PROBLEM: Final = "_problem"

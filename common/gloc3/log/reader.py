@@ -12,11 +12,11 @@ from mcap.records import Channel
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.log.foxglove import VIEWS
 from gloc3.log.payloads import PayloadDecoder
+from gloc3.log.record import RUN
 from gloc3.log.scan import Chunk, Data, RawMessage, Scan
-from gloc3.messages import Envelope, Message, Source
-from gloc3.record import RUN
-from gloc3.topics import TopicTable, matches
-from gloc3.wire import TypeRegistry, WireError
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.topics import TopicTable, matches
+from gloc3.messages.wire import TypeRegistry, WireError
 
 _NUMBERED: Final = re.compile(r"log(-\d+)?")
 """The logs of an onboard process: `log`, `log-2`, `log-3`..."""

@@ -15,17 +15,17 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.clock import Clock, VirtualLoop
-from gloc3.context import HostContext
-from gloc3.deployment import Begin, ComponentRow
+from gloc3.component.context import HostContext
+from gloc3.component.deployment import Begin, ComponentRow
+from gloc3.component.host import ComponentHost
 from gloc3.errors import Refused, nearest
 from gloc3.exchange.local import LocalExchange
-from gloc3.host import ComponentHost
 from gloc3.log.fields import flatten
-from gloc3.log.flight_path import value_of
 from gloc3.log.reader import Entry, LogReader
-from gloc3.messages import Envelope
-from gloc3.platform import Platform
-from gloc3.topics import TopicTable, matches
+from gloc3.log.report.flight_path import value_of
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.topics import TopicTable, matches
+from gloc3.platform.platform import Platform
 
 ASIDE_S: Final = 1e-7
 """So much before or after its time an input comes that was recorded at the same instant as a cycle, to keep order."""

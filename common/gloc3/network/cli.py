@@ -11,9 +11,9 @@ from typing import Annotated
 import msgspec
 from cyclopts import App, Parameter
 
+from gloc3.cli.narration import narrate
 from gloc3.clock import utc_now
 from gloc3.errors import Refused
-from gloc3.narrate import narrate
 from gloc3.network import register
 from gloc3.network.access import Role, access_control, grants
 from gloc3.network.file import Membership, read_network

@@ -10,12 +10,12 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.document import Document, load_bytes, parse
+from gloc3.documents.document import Document, load_bytes, parse
+from gloc3.documents.schema import check
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.exchange.zenoh_session import QUIC, Node
 from gloc3.network.access import Accepted, Role, access_control
 from gloc3.network.authority import findings as certificate_findings
-from gloc3.schema import check
 
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
 # QUIC before an address: encrypted over UDP, for links that lose packets; without it TLS over TCP.

@@ -12,15 +12,15 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from gloc3.ci import LOOKS, CiRequest, StationRole
-from gloc3.ci_summaries import StationHeard
 from gloc3.exchange.base import Exchange, Publisher, Unsubscribe
 from gloc3.exchange.tunnel.layout import Role as End
 from gloc3.exchange.tunnel.routes import route
-from gloc3.messages import Envelope
+from gloc3.messages.command_interface import LOOKS, CiRequest, StationRole
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import StationHeard
+from gloc3.messages.teleoperation import VelocityDemand
+from gloc3.messages.topics import TopicTable
 from gloc3.network.access import Role
-from gloc3.teleoperation import VelocityDemand
-from gloc3.topics import TopicTable
 
 HEARD_S: Final = 1.0
 """So often the platform is told of each station that is there."""

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.ci_motion import SiteSummary
-from gloc3.frames import GeoPoint, TangentPlane, Vector3
-from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
+from gloc3.messages.motion import SiteSummary
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
 
 Plane = NDArray[np.float64]
 """Rows of metres north and east on the map."""

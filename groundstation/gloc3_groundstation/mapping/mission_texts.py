@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from gloc3.ci import Outcome, ReadMission
-from gloc3.mission.model import digest_of
-from gloc3_groundstation.plans import Plan
-from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.station import Station
+from gloc3.messages.command_interface import Outcome, ReadMission
+from gloc3.mission.model.model import digest_of
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.station import Station
 
 ASKED_AGAIN_S: Final = 10.0
 """A text that did not come is asked for again after so long."""

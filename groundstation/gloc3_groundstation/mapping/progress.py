@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 SLACK_M: Final = 2.0
 """How much faster than the vehicle its place on the path may move, from point to point."""

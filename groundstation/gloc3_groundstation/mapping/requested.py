@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import msgspec
 
-from gloc3.ci_motion import SiteSummary
 from gloc3.errors import InputError
-from gloc3.frames import GeoPoint, LocalFrame, Vector3
-from gloc3.mission.estimate import estimate
-from gloc3.mission.fence import Fence
-from gloc3.mission.legs import Budget
-from gloc3.mission.model import GEO
-from gloc3.mission.reader import Surroundings, inspect_mission
-from gloc3.mission.structure import PartialOrder, structure_findings
+from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.messages.motion import SiteSummary
+from gloc3.mission.checking.estimate import estimate
+from gloc3.mission.model.fence import Fence
+from gloc3.mission.model.legs import Budget
+from gloc3.mission.model.model import GEO
+from gloc3.mission.model.structure import PartialOrder, structure_findings
+from gloc3.mission.reading.reader import Surroundings, inspect_mission
 
 SAME_M = 0.05
 """Points that are nearer to each other are one."""

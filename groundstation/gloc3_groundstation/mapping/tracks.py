@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.ci_motion import MotionSummary
-from gloc3.ci_summaries import VehicleSummary
-from gloc3.mission.states import ActionState
+from gloc3.messages.motion import MotionSummary
+from gloc3.messages.summaries import VehicleSummary
+from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.mapping.history import History, Level, Series, Singles
 from gloc3_groundstation.mapping.trail import Trail
-from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
+from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 SAMPLES_KEPT: Final = 2400
 """As they came: ten minutes at 4 Hz."""

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 Points = NDArray[np.float64]
 """Rows of `x_m, y_m, height_m, t_s`."""

@@ -7,14 +7,14 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.component_description import FieldLine, fields_of
-from gloc3.document import parse
+from gloc3.component.description import FieldLine, fields_of
+from gloc3.documents.document import parse
+from gloc3.documents.schema import in_words
 from gloc3.errors import Gloc3Error, InputError
-from gloc3.mission.abilities import abilities
-from gloc3.mission.arguments import Arguments, argument_kinds
-from gloc3.platform import Capability, Platform
-from gloc3.schema import in_words
-from gloc3.units import split_unit
+from gloc3.messages.units import split_unit
+from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.arguments import Arguments, argument_kinds
+from gloc3.platform.platform import Capability, Platform
 
 PAIRS: Final = {
     "waypoints_m": "waypoints",

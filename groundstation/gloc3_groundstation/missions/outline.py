@@ -5,12 +5,12 @@ from typing import Final
 
 import msgspec
 
-from gloc3.ci_summaries import MissionSummary
-from gloc3.mission.checker import Report
-from gloc3.mission.estimate import Estimate, Figures
-from gloc3.mission.model import Action, Mission, Task, digest_of
-from gloc3.mission.show import answers, summary, terms
-from gloc3.platform import Capability
+from gloc3.messages.summaries import MissionSummary
+from gloc3.mission.checking.checker import Report
+from gloc3.mission.checking.estimate import Estimate, Figures
+from gloc3.mission.model.model import Action, Mission, Task, digest_of
+from gloc3.mission.showing.show import answers, summary, terms
+from gloc3.platform.platform import Capability
 
 COMMANDS: Final = "command-"
 """How the platform calls the tasks of single actions that were asked for."""

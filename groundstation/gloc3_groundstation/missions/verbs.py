@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from gloc3.ci import Verb
-from gloc3.ci_summaries import MissionSummary
-from gloc3.mission.states import ENDED, ActionState, Trigger, allowed
+from gloc3.messages.command_interface import Verb
+from gloc3.messages.summaries import MissionSummary
+from gloc3.mission.model.states import ENDED, ActionState, Trigger, allowed
 from gloc3_groundstation.missions.outline import COMMANDS
 
 COMMANDED: Final = {

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.link.calibration import Calibration, CalibrationKind, CalibrationState
-from gloc3.link.calibration_ardupilot import ArduPilotCalibration
-from gloc3.link.calibration_px4 import Px4Calibration
+from gloc3.mavlink.services.calibration import Calibration, CalibrationKind, CalibrationState
+from gloc3.mavlink.services.calibration_ardupilot import ArduPilotCalibration
+from gloc3.mavlink.services.calibration_px4 import Px4Calibration
 from gloc3_groundstation.services.facts import FactsService, Firmware
 from gloc3_groundstation.services.machines import Machines, Wire
 

@@ -7,14 +7,14 @@ from typing import Final, Never
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.heartbeat import ARMED
-from gloc3.link.interval import REQUEST_MESSAGE
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.parameter import ParameterEncoding
-from gloc3.link.service import Service
-from gloc3.link.version import AUTOPILOT_VERSION, Capability, Version, read_version
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.heartbeat import ARMED
+from gloc3.mavlink.services.interval import REQUEST_MESSAGE
+from gloc3.mavlink.services.parameter import ParameterEncoding
+from gloc3.mavlink.services.version import AUTOPILOT_VERSION, Capability, Version, read_version
 from gloc3_groundstation.services.machines import Machines
 
 LEARN_S: Final = 5.0

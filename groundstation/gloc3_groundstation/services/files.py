@@ -11,9 +11,9 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.ftp import Entry, FtpError, checksum
-from gloc3.link.ftp_client import FtpCall, FtpClient
-from gloc3.link.message import Address
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.ftp import Entry, FtpError, checksum
+from gloc3.mavlink.services.ftp_client import FtpCall, FtpClient
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.saving import PartFile

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.link.plan import PlanItem
+from gloc3.mavlink.services.plan import PlanItem
 
 STALLED_S: Final = 30.0
 """A request of which nothing is heard for so long is given up, and the process with it."""

@@ -5,7 +5,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from gloc3.errors import Gloc3Error
-from gloc3.link.plan import PlanItem
+from gloc3.mavlink.services.plan import PlanItem
 
 LENGTH_BYTES: Final = 4
 LARGEST_BYTES: Final = 32_000_000

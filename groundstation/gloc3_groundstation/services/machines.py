@@ -6,14 +6,14 @@ from typing import Any, Final, Protocol
 
 from gloc3.errors import Refused
 from gloc3.exchange.base import Unsubscribe
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.node import Node
-from gloc3.link.parser import Frame
-from gloc3.link.service import Service
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.service import Service
 
 
 class Wire(Protocol):
-    """What a service needs of a link; `gloc3_groundstation.links.Link` is one."""
+    """What a service needs of a link; `gloc3_groundstation.links.links.Link` is one."""
 
     @property
     def own(self) -> Address:

@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from gloc3.errors import Gloc3Error
-from gloc3.link.plan import PlanItem, PlanType
+from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3_groundstation.services.helper_messages import (
     LENGTH_BYTES,
     Advanced,

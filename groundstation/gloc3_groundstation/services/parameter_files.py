@@ -15,11 +15,11 @@ from typing import Final
 
 import msgspec
 
-from gloc3.counting import counted
-from gloc3.document import load_bytes
+from gloc3.cli.counting import counted
+from gloc3.documents.document import load_bytes
 from gloc3.errors import Finding, InputError
-from gloc3.link.message import Address
-from gloc3.link.parameter import LONGEST_NAME, Parameter, ParameterType
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.parameter import LONGEST_NAME, Parameter, ParameterType
 
 MAX_BYTES: Final = 5_000_000
 MOST_FINDINGS: Final = 20

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 import msgspec
 
-from gloc3.document import load_bytes
+from gloc3.documents.document import load_bytes
 from gloc3.errors import Finding, InputError
 
 MAX_BYTES: Final = 40_000_000

@@ -8,7 +8,7 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Finding, Refused, nearest
-from gloc3.link.parameter import Parameter, ParameterType, parameter
+from gloc3.mavlink.services.parameter import Parameter, ParameterType, parameter
 from gloc3_groundstation.services.parameter_files import FileParameter, ParameterFile, spell
 from gloc3_groundstation.services.parameter_info import Infos, ParameterInfo, info_of
 

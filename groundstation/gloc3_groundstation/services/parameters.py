@@ -13,16 +13,12 @@ import msgspec
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Unsubscribe
-from gloc3.link.parameter import Parameter
-from gloc3.link.parameter_client import ParameterCall, ParameterClient, ParameterResult
+from gloc3.mavlink.services.parameter import Parameter
+from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
 from gloc3_groundstation.services.facts import FactsService
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines
-from gloc3_groundstation.services.parameter_files import (
-    ParameterFormat,
-    load_parameter_file,
-    write_parameter_file,
-)
+from gloc3_groundstation.services.parameter_files import ParameterFormat, load_parameter_file, write_parameter_file
 from gloc3_groundstation.services.parameter_info import Infos, load_infos, read_infos
 from gloc3_groundstation.services.parameter_table import Change, ParameterDiff, ParameterRow, ParameterTable
 from gloc3_groundstation.services.progress import OnProgress, Quietly

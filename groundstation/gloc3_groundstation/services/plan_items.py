@@ -10,9 +10,9 @@ from typing import Final
 
 import msgspec
 
-from gloc3.counting import counted
+from gloc3.cli.counting import counted
 from gloc3.errors import Refused
-from gloc3.link.plan import PlanItem, PlanType
+from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.plan_wire import from_wire as item_from_wire
 from gloc3.plan_wire import to_wire as item_to_wire

@@ -10,11 +10,11 @@ from typing import Final
 
 import msgspec
 
-from gloc3.counting import counted
+from gloc3.cli.counting import counted
 from gloc3.errors import Refused
-from gloc3.link.mission_client import MissionClient
-from gloc3.link.plan import PlanItem, PlanResult, PlanType
-from gloc3.link.version import Capability
+from gloc3.mavlink.services.mission_client import MissionClient
+from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.services.version import Capability
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
 from gloc3.mission.formats.items import Plan
 from gloc3_groundstation.services.facts import FactsService, VehicleFacts

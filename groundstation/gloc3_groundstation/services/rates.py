@@ -6,12 +6,12 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Misuse, Refused
-from gloc3.link import codec
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandClient
-from gloc3.link.interval import FASTEST_HZ, SET_MESSAGE_INTERVAL
-from gloc3.link.message import Address
-from gloc3.link.parser import Frame
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandClient
+from gloc3.mavlink.services.interval import FASTEST_HZ, SET_MESSAGE_INTERVAL
 from gloc3_groundstation.services.machines import Machines
 
 WINDOW_S: Final = 5.0

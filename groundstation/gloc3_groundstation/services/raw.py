@@ -16,10 +16,10 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.codec import Frame, Parser, shape
-from gloc3.link.codec import message as make
-from gloc3.link.message import Address
-from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.codec import Frame, Parser, shape
+from gloc3.mavlink.codec import message as make
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3_groundstation.services.helper_call import STALLED_S, HelperCall, last_line
 from gloc3_groundstation.services.helper_messages import (
     LENGTH_BYTES,

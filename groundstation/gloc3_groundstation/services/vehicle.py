@@ -3,12 +3,12 @@
 from types import TracebackType
 from typing import Final, Self
 
-from gloc3.link.command_client import CommandClient
-from gloc3.link.ftp_client import FtpClient
-from gloc3.link.log_client import LogClient
-from gloc3.link.message import Address
-from gloc3.link.mission_client import MissionClient
-from gloc3.link.parameter_client import ParameterClient
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.command_client import CommandClient
+from gloc3.mavlink.services.ftp_client import FtpClient
+from gloc3.mavlink.services.log_client import LogClient
+from gloc3.mavlink.services.mission_client import MissionClient
+from gloc3.mavlink.services.parameter_client import ParameterClient
 from gloc3_groundstation.services.calibrations import CalibrationService
 from gloc3_groundstation.services.facts import FactsService, VehicleFacts
 from gloc3_groundstation.services.files import FileService

@@ -10,19 +10,14 @@ from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.widgets import Input, TextArea
 
-from gloc3.ci import EmergencyVerb
-from gloc3_groundstation.configuration import Configuration, ThemeName
-from gloc3_groundstation.desk import Desk, Move
-from gloc3_groundstation.flights import End
+from gloc3.messages.command_interface import EmergencyVerb
+from gloc3_groundstation.desk.desk import Desk, Move
+from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.mapping.tracks import Tracks
-from gloc3_groundstation.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.browser_driver import BrowserDriver
-from gloc3_groundstation.tui.help import help_for
-from gloc3_groundstation.tui.in_view import InView
-from gloc3_groundstation.tui.keys import GENERAL_KEYS
-from gloc3_groundstation.tui.lines import Tone
-from gloc3_groundstation.tui.palette import StationCommands
-from gloc3_groundstation.tui.questions import (
+from gloc3_groundstation.tui.dialogues.questions import (
     ABORT_QUESTION,
     LEAVE_QUESTION,
     START_QUESTION,
@@ -30,11 +25,16 @@ from gloc3_groundstation.tui.questions import (
     EmergencyQuestion,
     Question,
 )
+from gloc3_groundstation.tui.help import help_for
+from gloc3_groundstation.tui.in_view import InView
+from gloc3_groundstation.tui.keys import GENERAL_KEYS
+from gloc3_groundstation.tui.palette import StationCommands
 from gloc3_groundstation.tui.screen import LookAt, Offer, StationScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import THEMES, offer_themes
 from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.widgets.lines import Tone
 
 REFRESH_HZ: Final = 5.0
 INTERRUPTED: Final = 130

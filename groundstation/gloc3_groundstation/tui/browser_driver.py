@@ -17,7 +17,7 @@ FIRST_SIZE: Final = (80, 24)
 
 
 class BrowserDriver(Driver):
-    """The end of a websocket, for Textual; see `gloc3_groundstation.web.Window`."""
+    """The end of a websocket, for Textual; see `gloc3_groundstation.web.server.Window`."""
 
     def __init__(
         self, app: App[Any], *, debug: bool = False, mouse: bool = True, size: tuple[int, int] | None = None

@@ -8,9 +8,9 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.screen import ModalScreen, Screen
 
-from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.screen import ScreenRow, StationScreen
 from gloc3_groundstation.tui.views.help import HelpKey, help_lines
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 class HelpScreen(ModalScreen[None]):

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
+from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 WAITS_S: Final = 5.0
 """So long after the first platform was heard, that of the last session is waited for."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
-from gloc3_groundstation.desk import Move
+from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.tui.screen import Command, StationScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import DESCRIPTIONS

@@ -11,9 +11,8 @@ from textual.events import Click, Resize, ScreenResume
 from textual.message import Message
 from textual.screen import Screen
 
-from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import Question
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.tui.dialogues.questions import Question
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.chrome import (
     Key,
@@ -26,6 +25,7 @@ from gloc3_groundstation.tui.views.chrome import (
     title_line,
     too_small_lines,
 )
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 SMALLEST: Final = (80, 24)
 """Columns and lines that every screen is made for."""

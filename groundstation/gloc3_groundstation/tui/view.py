@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-from gloc3_groundstation.alerts import Alerts
-from gloc3_groundstation.desk import Move
+from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.mapping.tracks import Tracks
-from gloc3_groundstation.plans import Plan
-from gloc3_groundstation.snapshots import Fleet, PlatformSnapshot
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station.alerts import Alerts
+from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 
 class View(NamedTuple):

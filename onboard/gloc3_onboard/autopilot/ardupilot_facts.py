@@ -7,9 +7,9 @@ headers `mode.h` of each, 4.5 to 4.7.
 from collections.abc import Mapping
 from typing import Final
 
-from gloc3.vehicle import FlightMode, VehicleClass
+from gloc3.messages.vehicle import FlightMode, VehicleClass
 from gloc3_onboard.autopilot.facts import ClassFacts, Form, Modes
-from gloc3_onboard.devices import Manners
+from gloc3_onboard.sensors.devices import Manners
 
 _TIMEOUT_S: Final = 3.0
 """GUID_TIMEOUT of Copter; in Rover and Sub it cannot be changed."""

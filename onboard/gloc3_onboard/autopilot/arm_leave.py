@@ -7,11 +7,11 @@ MAVLink: an acceptance tells in `result_param2` for how many seconds it holds.
 from collections.abc import Callable
 from typing import Final, Never
 
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CommandServer
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.service import Service
-from gloc3.link.statustext import StatusTextSender
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandServer
+from gloc3.mavlink.services.statustext import StatusTextSender
 
 ARM_AUTHORIZATION_REQUEST: Final = 3001
 HOLDS_S: Final = 10

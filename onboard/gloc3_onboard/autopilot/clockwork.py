@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from gloc3.link.message import Address
-from gloc3.link.timesync import TimeSync
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.timesync import TimeSync
 from gloc3_onboard.autopilot.telemetry import Telemetry
 
 CLOCKS_AGREE_S: Final = 0.25

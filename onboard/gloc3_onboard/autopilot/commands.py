@@ -4,11 +4,11 @@ import itertools
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.message import Address
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
 from gloc3_onboard.autopilot.style import Command
-from gloc3_onboard.devices import Answer
+from gloc3_onboard.sensors.devices import Answer
 
 KEPT: Final = 64
 """Answers that are kept."""

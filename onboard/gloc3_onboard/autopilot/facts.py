@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
-from gloc3.vehicle import FlightMode, VehicleClass
-from gloc3_onboard.devices import Manners
+from gloc3.messages.vehicle import FlightMode, VehicleClass
+from gloc3_onboard.sensors.devices import Manners
 
 Modes = Mapping[int, tuple[FlightMode, str]]
 """What a heartbeat's `custom_mode` means to us, and the autopilot's word for it."""

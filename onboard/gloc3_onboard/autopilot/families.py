@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink.message import MavlinkMessage
 from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.facts import CLASSES

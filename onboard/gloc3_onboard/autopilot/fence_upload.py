@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from gloc3.link.message import Address
-from gloc3.link.mission_client import MissionClient
-from gloc3.link.plan import PlanItem, PlanType
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.mission_client import MissionClient
+from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mission.formats.items import FenceArea, Plan
 from gloc3.plan_wire import to_wire
 from gloc3_onboard.autopilot.plan_upload import Upload

@@ -7,7 +7,7 @@ last two are the same.
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from gloc3.link.codec import MavlinkMessage
+from gloc3.mavlink.codec import MavlinkMessage
 
 SENSORS: Final[Mapping[int, str]] = {
     1: "gyroscope",

@@ -7,16 +7,16 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.link.codec import shape
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.interval import REQUEST_MESSAGE
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.parameter import Parameter, ParameterEncoding
-from gloc3.link.parameter_client import ParameterCall, ParameterClient, ParameterResult
-from gloc3.link.service import Service, earliest
-from gloc3.link.version import read_version
-from gloc3.readiness import AutopilotSetup
-from gloc3.vehicle import Style, VehicleClass
+from gloc3.mavlink.codec import shape
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.service import Service, earliest
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.interval import REQUEST_MESSAGE
+from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding
+from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
+from gloc3.mavlink.services.version import read_version
+from gloc3.messages.readiness import AutopilotSetup
+from gloc3.messages.vehicle import Style, VehicleClass
 
 AT_ONCE: Final = 6
 """Parameters under way at the same time, so that the reading does not fill a slow line."""

@@ -3,8 +3,8 @@
 import math
 from typing import Final
 
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.vehicle import FlightMode
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.vehicle import FlightMode
 from gloc3_onboard.autopilot.facts import ClassFacts, Form
 from gloc3_onboard.autopilot.setpoints import Wanted, setpoint_message
 from gloc3_onboard.autopilot.telemetry import Telemetry

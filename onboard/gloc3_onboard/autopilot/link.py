@@ -12,20 +12,20 @@ from typing import Any, Final, Protocol
 
 from gloc3.clock import Clock
 from gloc3.errors import Refused
-from gloc3.frames import Vector3
-from gloc3.link import codec
-from gloc3.link.codec import Address, Encoder, Frame, Parser
-from gloc3.link.command_client import CommandClient
-from gloc3.link.heartbeat import PeerChange, Peers
-from gloc3.link.mission_client import MissionClient, Transfer
-from gloc3.link.node import Node
-from gloc3.link.service import Service
-from gloc3.link.signed_only import SignedOnly
-from gloc3.link.signing import Signing, timestamp
-from gloc3.link.statustext import StatusTextReceiver
-from gloc3.messages import Severity
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Address, Encoder, Frame, Parser
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command_client import CommandClient
+from gloc3.mavlink.services.heartbeat import PeerChange, Peers
+from gloc3.mavlink.services.mission_client import MissionClient, Transfer
+from gloc3.mavlink.services.statustext import StatusTextReceiver
+from gloc3.mavlink.signed_only import SignedOnly
+from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
+from gloc3.messages.vehicle import FlightMode, Pose, Style
 from gloc3.mission.formats.items import FenceArea
-from gloc3.vehicle import FlightMode, Pose, Style
 from gloc3_onboard.autopilot.arm_leave import ArmLeave
 from gloc3_onboard.autopilot.clockwork import Clockwork
 from gloc3_onboard.autopilot.commands import NOBODY, CommandDesk
@@ -44,7 +44,7 @@ from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.autopilot.told import ToldByAutopilot
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.devices import Answer, Manners, Way
+from gloc3_onboard.sensors.devices import Answer, Manners, Way
 
 FORCE: Final = 21196.0
 """What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""

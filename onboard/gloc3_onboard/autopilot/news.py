@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
-from gloc3.messages import Event, Severity
+from gloc3.messages.envelope import Event, Severity
 
 SOURCE = "autopilot_link"
 

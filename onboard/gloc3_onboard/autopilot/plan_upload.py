@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.frames import GeoPoint
-from gloc3.link.message import Address
-from gloc3.link.mission_client import CurrentItem, ItemReached, MissionClient, Transfer
-from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.mission_client import CurrentItem, ItemReached, MissionClient, Transfer
+from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
+from gloc3.messages.frames import GeoPoint
+from gloc3.messages.vehicle import Style
 from gloc3.mission.formats.items import MavItem
 from gloc3.plan_wire import to_wire
-from gloc3.vehicle import Style
-from gloc3_onboard.devices import Answer, Way
+from gloc3_onboard.sensors.devices import Answer, Way
 
 ABSOLUTE: Final = 0
 """MAV_FRAME_GLOBAL: heights above mean sea level."""

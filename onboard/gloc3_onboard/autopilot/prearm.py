@@ -3,10 +3,10 @@
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.message import Address
-from gloc3.vehicle import AutopilotState
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.messages.vehicle import AutopilotState
 
 RUN_PREARM_CHECKS: Final = 401
 PERIOD_S: Final = 15.0

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.vehicle import FlightMode, Style, VehicleClass
+from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
 from gloc3_onboard.autopilot.px4_facts import CLASSES
 from gloc3_onboard.autopilot.style import (
     COMMON_STREAMS,
@@ -15,7 +15,7 @@ from gloc3_onboard.autopilot.style import (
     Stream,
     mode_by_number,
 )
-from gloc3_onboard.devices import Answer
+from gloc3_onboard.sensors.devices import Answer
 
 _CUSTOM_MODE_ENABLED: Final = 1.0
 _MODE_BITS: Final = 0xFFFF0000

@@ -6,9 +6,9 @@ Sources: `px4_custom_mode.h` as listed in the MAVLink guide, and the PX4 guide, 
 from collections.abc import Mapping
 from typing import Final
 
-from gloc3.vehicle import FlightMode, VehicleClass
+from gloc3.messages.vehicle import FlightMode, VehicleClass
 from gloc3_onboard.autopilot.facts import ClassFacts, Form, Modes
-from gloc3_onboard.devices import Manners
+from gloc3_onboard.sensors.devices import Manners
 
 _LOSS_S: Final = 1.0
 """COM_OF_LOSS_T; setpoints must come at 2 Hz and more."""

@@ -8,8 +8,8 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.link.codec import MavlinkMessage
-from gloc3.perception import LaserScan
+from gloc3.mavlink.codec import MavlinkMessage
+from gloc3.messages.perception import LaserScan
 
 UNKNOWN_CM: Final = 0xFFFF
 NORTH_ALIGNED: Final = (0, 1)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from gloc3_onboard.autopilot.sensors import IMU_HZ, SCAN_HZ, AutopilotSensors
-from gloc3_onboard.devices import StampedImu, StampedScan, Unwatch
+from gloc3_onboard.sensors.devices import StampedImu, StampedScan, Unwatch
 
 
 class AutopilotImu:

@@ -9,14 +9,14 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, Protocol
 
-from gloc3.frames import GRAVITY_M_S2, Vector3
-from gloc3.link.codec import MavlinkMessage
-from gloc3.perception import ImuSample, SatelliteFix, WheelDistances
-from gloc3.vehicle import Style
+from gloc3.mavlink.codec import MavlinkMessage
+from gloc3.messages.frames import GRAVITY_M_S2, Vector3
+from gloc3.messages.perception import ImuSample, SatelliteFix, WheelDistances
+from gloc3.messages.vehicle import Style
 from gloc3_onboard.autopilot.ranges import FAR_S, RangeRing, scan_of_obstacles
 from gloc3_onboard.autopilot.style import DISTANCE_SENSOR, Stream
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.devices import Bell, StampedFix, StampedImu, StampedScan, StampedWheels
+from gloc3_onboard.sensors.devices import Bell, StampedFix, StampedImu, StampedScan, StampedWheels
 
 HIGHRES_IMU, SCALED_IMU, OBSTACLE_DISTANCE, GPS_RAW_INT, WHEEL_DISTANCE = 105, 26, 330, 24, 9000
 IMU_OF: Final = {Style.PX4: HIGHRES_IMU, Style.ARDUPILOT: SCALED_IMU}

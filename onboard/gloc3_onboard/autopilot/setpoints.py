@@ -7,10 +7,10 @@ beside it, it turns to that yaw.
 import math
 from typing import Final, NamedTuple
 
-from gloc3.frames import GeoPoint, TangentPlane, Vector3, yaw_of
-from gloc3.link import codec
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.vehicle import AutopilotPose
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, yaw_of
+from gloc3.messages.vehicle import AutopilotPose
 from gloc3_onboard.autopilot.facts import Form
 
 LOCAL_NED: Final = 1

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.link import codec
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.interval import SET_MESSAGE_INTERVAL
-from gloc3.link.message import Address
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3_onboard.autopilot.style import Stream
 
 RETRY_S: Final = 1.0

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from gloc3.link.codec import Address, MavlinkMessage, message
-from gloc3.link.interval import SET_MESSAGE_INTERVAL
-from gloc3.vehicle import FlightMode, Style
+from gloc3.mavlink.codec import Address, MavlinkMessage, message
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
+from gloc3.messages.vehicle import FlightMode, Style
 from gloc3_onboard.autopilot.facts import ClassFacts
-from gloc3_onboard.devices import Answer
+from gloc3_onboard.sensors.devices import Answer
 
 
 class Command(NamedTuple):

@@ -6,13 +6,13 @@ from typing import ClassVar, Final
 
 import msgspec
 
-from gloc3.frames import normalize, yaw_of
-from gloc3.link.codec import MavlinkMessage
-from gloc3.link.heartbeat import ARMED
-from gloc3.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
+from gloc3.mavlink.codec import MavlinkMessage
+from gloc3.mavlink.services.heartbeat import ARMED
+from gloc3.messages.frames import normalize, yaw_of
+from gloc3.messages.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.health_words import UNWELL, estimator_doubts, unwell
 from gloc3_onboard.autopilot.style import AutopilotStyle
-from gloc3_onboard.devices import Stamped, StampedHeight
+from gloc3_onboard.sensors.devices import Stamped, StampedHeight
 
 CRITICAL: Final = 5
 PREARM_BIT: Final = 1 << 28

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.readiness import AutopilotSetup
-from gloc3.vehicle import AutopilotState
+from gloc3.messages.readiness import AutopilotSetup
+from gloc3.messages.vehicle import AutopilotState
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.sensors import FIX_HZ, WHEELS_HZ, AutopilotSensors
 from gloc3_onboard.autopilot.telemetry import Telemetry
-from gloc3_onboard.devices import Bell, Stamped, StampedFix, StampedHeight, StampedWheels, Unwatch
+from gloc3_onboard.sensors.devices import Bell, Stamped, StampedFix, StampedHeight, StampedWheels, Unwatch
 
 
 class ToldByAutopilot:

@@ -7,10 +7,10 @@ The estimator type is VIO for whatever the pose rests on: PX4 refuses others.
 
 from typing import Final, NamedTuple
 
-from gloc3.frames import Vector3, rotate_back
-from gloc3.link import codec
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.vehicle import Pose
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.frames import Vector3, rotate_back
+from gloc3.messages.vehicle import Pose
 
 LOCAL_FRD: Final = 20
 BODY_FRD: Final = 12

@@ -1,6 +1,6 @@
 """Whether a calibration fits the pictures that come: known only once there is one."""
 
-from gloc3.camera_model import CameraModel
+from gloc3.camera.model import CameraModel
 
 
 def misfit(model: CameraModel, width: int, height: int) -> str:

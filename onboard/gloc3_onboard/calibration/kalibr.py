@@ -5,8 +5,8 @@
 
 from typing import Any, Final
 
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.document import Document, Where
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.documents.document import Document, Where
 from gloc3_onboard.calibration.lens import IN_PLACE, lens_model, size_of
 from gloc3_onboard.calibration.mounting import Transform, transform_of, transform_problem
 from gloc3_onboard.calibration.numbers import Values

@@ -7,7 +7,7 @@ pictures' size, which therefore has to be given.
 import re
 from typing import Final
 
-from gloc3.camera_model import CameraModel
+from gloc3.camera.model import CameraModel
 from gloc3.errors import Finding, InputError
 from gloc3_onboard.calibration.lens import NARROWEST_DEG, PIXELS
 from gloc3_onboard.calibration.mounting import LOOKS_AHEAD

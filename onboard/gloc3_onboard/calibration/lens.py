@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.document import Where
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.documents.document import Where
 from gloc3_onboard.calibration.mounting import LOOKS_AHEAD, Transform
 from gloc3_onboard.calibration.numbers import Values
 
@@ -123,7 +123,7 @@ def shows_its_corners(model: CameraModel) -> bool:
         return True
     import numpy as np
 
-    from gloc3.camera_geometry import unproject
+    from gloc3.camera.geometry import unproject
 
     right, bottom = model.width - 1.0, model.height - 1.0
     corners = np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])

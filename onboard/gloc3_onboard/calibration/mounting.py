@@ -4,7 +4,7 @@ import math
 from typing import Final, NamedTuple
 
 from gloc3.errors import Refused
-from gloc3.frames import IDENTITY, Quaternion, Vector3, multiply, normalize, rotate
+from gloc3.messages.frames import IDENTITY, Quaternion, Vector3, multiply, normalize, rotate
 
 Matrix = list[list[float]]
 

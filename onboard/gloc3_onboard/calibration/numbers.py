@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from gloc3.document import Document, Where
+from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, nearest
 
 

@@ -9,8 +9,8 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.document import Document, Where, parse
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.documents.document import Document, Where, parse
 from gloc3_onboard.calibration.lens import IN_PLACE, lens_model, size_of
 from gloc3_onboard.calibration.mounting import Transform, quaternion_of, transform_problem
 from gloc3_onboard.calibration.numbers import Values

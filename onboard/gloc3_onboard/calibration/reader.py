@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import parse_qsl
 
-from gloc3.camera_model import CameraModel
-from gloc3.document import load_bytes, parse
+from gloc3.camera.model import CameraModel
+from gloc3.documents.document import load_bytes, parse
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3_onboard.calibration.euroc import looks_like_euroc, read_euroc
 from gloc3_onboard.calibration.kalibr import looks_like_kalibr, read_kalibr

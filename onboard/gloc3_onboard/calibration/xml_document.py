@@ -3,9 +3,9 @@
 from typing import Any, Final
 from xml.parsers import expat
 
-from gloc3.document import MAX_BYTES, Document
+from gloc3.documents.document import MAX_BYTES, Document
+from gloc3.documents.yaml_nodes import MAX_DEPTH, MAX_NODES, Node
 from gloc3.errors import Finding, InputError
-from gloc3.yaml_nodes import MAX_DEPTH, MAX_NODES, Node
 
 MATRIX: Final = "opencv-matrix"
 

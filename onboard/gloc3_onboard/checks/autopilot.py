@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from gloc3.preflight import Check, Group, Verdict
-from gloc3.vehicle import AutopilotState, VehicleClass
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.vehicle import AutopilotState, VehicleClass
 from gloc3_onboard.autopilot.health_words import UNWELL
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
@@ -100,7 +100,7 @@ def _firmware(readings: Readings) -> Check:
 def _parameters(readings: Readings) -> Check:
     setup = readings.setup
     if setup is None:
-        advice = "add a component of gloc3_onboard.samplers.autopilot_setup to the platform file"
+        advice = "add a component of gloc3_onboard.components.samplers.autopilot_setup to the platform file"
         return Check(GROUP, "parameters", Verdict.UNKNOWN, "nothing on this platform reads them", advice)
     count = len(setup.parameters)
     if not setup.is_complete or not count:

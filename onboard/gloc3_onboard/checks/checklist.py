@@ -1,7 +1,7 @@
 """The whole list of a platform, from everything that is known of it."""
 
-from gloc3.preflight import Check, in_order
-from gloc3.software import compared
+from gloc3.messages.preflight import Check, in_order
+from gloc3.messages.software import compared
 from gloc3_onboard.checks.autopilot import autopilot_checks
 from gloc3_onboard.checks.computer import computer_checks
 from gloc3_onboard.checks.failsafes import failsafe_checks

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import Final
 
-from gloc3.port_advice import port_advice
-from gloc3.preflight import Check, Group, Verdict
-from gloc3.readiness import ComputerState, LinkCondition
+from gloc3.cli.port_advice import port_advice
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.readiness import ComputerState, LinkCondition
 from gloc3_onboard.checks.readings import Readings
 
 GROUP = Group.COMPUTER
@@ -22,7 +22,7 @@ def computer_checks(readings: Readings) -> Iterator[Check]:
     """The lines about the computer."""
     computer = readings.computer
     if computer is None:
-        advice = "add a component of gloc3_onboard.samplers.computer to the platform file"
+        advice = "add a component of gloc3_onboard.components.samplers.computer to the platform file"
         yield Check(GROUP, "disk", Verdict.UNKNOWN, "nothing on this platform looks at it", advice)
         return
     if computer.is_simulated:

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from typing import Final
 
-from gloc3.mission.model import answer
-from gloc3.mission.policy import SEVERITY, Policy, resolved
-from gloc3.preflight import Check, Group, Verdict
-from gloc3.readiness import AutopilotSetup
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.readiness import AutopilotSetup
+from gloc3.mission.model.model import answer
+from gloc3.mission.model.policy import SEVERITY, Policy, resolved
 from gloc3_onboard.checks.parameters import CONTINUE, PILOT, Failsafe
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of

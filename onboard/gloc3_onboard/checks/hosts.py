@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from typing import Final
 
-from gloc3.host_messages import HostStatus
-from gloc3.places import clock_host, host_names, place_of
-from gloc3.preflight import Check, Group, Verdict
-from gloc3.software import Software, compared
+from gloc3.messages.hosts import HostStatus
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.software import Software, compared
+from gloc3.platform.places import clock_host, host_names, place_of
 from gloc3_onboard.checks.readings import Readings
 
 UNSURE_S: Final = 0.02

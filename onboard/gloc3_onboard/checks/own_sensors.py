@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Final
 
-from gloc3.preflight import Check, Group, Verdict
-from gloc3.readiness import SensorCondition
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.readiness import SensorCondition
 from gloc3_onboard.checks.readings import Readings
 
 GROUP: Final = Group.SENSORS

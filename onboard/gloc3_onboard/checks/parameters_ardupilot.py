@@ -7,7 +7,7 @@ older names stand beside the newer ones.
 from collections.abc import Mapping
 from typing import Final
 
-from gloc3.vehicle import VehicleClass
+from gloc3.messages.vehicle import VehicleClass
 from gloc3_onboard.checks.parameters import (
     CONTINUE,
     DISARM,

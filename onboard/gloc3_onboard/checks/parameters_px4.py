@@ -6,7 +6,7 @@ Source: its parameter reference, v1.16, groups Commander, Battery Calibration, G
 from collections.abc import Mapping
 from typing import Final
 
-from gloc3.vehicle import VehicleClass
+from gloc3.messages.vehicle import VehicleClass
 from gloc3_onboard.checks.parameters import (
     CONTINUE,
     DISARM,

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from gloc3.ci_summaries import WELL, Health
-from gloc3.preflight import Check, Group, Verdict
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.summaries import WELL, Health
 from gloc3_onboard.checks.readings import Readings
 
 

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from gloc3.ci_summaries import Health
-from gloc3.host_messages import HostPresence
-from gloc3.mission.model import Mission
-from gloc3.platform import Platform
-from gloc3.readiness import AutopilotSetup, ComputerState
-from gloc3.software import Software
-from gloc3.vehicle import AutopilotState, HeightAboveGround, Pose
+from gloc3.messages.hosts import HostPresence
+from gloc3.messages.readiness import AutopilotSetup, ComputerState
+from gloc3.messages.software import Software
+from gloc3.messages.summaries import Health
+from gloc3.messages.vehicle import AutopilotState, HeightAboveGround, Pose
+from gloc3.mission.model.model import Mission
+from gloc3.platform.platform import Platform
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

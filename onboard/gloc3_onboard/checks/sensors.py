@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from gloc3.preflight import Check, Group, Verdict
-from gloc3.readiness import AutopilotSetup
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.readiness import AutopilotSetup
 from gloc3_onboard.autopilot.health_words import SENSORS, unwell
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of

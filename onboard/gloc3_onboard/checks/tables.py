@@ -1,6 +1,6 @@
 """The table of parameters of an autopilot, by its family and its class of vehicle."""
 
-from gloc3.vehicle import Style, VehicleClass
+from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.checks import parameters_ardupilot, parameters_px4
 from gloc3_onboard.checks.parameters import StyleTable
 

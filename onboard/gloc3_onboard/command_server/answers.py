@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gloc3.ci import CiReply, CiRequest, Outcome
+from gloc3.messages.command_interface import CiReply, CiRequest, Outcome
 
 
 def answer(

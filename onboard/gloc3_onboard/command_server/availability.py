@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from gloc3.mission.abilities import abilities
-from gloc3.platform import Platform
+from gloc3.mission.model.abilities import abilities
+from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.facts import VehicleFacts
 

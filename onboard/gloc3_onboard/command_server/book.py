@@ -3,11 +3,19 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gloc3.ci_summaries import ComponentLine, ComponentTable, ComponentTrouble, Health, Summary, TableRow, health_of
-from gloc3.deployment import Begin, ComponentRow
-from gloc3.lci import OPERATING, State
-from gloc3.messages import ComponentStatus
-from gloc3.software import own_software
+from gloc3.component.deployment import Begin, ComponentRow
+from gloc3.component.lci import OPERATING, State
+from gloc3.messages.envelope import ComponentStatus
+from gloc3.messages.software import own_software
+from gloc3.messages.summaries import (
+    ComponentLine,
+    ComponentTable,
+    ComponentTrouble,
+    Health,
+    Summary,
+    TableRow,
+    health_of,
+)
 
 SILENT_PERIODS: Final = 3.0
 """A component whose status stays away for so many periods counts as absent."""

@@ -5,12 +5,12 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.ci import FORCE, CallFunction, CiReply, CiRequest, CommandComponent, Outcome, Watch
+from gloc3.component.lci import CREATE, OPERATING, Command, transition
+from gloc3.component.supervision import Supervision
 from gloc3.errors import Refused
-from gloc3.lci import CREATE, OPERATING, Command, transition
-from gloc3.messages import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
-from gloc3.mission.executor import MissionExecutor
-from gloc3.supervision import Supervision
+from gloc3.messages.command_interface import FORCE, CallFunction, CiReply, CiRequest, CommandComponent, Outcome, Watch
+from gloc3.messages.envelope import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
+from gloc3.mission.executing.executor import MissionExecutor
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.book import ComponentBook
 

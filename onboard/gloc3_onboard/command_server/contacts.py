@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from gloc3.ci import CiReply, CiRequest, ReadReports, StationRole
-from gloc3.ci_summaries import CiEvent, ContactSummary, Health, MissionSummary, VehicleSummary
-from gloc3.messages import Severity
+from gloc3.messages.command_interface import CiReply, CiRequest, ReadReports, StationRole
+from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import CiEvent, ContactSummary, Health, MissionSummary, VehicleSummary
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.report_store import ReportStore
 

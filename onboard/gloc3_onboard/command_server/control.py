@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from gloc3.ci import Control, ControlVerb
-from gloc3.ci_summaries import ControlState
 from gloc3.errors import Refused
+from gloc3.messages.command_interface import Control, ControlVerb
+from gloc3.messages.summaries import ControlState
 
 ANSWER_S: Final = 10.0
 """A request that the holder does not answer within this time is granted if the holder is gone, else refused."""

@@ -8,10 +8,10 @@ from collections import OrderedDict, deque
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.ci import StationRole
 from gloc3.errors import Refused
-from gloc3.messages import Envelope, Severity
-from gloc3.teleoperation import EXPIRES_S, VelocityDemand
+from gloc3.messages.command_interface import StationRole
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
 from gloc3_onboard.command_server.component_requests import Say
 from gloc3_onboard.command_server.control import MOST_HEARD, ControlAuthority
 

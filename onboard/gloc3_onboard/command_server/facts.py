@@ -6,14 +6,22 @@ from typing import Final
 
 import msgspec
 
-from gloc3.frames import GeoPoint, Vector3
-from gloc3.messages import Envelope
-from gloc3.mission.board import Condition
-from gloc3.mission.fence import Fence
-from gloc3.platform import Platform
-from gloc3.standard_topics import AUTOPILOT_SILENT_S
-from gloc3.vehicle import AutopilotState, DriverState, FenceState, HeightAboveGround, LandedState, Pose, Setpoint
-from gloc3_onboard.motion_limits import is_finite
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import GeoPoint, Vector3
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
+from gloc3.messages.vehicle import (
+    AutopilotState,
+    DriverState,
+    FenceState,
+    HeightAboveGround,
+    LandedState,
+    Pose,
+    Setpoint,
+)
+from gloc3.mission.executing.board import Condition
+from gloc3.mission.model.fence import Fence
+from gloc3.platform.platform import Platform
+from gloc3_onboard.algorithms.paths.motion_limits import is_finite
 
 POSE_SILENT_S: Final = 0.2
 """A pose that is older cannot be flown by: three periods, and the wait for the next cycle."""
@@ -155,7 +163,7 @@ class VehicleFacts:
         self._was_armed = state.is_armed
 
     def readings(self, now_s: float) -> dict[str, float]:
-        """What conditions of missions ask for, as far as it is known now; see `gloc3.mission.conditions.QUANTITIES`."""
+        """What conditions of missions ask for, as far as it is known now; see `gloc3.mission.model.conditions.QUANTITIES`."""
         found: dict[str, float] = {}
         autopilot, pose, home = self.known_autopilot, self.pose, self.home_ned_m
         if autopilot is not None and autopilot.battery_remaining >= 0.0:

@@ -6,8 +6,8 @@ still the one that the vehicle was in, or the hold in which a failing driver lea
 
 from typing import Final
 
-from gloc3.messages import Envelope
-from gloc3.vehicle import AutopilotState, DriverState, FlightMode
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import AutopilotState, DriverState, FlightMode
 
 OURS: Final = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
 """Modes in which a vehicle that a former life of a driver, or of this process, flew may be taken up again."""

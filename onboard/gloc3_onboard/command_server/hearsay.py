@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.ci import Elsewhere
-from gloc3.messages import Severity
-from gloc3.mission.executor import MissionExecutor
-from gloc3.mission.model import digest_of
-from gloc3.mission.states import ActionState
+from gloc3.messages.command_interface import Elsewhere
+from gloc3.messages.envelope import Severity
+from gloc3.mission.executing.executor import MissionExecutor
+from gloc3.mission.model.model import digest_of
+from gloc3.mission.model.states import ActionState
 from gloc3_onboard.command_server.control import ControlAuthority
 
 MOST_STRANGERS: Final = 32

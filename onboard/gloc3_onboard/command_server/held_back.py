@@ -4,9 +4,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from gloc3.ci import CiReply
-from gloc3.ci_summaries import CiEvent, MissionSummary
-from gloc3.ports import Result
+from gloc3.component.ports import Result
+from gloc3.messages.command_interface import CiReply
+from gloc3.messages.summaries import CiEvent, MissionSummary
 from gloc3_onboard.command_server.site import Mark, Site
 
 AT_ONCE_S: Final = 0.02

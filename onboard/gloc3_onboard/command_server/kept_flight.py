@@ -1,8 +1,8 @@
 """What a former life of the command interface server was about when it ended."""
 
-from gloc3.mission.snapshot import Snapshot
-from gloc3.mission.states import ActionState
-from gloc3.vehicle import FlightMode
+from gloc3.messages.vehicle import FlightMode
+from gloc3.mission.executing.snapshot import Snapshot
+from gloc3.mission.model.states import ActionState
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.handover import OURS
 

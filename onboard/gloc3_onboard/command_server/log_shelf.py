@@ -10,8 +10,18 @@ from typing import Final, ParamSpec, Protocol, TypeVar
 
 import msgspec
 
-from gloc3.ci import CiReply, CiRequest, ConfirmLog, CutLog, DigestLog, LogChunk, LogOnboard, Outcome, ReadLog
 from gloc3.errors import Gloc3Error
+from gloc3.messages.command_interface import (
+    CiReply,
+    CiRequest,
+    ConfirmLog,
+    CutLog,
+    DigestLog,
+    LogChunk,
+    LogOnboard,
+    Outcome,
+    ReadLog,
+)
 from gloc3_onboard.command_server.answers import answer
 
 P = ParamSpec("P")

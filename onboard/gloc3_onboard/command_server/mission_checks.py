@@ -6,9 +6,9 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import Any, Final, NamedTuple
 
-from gloc3.ci import CiReply, CiRequest
 from gloc3.errors import Refused
-from gloc3.mission.checker import Circumstances, Report, check_text
+from gloc3.messages.command_interface import CiReply, CiRequest
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
 
 MOST: Final = 8
 """Missions that wait for their check."""

@@ -4,10 +4,10 @@ from functools import lru_cache
 from math import degrees, isfinite
 from typing import Final
 
-from gloc3.ci_motion import MotionSummary, SiteSummary, Whole3
-from gloc3.frames import GeoPoint, LocalFrame, Vector3, to_euler
-from gloc3.platform import Platform
-from gloc3.vehicle import Pose
+from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3, to_euler
+from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
+from gloc3.messages.vehicle import Pose
+from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.facts import VehicleFacts
 
 SETPOINT_OLD_S: Final = 0.5

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from gloc3.messages import Message
+from gloc3.messages.envelope import Message
 
 
 class News:

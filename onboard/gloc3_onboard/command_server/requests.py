@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from gloc3.ci import (
+from gloc3.errors import Finding, Gloc3Error, Refused
+from gloc3.messages.command_interface import (
     LOOKS,
     AboutLogs,
     AnyBody,
@@ -35,17 +36,16 @@ from gloc3.ci import (
     Verb,
     Watch,
 )
-from gloc3.errors import Finding, Gloc3Error, Refused
-from gloc3.frames import GeoPoint
-from gloc3.messages import CommandReply, FunctionReply, Severity
-from gloc3.mission.abilities import abilities
-from gloc3.mission.checker import Circumstances, Report
-from gloc3.mission.executor import MissionExecutor
-from gloc3.mission.model import Mission
-from gloc3.mission.reader import Surroundings, read_mission
-from gloc3.preflight import PreflightReport, summary
-from gloc3.software import Software
-from gloc3.vehicle import EmergencyDisarm, FenceProgress
+from gloc3.messages.envelope import CommandReply, FunctionReply, Severity
+from gloc3.messages.frames import GeoPoint
+from gloc3.messages.preflight import PreflightReport, summary
+from gloc3.messages.software import Software
+from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
+from gloc3.mission.checking.checker import Circumstances, Report
+from gloc3.mission.executing.executor import MissionExecutor
+from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.model import Mission
+from gloc3.mission.reading.reader import Surroundings, read_mission
 from gloc3_onboard.command_server.answers import answer
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.component_requests import Answered, ComponentRequests, Say

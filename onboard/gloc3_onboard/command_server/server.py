@@ -3,9 +3,26 @@
 from collections.abc import Sequence
 from typing import Any
 
-from gloc3.ci import CiReply, CiRequest, LogChunk
-from gloc3.ci_motion import MotionSummary, SiteSummary
-from gloc3.ci_summaries import (
+from gloc3.component.component import CommandInterface
+from gloc3.component.deployment import FaultPolicy
+from gloc3.component.ports import Inbox, Input, Keep, Output, Report, Result
+from gloc3.component.supervision import Order, Step, Supervision, Verdict
+from gloc3.messages.command_interface import CiReply, CiRequest, LogChunk
+from gloc3.messages.envelope import (
+    CommandReply,
+    CommandRequest,
+    ComponentStatus,
+    Envelope,
+    Event,
+    FunctionReply,
+    FunctionRequest,
+    Severity,
+)
+from gloc3.messages.hosts import HostPresence
+from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.preflight import PreflightReport
+from gloc3.messages.readiness import AutopilotSetup, ComputerState, ReadSetup
+from gloc3.messages.summaries import (
     CiEvent,
     ComponentTable,
     ComponentTrouble,
@@ -17,32 +34,8 @@ from gloc3.ci_summaries import (
     Summary,
     VehicleSummary,
 )
-from gloc3.component import CommandInterface
-from gloc3.deployment import FaultPolicy
-from gloc3.host_messages import HostPresence
-from gloc3.messages import (
-    CommandReply,
-    CommandRequest,
-    ComponentStatus,
-    Envelope,
-    Event,
-    FunctionReply,
-    FunctionRequest,
-    Severity,
-)
-from gloc3.mission.executor import MissionExecutor, Verb
-from gloc3.mission.messages import ActionStatus
-from gloc3.mission.policy import Policy
-from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
-from gloc3.mission.restore import restore
-from gloc3.mission.states import ActionState
-from gloc3.places import place_of
-from gloc3.ports import Inbox, Input, Keep, Output, Report, Result
-from gloc3.preflight import PreflightReport
-from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
-from gloc3.supervision import Order, Step, Supervision, Verdict
-from gloc3.teleoperation import VelocityDemand
-from gloc3.vehicle import (
+from gloc3.messages.teleoperation import VelocityDemand
+from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
     EmergencyDisarm,
@@ -56,6 +49,13 @@ from gloc3.vehicle import (
     Setpoint,
     TakeOver,
 )
+from gloc3.mission.executing.executor import MissionExecutor, Verb
+from gloc3.mission.executing.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
+from gloc3.mission.executing.restore import restore
+from gloc3.mission.model.messages import ActionStatus
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.states import ActionState
+from gloc3.platform.places import place_of
 from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.contacts import Contacts

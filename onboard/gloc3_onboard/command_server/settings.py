@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from gloc3.settings import Bounds, Settings
+from gloc3.component.settings import Bounds, Settings
 
 
 class ServerSettings(Settings, frozen=True):

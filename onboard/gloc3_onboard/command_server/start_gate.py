@@ -3,15 +3,15 @@
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from gloc3.ci import CiReply, CiRequest, RequestAction, RequestTask, Steer
-from gloc3.ci_summaries import health_of
 from gloc3.errors import Refused
-from gloc3.host_messages import HostPresence
-from gloc3.mission.model import Mission
-from gloc3.preflight import Check, PreflightReport, red
-from gloc3.readiness import AutopilotSetup, ComputerState, ReadSetup
-from gloc3.software import Software, own_software
-from gloc3.vehicle import HeightAboveGround
+from gloc3.messages.command_interface import CiReply, CiRequest, RequestAction, RequestTask, Steer
+from gloc3.messages.hosts import HostPresence
+from gloc3.messages.preflight import Check, PreflightReport, red
+from gloc3.messages.readiness import AutopilotSetup, ComputerState, ReadSetup
+from gloc3.messages.software import Software, own_software
+from gloc3.messages.summaries import health_of
+from gloc3.messages.vehicle import HeightAboveGround
+from gloc3.mission.model.model import Mission
 from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Condition, Readings
 from gloc3_onboard.command_server.book import ComponentBook

@@ -3,14 +3,14 @@
 import math
 from typing import Final
 
-from gloc3.ci_summaries import MissionSummary, VehicleSummary
-from gloc3.frames import TangentPlane, yaw_of
-from gloc3.mission.executor import MissionExecutor
+from gloc3.messages.frames import TangentPlane, yaw_of
+from gloc3.messages.summaries import MissionSummary, VehicleSummary
+from gloc3.messages.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, VehicleClass
+from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.formats.from_mission import fence_areas
-from gloc3.mission.model import GEO, digest_of
-from gloc3.mission.states import ActionState
-from gloc3.platform import Platform
-from gloc3.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, VehicleClass
+from gloc3.mission.model.model import GEO, digest_of
+from gloc3.mission.model.states import ActionState
+from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.motion import local_frame
 from gloc3_onboard.command_server.tally import Tally

@@ -2,9 +2,9 @@
 
 from math import dist
 
-from gloc3.frames import Vector3
-from gloc3.mission.items import Program
-from gloc3.mission.states import ENDED
+from gloc3.messages.frames import Vector3
+from gloc3.mission.executing.items import Program
+from gloc3.mission.model.states import ENDED
 
 STEP_M = 0.2
 """The way is summed up in steps of this length, so that the noise of the pose adds nothing."""

@@ -5,12 +5,12 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.ci import AnyBody, CiReply, CiRequest, Control, ControlVerb, Outcome
-from gloc3.ci_summaries import ControlState, MissionSummary
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange, Publisher
-from gloc3.link.message import Address
-from gloc3.messages import Envelope
+from gloc3.mavlink.message import Address
+from gloc3.messages.command_interface import AnyBody, CiReply, CiRequest, Control, ControlVerb, Outcome
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import ControlState, MissionSummary
 
 ANSWER_S: Final = 15.0
 """Longer than the server itself waits for a component, or for a fence to be in the autopilot."""

@@ -7,15 +7,15 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from gloc3.ci import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
 from gloc3.errors import Refused
-from gloc3.link.codec import enum_name
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CancelServer, CommandCancel, CommandRequest, CommandServer
-from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamScheduler
-from gloc3.link.message import Address
-from gloc3.link.version import VersionServer
-from gloc3.mission.states import ActionState
+from gloc3.mavlink.codec import enum_name
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CancelServer, CommandCancel, CommandRequest, CommandServer
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
+from gloc3.mavlink.services.version import VersionServer
+from gloc3.messages.command_interface import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
+from gloc3.mission.model.states import ActionState
 from gloc3_onboard.companion.asking import Asking, NotInControl
 from gloc3_onboard.companion.operator_control import REQUEST_OPERATOR_CONTROL, OperatorControl
 

@@ -6,32 +6,32 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from gloc3 import __version__
-from gloc3.ci_summaries import StationHeard
 from gloc3.clock import Clock
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
-from gloc3.link import codec
-from gloc3.link.codec import Frame
-from gloc3.link.ftp_files import Files
-from gloc3.link.ftp_server import FtpServer
-from gloc3.link.heartbeat import AUTOPILOT_INVALID
-from gloc3.link.interval import StreamScheduler
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.node import Node
-from gloc3.link.service import earliest
-from gloc3.link.version import Capability, Version, VersionServer, version_number
-from gloc3.messages import Event, Severity
-from gloc3.platform import Platform
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Frame
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.service import earliest
+from gloc3.mavlink.services.ftp_files import Files
+from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID
+from gloc3.mavlink.services.interval import StreamScheduler
+from gloc3.mavlink.services.version import Capability, Version, VersionServer, version_number
+from gloc3.messages.envelope import Event, Severity
+from gloc3.messages.summaries import StationHeard
+from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.asking import Asking
 from gloc3_onboard.companion.commands import Commands
+from gloc3_onboard.companion.herald import computer_status
 from gloc3_onboard.companion.metadata import Metadata
 from gloc3_onboard.companion.operator_control import OperatorControl
 from gloc3_onboard.companion.parameter_table import ParameterRow, rows_of
 from gloc3_onboard.companion.parameters import Parameters
 from gloc3_onboard.companion.plans import Plans
 from gloc3_onboard.companion.reasons import Reasons
-from gloc3_onboard.herald import computer_status
-from gloc3_onboard.vitals import Vitals
+from gloc3_onboard.process.vitals import Vitals
 
 MOST_PEERS: Final = 64
 """Of so many it is remembered on which link they are; who was not heard for longest is forgotten."""

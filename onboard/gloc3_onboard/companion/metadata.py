@@ -9,9 +9,9 @@ from typing import Any, Final
 import msgspec
 
 from gloc3 import __version__
-from gloc3.link.codec import message
-from gloc3.link.ftp import checksum
-from gloc3.link.message import Address, MavlinkMessage
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.services.ftp import checksum
 from gloc3_onboard.companion.parameter_table import ParameterRow
 
 GENERAL: Final = "general.json"

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
-from gloc3.ci import CiReply, Control, ControlVerb, Outcome
 from gloc3.errors import Refused
-from gloc3.link.codec import message
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CommandRequest
-from gloc3.link.message import Address, MavlinkMessage
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.messages.command_interface import CiReply, Control, ControlVerb, Outcome
 from gloc3_onboard.companion.asking import Asking
 
 REQUEST_OPERATOR_CONTROL: Final = 32100

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
 from gloc3_onboard.companion.companion import OwnParameter
 from gloc3_onboard.companion.parameter_table import ParameterRow
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Final
 
 import msgspec
 
-from gloc3.deployment import ComponentRow
-from gloc3.link.parameter import LONGEST_NAME
-from gloc3.settings import Settings, field_docs
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.settings import Settings, field_docs
+from gloc3.mavlink.services.parameter import LONGEST_NAME
 
 MOST_HZ: Final = 1000.0
 _VOWELS: Final = frozenset("AEIOUY")

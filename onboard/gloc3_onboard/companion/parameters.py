@@ -9,21 +9,21 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.ci import AnyBody, CallFunction, CiReply, CommandComponent, Outcome
+from gloc3.component.lci import CREATE, Command
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
-from gloc3.lci import CREATE, Command
-from gloc3.link.message import Address
-from gloc3.link.parameter import Parameter, ParameterEncoding, parameter
-from gloc3.link.parameter_server import (
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, parameter
+from gloc3.mavlink.services.parameter_server import (
     ParameterChanged,
     ParameterError,
     ParameterRefused,
     ParameterServer,
     ParameterWanted,
 )
-from gloc3.messages import CommandReply, CommandRequest, Envelope, FunctionReply, FunctionRequest
-from gloc3.platform import Platform
+from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, CommandComponent, Outcome
+from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope, FunctionReply, FunctionRequest
+from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.asking import Asking, NotInControl
 from gloc3_onboard.companion.parameter_table import ParameterRow, exact, setting_value
 

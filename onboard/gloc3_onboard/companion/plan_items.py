@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from gloc3.link.plan import FRAME_MISSION, PlanItem, PlanResult
-from gloc3.link.plan import Plan as Items
+from gloc3.mavlink.services.plan import FRAME_MISSION, PlanItem, PlanResult
+from gloc3.mavlink.services.plan import Plan as Items
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
 from gloc3.plan_wire import from_wire, to_wire

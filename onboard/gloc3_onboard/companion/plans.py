@@ -7,19 +7,19 @@ checks it as any other; a mission that a station of ours has loaded is given to 
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from gloc3.ci import AnyBody, CiReply, LoadMission, Outcome, ReadMission, Steer, Verb
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.link.message import Address
-from gloc3.link.mission_server import MissionServer
-from gloc3.link.mission_transfers import PlanOffered, SetCurrentRequested
-from gloc3.link.plan import Plan as Items
-from gloc3.link.plan import PlanResult, PlanType
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.mission_transfers import PlanOffered, SetCurrentRequested
+from gloc3.mavlink.services.plan import Plan as Items
+from gloc3.mavlink.services.plan import PlanResult, PlanType
+from gloc3.messages.command_interface import AnyBody, CiReply, LoadMission, Outcome, ReadMission, Steer, Verb
 from gloc3.mission.formats import from_mission, to_mission
 from gloc3.mission.formats.items import FenceArea
-from gloc3.mission.model import digest_of
-from gloc3.mission.reader import Surroundings, read_mission
-from gloc3.mission.states import ActionState
-from gloc3.platform import Platform
+from gloc3.mission.model.model import digest_of
+from gloc3.mission.model.states import ActionState
+from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.asking import Asking
 from gloc3_onboard.companion.plan_items import Verdict, fence_of, items_of, judge, plan_of
 

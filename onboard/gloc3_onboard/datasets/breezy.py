@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
+from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.datasets.laser_log import LaserLog, LoggedScan, lines_of, log_of, scan_of
-from gloc3_onboard.scan_matching.planar import Planar
 
 BEAMS: Final = 682
 FIRST: Final = 24

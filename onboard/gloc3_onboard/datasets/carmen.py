@@ -9,8 +9,8 @@ from math import pi
 from pathlib import Path
 from typing import Final
 
+from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.datasets.laser_log import LaserLog, Line, LoggedScan, lines_of, log_of, scan_of
-from gloc3_onboard.scan_matching.planar import Planar
 
 RANGE_MAX_M: Final = 40.0
 """Farther than this the scanners of these logs do not see; they write their largest number."""

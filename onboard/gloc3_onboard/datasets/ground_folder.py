@@ -18,12 +18,12 @@ from typing import Any, Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.camera_model import CameraModel
+from gloc3.camera.model import CameraModel
+from gloc3.camera.opencv import load_opencv
 from gloc3.errors import Finding, InputError, nearest
-from gloc3.frames import Quaternion, normalize
-from gloc3.opencv import load_opencv
+from gloc3.messages.frames import Quaternion, normalize
 from gloc3_onboard.calibration.reader import read_calibration
-from gloc3_onboard.sensing.recent import RecentAttitudes, RecentHeights
+from gloc3_onboard.sensors.checks.recent import RecentAttitudes, RecentHeights
 
 GAP_S: Final = 0.2
 T = TypeVar("T")

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from gloc3.errors import Finding, InputError, Refused
-from gloc3.perception import LaserScan
-from gloc3.trajectory import is_number
-from gloc3_onboard.scan_matching.planar import Array, Planar
+from gloc3.evaluation.trajectory import is_number
+from gloc3.messages.perception import LaserScan
+from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
 INTERVAL_S = 0.1
 """Between the scans of a log that does not tell."""

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.camera_geometry import Array, matrix
-from gloc3.camera_model import CameraModel
+from gloc3.camera.geometry import Array, matrix
+from gloc3.camera.model import CameraModel
 from gloc3.errors import Finding, InputError
-from gloc3.vehicle import Image
+from gloc3.messages.vehicle import Image
 from gloc3_onboard.calibration.mounting import LOOKS_AHEAD, frd_from_axes
 from gloc3_onboard.calibration.picture_size import picture_size
 from gloc3_onboard.calibration.reader import Calibration, read_calibration

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Final
 
-from gloc3.narrate import narrate
-from gloc3_onboard.onboard_options import Flag, OnboardOptions
+from gloc3.cli.narration import narrate
+from gloc3_onboard.cli.onboard_options import Flag, OnboardOptions
 
 ROOT: Final = Path("/")
 DEFAULTS: Final = OnboardOptions()

@@ -4,14 +4,14 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.ci import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
-from gloc3.ci_summaries import MissionSummary, VehicleSummary
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
-from gloc3.messages import Envelope, Severity
-from gloc3.mission.states import ActionState
-from gloc3.platform import Platform
-from gloc3.vehicle import LandedState
+from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.summaries import MissionSummary, VehicleSummary
+from gloc3.messages.vehicle import LandedState
+from gloc3.mission.model.states import ActionState
+from gloc3.platform.platform import Platform
 
 LAND: Final = "land"
 SENDER: Final = "service"

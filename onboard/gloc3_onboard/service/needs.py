@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 from urllib.parse import quote
 
 from gloc3.errors import Refused
-from gloc3.link.endpoints import parse_url
-from gloc3.places import choose_host, clock_host, place_of
-from gloc3.platform import Platform
-from gloc3_onboard.onboard_options import DEFAULT_STATION, OnboardOptions
+from gloc3.mavlink.transport.endpoints import parse_url
+from gloc3.platform.places import choose_host, clock_host, place_of
+from gloc3.platform.platform import Platform
+from gloc3_onboard.cli.onboard_options import DEFAULT_STATION, OnboardOptions
 from gloc3_onboard.sources.asked import source_urls
 from gloc3_onboard.sources.places import GROUPS
 from gloc3_onboard.sources.url import parse_source

@@ -7,15 +7,15 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.deployment import ComponentRow
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.host import ComponentHost
+from gloc3.component.lci import OPERATING, Command, State
+from gloc3.component.settings import load_settings
 from gloc3.errors import Gloc3Error, InputError
 from gloc3.exchange import Publisher, request
 from gloc3.exchange.base import Exchange
-from gloc3.host import ComponentHost
-from gloc3.lci import OPERATING, Command, State
-from gloc3.messages import CommandRequest, ComponentStatus, Envelope, FunctionRequest, Severity
-from gloc3.platform import Platform
-from gloc3.settings import load_settings
+from gloc3.messages.envelope import CommandRequest, ComponentStatus, Envelope, FunctionRequest, Severity
+from gloc3.platform.platform import Platform
 
 REPLY_S: Final = 12.0
 """A component may take 5 s for each of its methods."""

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from math import inf
 from typing import Final
 
-from gloc3.ci_summaries import WELL, Health, MissionSummary, Summary, VehicleSummary
+from gloc3.component.hosted import HUNG
+from gloc3.component.lci import State
 from gloc3.exchange.base import Exchange
-from gloc3.hosted import HUNG
-from gloc3.lci import State
-from gloc3.messages import ComponentStatus, Envelope
+from gloc3.messages.envelope import ComponentStatus, Envelope
+from gloc3.messages.summaries import WELL, Health, MissionSummary, Summary, VehicleSummary
 from gloc3_onboard.service.manager import ServiceManager
 
 HEARD_WITHIN_S: Final = 3.0

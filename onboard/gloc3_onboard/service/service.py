@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Final, Protocol
 
 from gloc3.clock import monotonic_s
+from gloc3.component.host import ComponentHost
 from gloc3.exchange.base import Exchange
-from gloc3.host import ComponentHost
-from gloc3.messages import Severity
-from gloc3.platform import Platform
+from gloc3.messages.envelope import Severity
+from gloc3.platform.platform import Platform
 from gloc3_onboard.service.departure import Departure
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.reload import PlatformReload

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused, nearest
-from gloc3.platform import Platform
+from gloc3.platform.platform import Platform
 from gloc3_onboard.sources.places import FILES
 from gloc3_onboard.sources.url import sensor_of
 

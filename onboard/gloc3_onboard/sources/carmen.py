@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from gloc3.perception import LaserScan
+from gloc3.messages.perception import LaserScan
 from gloc3_onboard.datasets.laser_logs import read_laser_log
 from gloc3_onboard.sources.replay import Recorded
 

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import msgspec
 
-from gloc3.perception import BottomVelocity
+from gloc3.messages.perception import BottomVelocity
 
 LINE_MAX: Final = 65_536
 """A line that is longer is noise."""

@@ -6,7 +6,7 @@ from typing import Final
 
 from gloc3.errors import Gloc3Error
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.devices import StampedBottomVelocity
+from gloc3_onboard.sensors.devices import StampedBottomVelocity
 from gloc3_onboard.sources.doppler import A50Decoder, Decoder, Pd6Decoder
 from gloc3_onboard.sources.line import Line, open_line
 from gloc3_onboard.sources.threaded import ThreadedSource

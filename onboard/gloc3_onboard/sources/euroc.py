@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Finding, InputError, nearest
-from gloc3.frames import Quaternion, rotate
-from gloc3.perception import ImuSample
-from gloc3.vehicle import Image
+from gloc3.messages.frames import Quaternion, rotate
+from gloc3.messages.perception import ImuSample
+from gloc3.messages.vehicle import Image
 from gloc3_onboard.calibration.mounting import frd_from_axes
 from gloc3_onboard.sources.pictures import load_picture
 from gloc3_onboard.sources.replay import Recorded, matching

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gloc3.errors import Refused, nearest
-from gloc3.perception import BottomVelocity, ImuSample, LaserScan
-from gloc3.vehicle import HeightAboveGround, Image
+from gloc3.messages.perception import BottomVelocity, ImuSample, LaserScan
+from gloc3.messages.vehicle import HeightAboveGround, Image
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_onboard.autopilot.sensors import IMU_HZ, SCAN_HZ, AutopilotSensors
-from gloc3_onboard.devices import HeightSensor
+from gloc3_onboard.sensors.devices import HeightSensor
 from gloc3_onboard.sources import carmen, euroc, kitti, mcap
 from gloc3_onboard.sources.dvl import DvlSource
 from gloc3_onboard.sources.hokuyo import HokuyoLaser

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from gloc3.errors import Gloc3Error
-from gloc3.perception import LaserScan
+from gloc3.messages.perception import LaserScan
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.devices import StampedScan
+from gloc3_onboard.sensors.devices import StampedScan
 from gloc3_onboard.sources.line import Line, open_line
 from gloc3_onboard.sources.mounted import mounted_scan
 from gloc3_onboard.sources.scip import (

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Finding, InputError, nearest
-from gloc3.vehicle import Image
+from gloc3.messages.vehicle import Image
 from gloc3_onboard.sources.pictures import load_picture, pictures_in
 from gloc3_onboard.sources.replay import Recorded, together
 

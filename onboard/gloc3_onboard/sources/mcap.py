@@ -7,8 +7,8 @@ from typing import Final, TypeVar
 
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.log.reader import LogReader
-from gloc3.messages import Message
-from gloc3.vehicle import Image, ImageRecorded
+from gloc3.messages.envelope import Message
+from gloc3.messages.vehicle import Image, ImageRecorded
 from gloc3_onboard.sources.pictures import load_picture
 from gloc3_onboard.sources.replay import Recorded, matching
 

@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from gloc3.perception import LaserScan
+from gloc3.messages.perception import LaserScan
 from gloc3_onboard.sources.url import SourceUrl
 
 

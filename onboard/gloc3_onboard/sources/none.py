@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from gloc3_onboard.devices import (
+from gloc3_onboard.sensors.devices import (
     StampedBottomVelocity,
     StampedHeight,
     StampedImage,

@@ -7,8 +7,8 @@ from typing import Final
 
 import msgspec
 
-from gloc3.vehicle import Image
-from gloc3_onboard.devices import Camera, StampedImage, StampedPair, Unwatch
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.devices import Camera, StampedImage, StampedPair, Unwatch
 
 KEPT: Final = 4
 """Frames of each side that wait for their partner."""

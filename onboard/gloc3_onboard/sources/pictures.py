@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gloc3.opencv import load_opencv
-from gloc3.vehicle import Image
+from gloc3.camera.opencv import load_opencv
+from gloc3.messages.vehicle import Image
 
 
 def load_picture(path: Path, camera: str) -> Image:

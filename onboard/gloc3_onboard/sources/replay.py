@@ -7,9 +7,9 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
-from gloc3.perception import BottomVelocity, ImuSample, LaserScan
-from gloc3.vehicle import HeightAboveGround, Image
-from gloc3_onboard.devices import (
+from gloc3.messages.perception import BottomVelocity, ImuSample, LaserScan
+from gloc3.messages.vehicle import HeightAboveGround, Image
+from gloc3_onboard.sensors.devices import (
     Bell,
     StampedBottomVelocity,
     StampedHeight,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.errors import Gloc3Error
-from gloc3.perception import LaserScan
-from gloc3_onboard.devices import StampedScan
+from gloc3.messages.perception import LaserScan
+from gloc3_onboard.sensors.devices import StampedScan
 from gloc3_onboard.sources.mounted import mounted_scan
 from gloc3_onboard.sources.threaded import ThreadedSource
 from gloc3_onboard.sources.url import SourceUrl

@@ -5,10 +5,10 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from gloc3.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_wish
-from gloc3.perception import LaserScan
-from gloc3.vehicle import Image
-from gloc3_onboard.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
+from gloc3.camera.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_wish
+from gloc3.messages.perception import LaserScan
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
 
 CONNECT_S = 2.0
 RETRY_S = 0.5

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from typing import Final, Generic, TypeVar
 
 from gloc3.errors import Gloc3Error
-from gloc3_onboard.devices import Bell, Unwatch
+from gloc3_onboard.sensors.devices import Bell, Unwatch
 
 T = TypeVar("T")
 

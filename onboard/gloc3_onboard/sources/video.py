@@ -8,10 +8,10 @@ from pathlib import Path
 from stat import S_ISCHR
 from typing import Any, Final
 
+from gloc3.camera.opencv import load_opencv
 from gloc3.errors import Gloc3Error
-from gloc3.opencv import load_opencv
-from gloc3.vehicle import Image
-from gloc3_onboard.devices import StampedImage
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sources.threaded import ThreadedSource
 from gloc3_onboard.sources.url import SourceUrl
 

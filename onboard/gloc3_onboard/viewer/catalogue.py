@@ -3,11 +3,11 @@
 from functools import cached_property
 from typing import Final
 
-from gloc3.deployment import ComponentRow
+from gloc3.component.deployment import ComponentRow
 from gloc3.errors import Gloc3Error, Refused, nearest
-from gloc3.platform import Platform
-from gloc3.topics import TopicTable, matches
-from gloc3.watch import WATCH, TopicEntry
+from gloc3.messages.topics import TopicTable, matches
+from gloc3.messages.watch import WATCH, TopicEntry
+from gloc3.platform.platform import Platform
 
 OFFERED_OF_EACH: Final = ("status", "event", "reply", "function", "function_reply", "internal")
 """What can be looked at of every component, without being listed."""

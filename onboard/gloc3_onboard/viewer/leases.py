@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from gloc3.watch import LEASE_S, Want
+from gloc3.messages.watch import LEASE_S, Want
 
 MOST_STATIONS: Final = 8
 MOST_WANTS: Final = 64

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, Final
 
-from gloc3.opencv import load_opencv
-from gloc3.vehicle import Image
-from gloc3.watch import Preview
+from gloc3.camera.opencv import load_opencv
+from gloc3.messages.vehicle import Image
+from gloc3.messages.watch import Preview
 
 ENCODING: Final = ".webp"
 """Of a picture of 64 × 48 it needs two thirds of what JPEG does, whose tables alone take 150 bytes."""

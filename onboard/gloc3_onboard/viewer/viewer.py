@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import Any, Final
 
-from gloc3.component import CommandInterface, function
+from gloc3.component.component import CommandInterface, function
+from gloc3.component.ports import Inbox, Output, Report, Result
+from gloc3.component.settings import NoSettings
 from gloc3.errors import Refused
-from gloc3.messages import Envelope, Message
-from gloc3.ports import Inbox, Output, Report, Result
-from gloc3.settings import NoSettings
-from gloc3.vehicle import Image
-from gloc3.watch import LEASE_S, Preview, Sample, TopicActivity, TopicEntry, Want, pack
-from gloc3_onboard.devices import Tap, Taps
+from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.vehicle import Image
+from gloc3.messages.watch import LEASE_S, Preview, Sample, TopicActivity, TopicEntry, Want, pack
+from gloc3_onboard.sensors.devices import Tap, Taps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_onboard.viewer.leases import Demand, Leases
 from gloc3_onboard.viewer.previews import load_shrinker

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import Final
 
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.modes import Result
 

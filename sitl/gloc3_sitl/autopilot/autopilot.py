@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from gloc3.frames import GeoPoint
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.authorization import Authorization
 from gloc3_sitl.autopilot.calibration import Calibration
 from gloc3_sitl.autopilot.commander import Commander

@@ -3,7 +3,7 @@
 from enum import StrEnum
 from typing import Final
 
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.craft import Craft
 
 

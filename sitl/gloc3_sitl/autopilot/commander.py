@@ -4,8 +4,8 @@ from collections.abc import Callable
 from math import nan
 from typing import Final
 
-from gloc3.frames import Vector3
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.arming import Check, arming_problems
 from gloc3_sitl.autopilot.authorization import Authorization, Leave
 from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo

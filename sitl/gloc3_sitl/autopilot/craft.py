@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import NamedTuple
 
-from gloc3.frames import GeoPoint, Vector3
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.landing import TouchdownDetector

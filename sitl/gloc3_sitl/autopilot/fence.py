@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import hypot
 
-from gloc3.frames import TangentPlane
+from gloc3.messages.frames import TangentPlane
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.plans import StoredItem
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from gloc3.frames import Quaternion, Vector3
-from gloc3.link.log_server import LogEntry
+from gloc3.mavlink.services.log_server import LogEntry
+from gloc3.messages.frames import Quaternion, Vector3
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot

@@ -5,8 +5,8 @@ from enum import IntEnum
 from math import isfinite, nan
 from typing import Final
 
-from gloc3.frames import GeoPoint
-from gloc3.link.plan import PlanResult
+from gloc3.mavlink.services.plan import PlanResult
+from gloc3.messages.frames import GeoPoint
 
 
 class Command(IntEnum):

@@ -4,7 +4,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
-from gloc3_sitl.truth import Truth
+from gloc3_sitl.physics.truth import Truth
 
 
 class Power(IntEnum):

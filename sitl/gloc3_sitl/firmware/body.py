@@ -6,14 +6,14 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Misuse
-from gloc3_sitl.body import Situation
-from gloc3_sitl.ground import PERIOD_STEPS, raise_ground
+from gloc3_sitl.physics.body import Situation
+from gloc3_sitl.physics.ground import PERIOD_STEPS, raise_ground
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.sensors.range_finder import level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
-from gloc3_sitl.truth import Truth
 from gloc3_sitl.vehicles.table import vehicle_named
-from gloc3_sitl.wind import CALM, Wind
 from gloc3_sitl.world import World
 from gloc3_sitl.world.probe import WorldProbe
 

@@ -3,9 +3,10 @@
 from math import atan2, degrees, hypot
 from typing import Final
 
-from gloc3.frames import GRAVITY_M_S2
-from gloc3.link import codec
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.messages.frames import GRAVITY_M_S2
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.barometer import pressure_pa
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
@@ -15,7 +16,6 @@ from gloc3_sitl.sensors.readings import (
     MagnetometerReading,
     RangeReading,
 )
-from gloc3_sitl.truth import Truth
 
 ACCELEROMETER: Final = 0b111
 """Bits of `fields_updated`: PX4 takes a group of fields only where all of its bits are set."""

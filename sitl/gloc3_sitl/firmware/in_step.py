@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Final, NoReturn
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.pilot import Pilot
@@ -24,9 +24,9 @@ from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.json_server import SocketAddress, newest
 from gloc3_sitl.firmware.kinds import Wishes, kind_named, start_program
 from gloc3_sitl.firmware.program import find_binary
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.physics.wind import Wind
 from gloc3_sitl.sensors.suite import SensorSuite
-from gloc3_sitl.truth import Truth
-from gloc3_sitl.wind import Wind
 from gloc3_sitl.world import World
 
 PERIOD_S: Final = 0.02

@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Final, NamedTuple
 
 from gloc3.errors import Misuse
-from gloc3.frames import Quaternion, Vector3
+from gloc3.messages.frames import Quaternion, Vector3
 
 MAGIC_16: Final = 18458
 """Begins a packet of 16 channels."""

@@ -8,7 +8,7 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused, nearest
-from gloc3.link.endpoints import parse_url
+from gloc3.mavlink.transport.endpoints import parse_url
 from gloc3_sitl.firmware import ardupilot, px4
 from gloc3_sitl.firmware.hil_server import DEFAULT_PORT as HIL_PORT
 from gloc3_sitl.firmware.json_server import DEFAULT_PORT as JSON_PORT

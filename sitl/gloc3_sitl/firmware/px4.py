@@ -6,10 +6,10 @@ Not yet flown against the real firmware: written from its documentation and from
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.link import codec
-from gloc3.link.codec import Encoder, Parser
-from gloc3.link.interval import SET_MESSAGE_INTERVAL
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Encoder, Parser
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3_sitl.firmware import hil_messages as hil
 from gloc3_sitl.firmware.body import SensedBody
 from gloc3_sitl.sensors.readings import (

@@ -10,10 +10,9 @@ from typing import Final
 
 import msgspec
 
+from gloc3.cli.narration import narrate
 from gloc3.clock import Clock
 from gloc3.errors import Refused
-from gloc3.narrate import narrate
-from gloc3_sitl.dvl_server import DvlAddress, DvlServer
 from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.hil_server import HilServer
@@ -21,8 +20,9 @@ from gloc3_sitl.firmware.json_server import JsonServer
 from gloc3_sitl.firmware.kinds import Kind, Wishes, kind_named, start_program
 from gloc3_sitl.firmware.program import Program, find_binary
 from gloc3_sitl.firmware.px4 import Px4Bridge
-from gloc3_sitl.sensor_server import SensorServer
-from gloc3_sitl.truth_log import TruthLog
+from gloc3_sitl.flight.truth_log import TruthLog
+from gloc3_sitl.vehicles.dvl_server import DvlAddress, DvlServer
+from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.world import World
 
 EXIT_FAILED: Final = 1

@@ -3,10 +3,10 @@
 from math import sqrt
 from typing import Final
 
-from gloc3.frames import GeoPoint, Quaternion, Vector3, rotate_back
+from gloc3.messages.frames import GeoPoint, Quaternion, Vector3, rotate_back
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.readings import AirspeedReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 _HALF_DENSITY: Final = 0.5 * 1.225
 NOISE_PA: Final = 2.0

@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.range_finder import COSINE_MIN, NO_ECHO_M, Probe, RangeFinder, level_ground, upright
 from gloc3_sitl.sensors.readings import RangeReading
-from gloc3_sitl.truth import Motion
 
 RESOLUTION: Final = 0.005
 """Deviation as a share of the range; the Ping1D class resolves 0.5 % of it."""

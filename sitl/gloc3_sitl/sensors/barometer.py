@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.noise import Wander
 from gloc3_sitl.sensors.readings import BarometerReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 NOISE_PA: Final = 1.2
 """White noise: 0.012 mbar at the highest oversampling (data sheet figure of the MS5611 class), 0.1 m of altitude."""

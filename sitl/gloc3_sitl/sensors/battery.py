@@ -4,10 +4,10 @@ from itertools import pairwise
 from math import sqrt
 from typing import Final, Protocol
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.readings import BatteryReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 CELL_CURVE: Final = (
     (0.0, 3.20),

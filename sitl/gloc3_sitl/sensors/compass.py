@@ -1,6 +1,6 @@
 """The heading reference of a vehicle that dives by dead reckoning: what it is off by counts with every metre of its way."""
 
-from gloc3.frames import GeoPoint
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.sensors.magnetometer import Magnetometer
 
 NOISE_TESLA = 1e-7

@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from gloc3.frames import GRAVITY_M_S2, GeoPoint, Vector3
+from gloc3.messages.frames import GRAVITY_M_S2, GeoPoint, Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.noise import Wander
 from gloc3_sitl.sensors.readings import BarometerReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 DENSITY_KG_M3: Final = 1025.0
 """Of sea water; the sensor's table has the same."""

@@ -3,10 +3,10 @@
 from math import cos, radians, sin, sqrt
 from typing import Final
 
-from gloc3.frames import rotate_back
-from gloc3.perception import BottomVelocity
+from gloc3.messages.frames import rotate_back
+from gloc3.messages.perception import BottomVelocity
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.noise import normals
-from gloc3_sitl.truth import Truth
 
 RATE_HZ: Final = 8.0
 """Of the A50 class: 4 to 15 Hz by altitude."""

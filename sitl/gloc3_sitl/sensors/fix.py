@@ -5,11 +5,11 @@ from typing import Final
 
 import msgspec
 
-from gloc3.frames import WGS84_A_M, WGS84_F, GeoPoint, Vector3
+from gloc3.messages.frames import WGS84_A_M, WGS84_F, GeoPoint, Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.noise import Wander
 from gloc3_sitl.sensors.readings import FixKind, FixReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 
 class Receiver(msgspec.Struct, frozen=True, kw_only=True):

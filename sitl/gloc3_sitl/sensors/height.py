@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.range_finder import COSINE_MIN, NO_ECHO_M, Probe, RangeFinder, level_ground, upright
 from gloc3_sitl.sensors.readings import RangeReading
-from gloc3_sitl.truth import Motion
 
 NOISE_M: Final = 0.01
 """White noise; the LIDAR-Lite v3HP class states 1 cm of resolution."""

@@ -3,10 +3,10 @@
 from math import sqrt
 from typing import Final
 
-from gloc3.frames import GRAVITY_M_S2, Vector3
+from gloc3.messages.frames import GRAVITY_M_S2, Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.readings import ImuReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 GYRO_DENSITY_RAD_S_RTHZ: Final = 0.004 * 0.0174532925
 """Noise of a gyro: 0.004 °/s/√Hz (data sheet figure of the ICM-20602 class)."""

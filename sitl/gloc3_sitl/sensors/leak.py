@@ -1,9 +1,9 @@
 """The leak sensor: a pair of contacts in the hull; a fault of it is water on them."""
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.readings import LeakReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 
 class LeakSensor(Sensor[LeakReading]):

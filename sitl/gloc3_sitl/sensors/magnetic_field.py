@@ -3,7 +3,7 @@
 from math import atan2, cos, degrees, hypot, radians, sin, sqrt
 from typing import Final
 
-from gloc3.frames import GeoPoint, Vector3, ecef_from_geo
+from gloc3.messages.frames import GeoPoint, Vector3, ecef_from_geo
 
 _REFERENCE_RADIUS_M: Final = 6_371_200.0
 

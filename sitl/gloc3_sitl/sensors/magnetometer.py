@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from gloc3.frames import GeoPoint, Vector3, rotate_back
+from gloc3.messages.frames import GeoPoint, Vector3, rotate_back
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.magnetic_field import field_ned_tesla
 from gloc3_sitl.sensors.readings import MagnetometerReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 NOISE_TESLA: Final = 3e-7
 """White noise: 3 mG, data sheet figure of the HMC5983 and IST8310 class."""

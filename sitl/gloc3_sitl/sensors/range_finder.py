@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.readings import RangeReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Truth
 
 COSINE_MIN: Final = 0.5
 """There is no echo from a floor that is tilted by more than 60 degrees."""

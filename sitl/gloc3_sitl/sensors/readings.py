@@ -4,7 +4,7 @@ from enum import IntEnum
 
 import msgspec
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 
 class FixKind(IntEnum):

@@ -8,10 +8,10 @@ from typing import ClassVar, Final, Generic, TypeVar
 import msgspec
 
 from gloc3.errors import Misuse
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.noise import normals
 from gloc3_sitl.sensors.readings import Reading
-from gloc3_sitl.truth import Motion
 
 _EARLY_S: Final = 1e-6
 """Rounding allowed when a time is compared with a schedule."""

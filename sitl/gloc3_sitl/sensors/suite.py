@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from gloc3.errors import Misuse
-from gloc3.frames import GeoPoint, Vector3
+from gloc3.messages.frames import GeoPoint, Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.barometer import Barometer
 from gloc3_sitl.sensors.battery import Battery, Pack
 from gloc3_sitl.sensors.fix import PLAIN_GPS, RTK, FixSensor
@@ -14,7 +15,6 @@ from gloc3_sitl.sensors.magnetometer import Magnetometer
 from gloc3_sitl.sensors.range_finder import Probe, level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.sensor import FaultMode, Sensor
-from gloc3_sitl.truth import Motion
 from gloc3_sitl.vehicles import PELICAN
 
 

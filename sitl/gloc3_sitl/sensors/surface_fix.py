@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from gloc3.frames import GeoPoint
+from gloc3.messages.frames import GeoPoint
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.fix import PLAIN_GPS, FixSensor, Receiver
 from gloc3_sitl.sensors.readings import FixReading
-from gloc3_sitl.truth import Motion
 
 ANTENNA_M: Final = 0.25
 """Height of the antenna over the body's origin, on its mast."""

@@ -3,10 +3,10 @@
 from math import floor
 from typing import Final
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.readings import WheelReading
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.truth import Motion
 
 RADIUS_SHARE: Final = 0.005
 """Deviation of a wheel's real radius from the one that is reckoned with, as tyres wear and are pressed."""

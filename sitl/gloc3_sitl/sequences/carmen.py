@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.frames import rotate
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import rotate
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
 

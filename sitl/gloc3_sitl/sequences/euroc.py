@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.camera_geometry import matrix
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.frames import Quaternion, multiply, normalize, rotate_back
-from gloc3.opencv import load_opencv
+from gloc3.camera.geometry import matrix
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.camera.opencv import load_opencv
+from gloc3.messages.frames import Quaternion, multiply, normalize, rotate_back
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors import imu
-from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.geometry import Floats

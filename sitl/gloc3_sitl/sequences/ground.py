@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.frames import IDENTITY, from_rotation_vector, multiply
+from gloc3.messages.frames import IDENTITY, from_rotation_vector, multiply
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors import height
 from gloc3_sitl.sequences.euroc import camera_yaml, stamp_ns, write_lines, write_pictures
-from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.placing import Placing

@@ -7,10 +7,10 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from gloc3.camera_geometry import matrix
-from gloc3.camera_model import CameraModel
-from gloc3.opencv import load_opencv
-from gloc3_sitl.truth import Truth
+from gloc3.camera.geometry import matrix
+from gloc3.camera.model import CameraModel
+from gloc3.camera.opencv import load_opencv
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.geometry import Floats

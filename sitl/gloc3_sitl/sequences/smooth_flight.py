@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.frames import (
+from gloc3.messages.frames import (
     GRAVITY_M_S2,
     Quaternion,
     Vector3,
@@ -17,7 +17,7 @@ from gloc3.frames import (
     rotate_back,
     to_rotation_vector,
 )
-from gloc3_sitl.truth import Truth
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.world import World
 

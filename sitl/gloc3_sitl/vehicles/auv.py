@@ -20,7 +20,7 @@ formula gives, so 131 kg/m serves for both; trim at 7 N of buoyancy is kept by f
 
 from typing import Final
 
-from gloc3.frames import GRAVITY_M_S2, Vector3
+from gloc3.messages.frames import GRAVITY_M_S2, Vector3
 from gloc3_sitl.vehicles.underwater import CrossFlow, Fins, Lift, Thruster, UnderwaterModel
 
 _PROPELLER_N: Final = 10.8

@@ -20,7 +20,7 @@ ballasted to float, so the buoyancy here is 2 N more than the weight.
 from math import sqrt
 from typing import Final
 
-from gloc3.frames import GRAVITY_M_S2, Vector3
+from gloc3.messages.frames import GRAVITY_M_S2, Vector3
 from gloc3_sitl.vehicles.underwater import Thruster, UnderwaterModel
 
 _MASS_KG: Final = 13.5

@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any, Final
 
 from gloc3.errors import Misuse, Refused, nearest
-from gloc3.frames import GeoPoint
-from gloc3.platform import Platform
+from gloc3.messages.frames import GeoPoint
+from gloc3.platform.platform import Platform
 from gloc3_sitl.autopilot import airframe
 from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
 from gloc3_sitl.autopilot.control.underwater import UnderwaterControl
@@ -21,10 +21,12 @@ from gloc3_sitl.autopilot.vehicle_class import BOAT as BOAT_CLASS
 from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
 from gloc3_sitl.autopilot.vehicle_class import PLANE as PLANE_CLASS
 from gloc3_sitl.autopilot.vehicle_class import ROVER as ROVER_CLASS
-from gloc3_sitl.body import Body, MakeBody, Situation
-from gloc3_sitl.fixed_wing import FixedWing
-from gloc3_sitl.physics import Quadrotor
-from gloc3_sitl.rover import SkidRover
+from gloc3_sitl.physics.body import Body, MakeBody, Situation
+from gloc3_sitl.physics.fixed_wing import FixedWing
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.physics.rover import SkidRover
+from gloc3_sitl.physics.underwater import UnderwaterVehicle
+from gloc3_sitl.physics.vessel import Vessel
 from gloc3_sitl.sensors.airspeed import Airspeed
 from gloc3_sitl.sensors.altimeter import Altimeter
 from gloc3_sitl.sensors.battery import Pack
@@ -34,7 +36,6 @@ from gloc3_sitl.sensors.leak import LeakSensor
 from gloc3_sitl.sensors.sensor import Sensor
 from gloc3_sitl.sensors.surface_fix import SurfaceFix
 from gloc3_sitl.sensors.wheels import WheelEncoders
-from gloc3_sitl.underwater import UnderwaterVehicle
 from gloc3_sitl.vehicles import HUMMINGBIRD, PELICAN, MultirotorModel
 from gloc3_sitl.vehicles.aerosonde import AEROSONDE
 from gloc3_sitl.vehicles.auv import AUV
@@ -42,7 +43,6 @@ from gloc3_sitl.vehicles.jackal import JACKAL
 from gloc3_sitl.vehicles.otter import OTTER
 from gloc3_sitl.vehicles.rov import ROV
 from gloc3_sitl.vehicles.underwater import UnderwaterModel
-from gloc3_sitl.vessel import Vessel
 
 MOST_WAVES_M: Final = 5.0
 MOST_CURRENT_M_S: Final = 3.0

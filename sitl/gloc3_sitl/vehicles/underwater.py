@@ -2,7 +2,7 @@
 
 import msgspec
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 Six = tuple[float, float, float, float, float, float]
 """Surge, sway, heave, roll, pitch, yaw."""

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.camera_geometry import project
-from gloc3.camera_model import CameraModel
-from gloc3.frames import Quaternion, Vector3, rotate_back
-from gloc3_sitl.truth import Truth
+from gloc3.camera.geometry import project
+from gloc3.camera.model import CameraModel
+from gloc3.messages.frames import Quaternion, Vector3, rotate_back
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.imager import Imager, Photo
 from gloc3_sitl.world.placing import Placing
 from gloc3_sitl.world.studio import Studio

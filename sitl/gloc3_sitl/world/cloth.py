@@ -4,7 +4,7 @@ from functools import lru_cache
 from math import log2
 from typing import Any, Final
 
-from gloc3.opencv import load_opencv
+from gloc3.camera.opencv import load_opencv
 from gloc3_sitl.world.model import Marker, Texture
 from gloc3_sitl.world.texture import MARKER_CELLS, MARKER_PIXELS_PER_CELL, Image, paint, paint_marker
 

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.camera_geometry import matrix, project
-from gloc3.camera_model import CameraModel
+from gloc3.camera.geometry import matrix, project
+from gloc3.camera.model import CameraModel
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.placing import Place
 from gloc3_sitl.world.world import World

@@ -3,7 +3,7 @@
 from itertools import combinations
 from typing import Final
 
-from gloc3.document import Document
+from gloc3.documents.document import Document
 from gloc3.errors import Finding, nearest
 from gloc3_sitl.world.model import Box, Surface, WorldFile
 from gloc3_sitl.world.polygon import Plane, Polygon, clip_all

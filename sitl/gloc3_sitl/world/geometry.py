@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.world.model import Box, Surface
 
 Floats = NDArray[np.float64]

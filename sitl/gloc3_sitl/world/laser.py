@@ -7,10 +7,10 @@ from zlib import crc32
 import msgspec
 import numpy as np
 
-from gloc3.camera_geometry import matrix
-from gloc3.frames import IDENTITY, Quaternion, Vector3, multiply
-from gloc3.perception import LaserScan
-from gloc3_sitl.truth import Truth
+from gloc3.camera.geometry import matrix
+from gloc3.messages.frames import IDENTITY, Quaternion, Vector3, multiply
+from gloc3.messages.perception import LaserScan
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.model import Length, Positive, Share
 from gloc3_sitl.world.placing import Place, Placing

@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.frames import Vector3, rotate
+from gloc3.messages.frames import Vector3, rotate
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.model import Dust, Lamp, Lighting
 from gloc3_sitl.world.patches import Patch

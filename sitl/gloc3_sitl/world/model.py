@@ -5,9 +5,9 @@ from typing import Annotated
 
 import msgspec
 
-from gloc3.frames import Vector3
-from gloc3.platform import FrameRow, Name
-from gloc3_sitl.water import STILL, Water
+from gloc3.messages.frames import Vector3
+from gloc3.platform.platform import FrameRow, Name
+from gloc3_sitl.physics.water import STILL, Water
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e5)]
 Grey = Annotated[float, msgspec.Meta(ge=0.0, le=255.0)]

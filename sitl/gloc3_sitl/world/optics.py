@@ -9,9 +9,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.camera_geometry import unproject
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.opencv import load_opencv
+from gloc3.camera.geometry import unproject
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.camera.opencv import load_opencv
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.patches import Pinhole
 from gloc3_sitl.world.texture import Image

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.polygon import Polygon, clip_all, depth_bands, view_planes
 from gloc3_sitl.world.sheets import Sheets

@@ -3,8 +3,8 @@
 from math import radians
 from typing import Final, NamedTuple
 
-from gloc3.frames import Quaternion, Vector3, conjugate, from_euler, from_rotation_vector, multiply, rotate
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import Quaternion, Vector3, conjugate, from_euler, from_rotation_vector, multiply, rotate
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.world import World
 
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 Polygon = list[Vector3]
 """Corners in order."""

@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from gloc3.frames import IDENTITY, rotate
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import IDENTITY, rotate
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.placing import Placing
 from gloc3_sitl.world.world import World
 

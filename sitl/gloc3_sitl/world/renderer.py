@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.opencv import load_opencv
+from gloc3.camera.opencv import load_opencv
 from gloc3_sitl.world.cloth import RIM_PX, Level
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.light import Light

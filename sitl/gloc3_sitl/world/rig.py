@@ -6,8 +6,8 @@ The platform files name the same calibration; a real vehicle has files of its ow
 from math import pi
 from typing import Final
 
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.frames import from_euler
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.messages.frames import from_euler
 from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.laser import LaserModel
 

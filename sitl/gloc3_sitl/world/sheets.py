@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.world.cloth import Cloth, cloth_of, cloth_of_marker
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.model import Box, Marker, Surface

@@ -5,9 +5,9 @@ from zlib import crc32
 
 import numpy as np
 
-from gloc3.camera_geometry import matrix
-from gloc3.camera_model import CameraModel
-from gloc3.opencv import load_opencv
+from gloc3.camera.geometry import matrix
+from gloc3.camera.model import CameraModel
+from gloc3.camera.opencv import load_opencv
 from gloc3_sitl.world.grains import Grains
 from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.light import Light

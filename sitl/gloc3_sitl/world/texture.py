@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.opencv import load_opencv
+from gloc3.camera.opencv import load_opencv
 from gloc3_sitl.world.model import Marker, Texture
 
 Image = NDArray[np.uint8]

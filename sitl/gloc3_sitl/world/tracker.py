@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from gloc3.camera_geometry import matrix, project
-from gloc3.camera_model import CameraModel
-from gloc3.frames import Quaternion, Vector3, conjugate, from_euler, multiply, normalize
-from gloc3_sitl.truth import Truth
+from gloc3.camera.geometry import matrix, project
+from gloc3.camera.model import CameraModel
+from gloc3.messages.frames import Quaternion, Vector3, conjugate, from_euler, multiply, normalize
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.imager import Imager, Photo
 from gloc3_sitl.world.model import Exposure, Tracker
 from gloc3_sitl.world.placing import Place, Placing

@@ -6,11 +6,11 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from gloc3.document import load_bytes, parse
+from gloc3.documents.document import load_bytes, parse
+from gloc3.documents.schema import check
 from gloc3.errors import Finding, InputError, nearest
-from gloc3.frames import GeoPoint, LocalFrame, Vector3
-from gloc3.schema import check
-from gloc3_sitl.water import Water
+from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
+from gloc3_sitl.physics.water import Water
 from gloc3_sitl.world.doubts import doubts
 from gloc3_sitl.world.model import Box, Marker, Surface, VariantFile, WorldFile
 

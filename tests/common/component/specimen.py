@@ -5,13 +5,13 @@ from typing import Annotated, Any
 
 import msgspec
 
-from gloc3.component import ActuatorDriver, DataProcessor, function
-from gloc3.deployment import ComponentRow
+from gloc3.component.component import ActuatorDriver, DataProcessor, function
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.ports import Actuation, Inbox, Input, Keep, Output, Result
+from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
-from gloc3.messages import Message
-from gloc3.ports import Actuation, Inbox, Input, Keep, Output, Result
-from gloc3.settings import Bounds, Settings
-from gloc3.topics import TopicRow, TopicTable
+from gloc3.messages.envelope import Message
+from gloc3.messages.topics import TopicRow, TopicTable
 
 
 class Number(Message, frozen=True):

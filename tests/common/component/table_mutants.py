@@ -10,10 +10,10 @@ from itertools import permutations
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gloc3 import lci
-from gloc3.lci import TABLE, Command, State, Transition
+from tests.common.component import table_scenarios
 
-from . import table_scenarios
+from gloc3.component import lci
+from gloc3.component.lci import TABLE, Command, State, Transition
 
 DRAWING: Final = Path(__file__).parents[3] / "docs" / "states.md"
 

@@ -6,7 +6,7 @@ derived from the table in the code.
 
 from typing import Final, NamedTuple
 
-from gloc3.testing import Bench
+from gloc3.component.test_bench import Bench
 
 from .specimen import Diary, Specimen, row
 

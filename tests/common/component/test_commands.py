@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
+from gloc3.component.lci import State
+from gloc3.component.test_bench import Bench
 from gloc3.errors import InputError, Refused
-from gloc3.lci import State
-from gloc3.messages import CommandReply, CommandRequest, ComponentStatus, Severity
-from gloc3.testing import Bench
+from gloc3.messages.envelope import CommandReply, CommandRequest, ComponentStatus, Severity
 
 from .specimen import Diary, Number, Specimen, row
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from gloc3.lci import State
-from gloc3.messages import ComponentStatus
-from gloc3.testing import Bench
-from gloc3.topics import TopicRow
+from gloc3.component.lci import State
+from gloc3.component.test_bench import Bench
+from gloc3.messages.envelope import ComponentStatus
+from gloc3.messages.topics import TopicRow
 
 from .specimen import Diary, Number, Specimen, row, topics
 

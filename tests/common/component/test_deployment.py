@@ -7,14 +7,14 @@ from typing import Any
 import msgspec
 import pytest
 
-from gloc3 import deployment
-from gloc3.component import DataProcessor
-from gloc3.deployment import ComponentRow
-from gloc3.deployment_check import check_deployment, check_row, problems_of
+from gloc3.component import deployment
+from gloc3.component.component import DataProcessor
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.deployment_check import check_deployment, check_row, problems_of
+from gloc3.component.ports import Inbox, Input, Output
 from gloc3.errors import Gloc3Error
-from gloc3.messages import Event
-from gloc3.ports import Inbox, Input, Output
-from gloc3.topics import TopicRow, TopicTable
+from gloc3.messages.envelope import Event
+from gloc3.messages.topics import TopicRow, TopicTable
 
 from .specimen import Number, Specimen
 
@@ -201,7 +201,7 @@ def test_a_class_is_loaded_and_made_with_its_devices() -> None:
     with pytest.raises(Gloc3Error, match="takes other devices"):
         source(devices={}).create({})
     with pytest.raises(Gloc3Error, match="is not a component class"):
-        source(**{"class": "gloc3.lci:State"}).load_class()
+        source(**{"class": "gloc3.component.lci:State"}).load_class()
 
 
 def test_an_installed_component_is_found_where_its_module_was_before(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from gloc3.lci import State
-from gloc3.testing import Bench
+from gloc3.component.lci import State
+from gloc3.component.test_bench import Bench
 
 from .specimen import Diary, Specimen, row
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
+from gloc3.component.lci import State
+from gloc3.component.ports import Actuation, Report
+from gloc3.component.test_bench import Bench
 from gloc3.errors import Gloc3Error
-from gloc3.lci import State
-from gloc3.messages import Event, Severity
-from gloc3.ports import Actuation, Report
-from gloc3.testing import Bench
+from gloc3.messages.envelope import Event, Severity
 
 from .specimen import Diary, Number, Specimen, row
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from gloc3.component import Component, DataProcessor, function
+from gloc3.component.component import Component, DataProcessor, function
+from gloc3.component.lci import State
+from gloc3.component.test_bench import Bench
 from gloc3.errors import Misuse
-from gloc3.lci import State
-from gloc3.messages import FunctionReply, FunctionRequest, Message
-from gloc3.testing import Bench
+from gloc3.messages.envelope import FunctionReply, FunctionRequest, Message
 
 from .specimen import Diary, Driver, Number, Scale, Scaled, Specimen, row
 

@@ -6,11 +6,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from gloc3.component.host import CREATE
+from gloc3.component.lci import TABLE, Command, State
+from gloc3.component.test_bench import Bench
 from gloc3.errors import Refused
-from gloc3.host import CREATE
-from gloc3.lci import TABLE, Command, State
-from gloc3.messages import CommandRequest, Envelope, FunctionRequest
-from gloc3.testing import Bench
+from gloc3.messages.envelope import CommandRequest, Envelope, FunctionRequest
 
 from .specimen import Diary, Driver, row
 

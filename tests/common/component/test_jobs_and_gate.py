@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import pytest
 
-from gloc3.component import FunctionEntry
-from gloc3.cycle_job import CycleJob
+from gloc3.component.component import FunctionEntry
+from gloc3.component.cycle_job import CycleJob
+from gloc3.component.function_desk import FunctionJob
+from gloc3.component.gate import Gate
+from gloc3.component.method_job import MethodJob
+from gloc3.component.outlets import Outlets
 from gloc3.errors import Refused
-from gloc3.function_desk import FunctionJob
-from gloc3.gate import Gate
-from gloc3.method_job import MethodJob
-from gloc3.outlets import Outlets
-from gloc3.topics import TopicTable
+from gloc3.messages.topics import TopicTable
 
 from .specimen import Diary, Driver, Scale, Scaled, row
 

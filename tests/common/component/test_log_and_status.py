@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gloc3.component import SensorSampler
-from gloc3.deployment import ComponentRow
-from gloc3.lci import State
-from gloc3.messages import ComponentStatus, Severity
-from gloc3.ports import Inbox, Output, Result
-from gloc3.settings import NoSettings
-from gloc3.testing import Bench
-from gloc3.topics import TopicRow, TopicTable
-from gloc3.vehicle import HeightAboveGround
+from gloc3.component.component import SensorSampler
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.lci import State
+from gloc3.component.ports import Inbox, Output, Result
+from gloc3.component.settings import NoSettings
+from gloc3.component.test_bench import Bench
+from gloc3.messages.envelope import ComponentStatus, Severity
+from gloc3.messages.topics import TopicRow, TopicTable
+from gloc3.messages.vehicle import HeightAboveGround
 
 from .specimen import Diary, Specimen, row
 

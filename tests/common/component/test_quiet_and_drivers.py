@@ -2,9 +2,9 @@
 
 import pytest
 
+from gloc3.component.lci import State
+from gloc3.component.test_bench import Bench
 from gloc3.errors import Refused
-from gloc3.lci import State
-from gloc3.testing import Bench
 
 from .specimen import Diary, Driver, Specimen, row
 

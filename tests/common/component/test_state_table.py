@@ -1,10 +1,9 @@
 """The state table: every cell under a real host, the drawing in the documents, and mutants of both."""
 
 import pytest
+from tests.common.component import table_mutants, table_scenarios
 
-from gloc3.lci import TABLE, Command, State, to_mermaid
-
-from . import table_mutants, table_scenarios
+from gloc3.component.lci import TABLE, Command, State, to_mermaid
 
 pytestmark = pytest.mark.thorough
 

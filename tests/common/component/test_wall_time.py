@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 from gloc3.clock import Clock
-from gloc3.context import HostContext
+from gloc3.component.context import HostContext
+from gloc3.component.host import ComponentHost
+from gloc3.component.lci import State
 from gloc3.exchange import LocalExchange, Publisher, request
-from gloc3.host import ComponentHost
-from gloc3.lci import State
-from gloc3.messages import CommandReply, CommandRequest, Envelope
-from gloc3.topics import TopicTable
+from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope
+from gloc3.messages.topics import TopicTable
 
 from .specimen import Diary, Driver, Specimen, row
 

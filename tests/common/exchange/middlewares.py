@@ -10,12 +10,12 @@ from pathlib import Path
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, pair_on, standard_topics
 
-from gloc3.ci_summaries import CiEvent
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.exchange.zenoh import open_exchange
 from gloc3.exchange.zenoh_session import UNIX, Node
-from gloc3.messages import Envelope, Severity
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.summaries import CiEvent
 
 PLATFORM = "minoas"
 EVENT = f"{PLATFORM}/ci/event"

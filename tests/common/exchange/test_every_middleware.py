@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from tests.common.exchange.middlewares import ALL, EVENT, PLATFORM, TABLE, event, hear, until
 
-from gloc3.ci_summaries import ComponentTable
 from gloc3.exchange import Publisher
-from gloc3.messages import Envelope
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import ComponentTable
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60), pytest.mark.parametrize("middleware", ALL)]
 

@@ -13,14 +13,14 @@ import pytest
 from msgspec.structs import replace
 from tests.common.exchange.middlewares import EVENT, PLATFORM, TABLE, Ends, event, hear, until, zenoh
 
-from gloc3.ci_summaries import ComponentTable
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import UNIX, Node, new_session
-from gloc3.messages import Envelope, Source
-from gloc3.topics import TopicTable
-from gloc3.vehicle import Image
-from gloc3.wire import type_name
+from gloc3.messages.envelope import Envelope, Source
+from gloc3.messages.summaries import ComponentTable
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import Image
+from gloc3.messages.wire import type_name
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
 CAMERA = f"{PLATFORM}/camera/front"

@@ -12,8 +12,8 @@ from tests.common.exchange.middlewares import until
 from gloc3.exchange import Publisher, request
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import UNIX, Node
-from gloc3.messages import CommandRequest
-from gloc3.topics import TopicTable
+from gloc3.messages.envelope import CommandRequest
+from gloc3.messages.topics import TopicTable
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(120)]
 

@@ -6,8 +6,8 @@ import sys
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import open_exchange
 from gloc3.exchange.zenoh_session import Node
-from gloc3.messages import CommandReply, CommandRequest, Envelope
-from gloc3.topics import TopicTable
+from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope
+from gloc3.messages.topics import TopicTable
 
 
 async def live(place: str) -> None:

@@ -11,15 +11,15 @@ from typing import Any
 import msgspec
 
 from gloc3.clock import Clock, VirtualLoop
-from gloc3.frames import Vector3
-from gloc3.lci import State
-from gloc3.messages import ComponentStatus, Envelope, Event, Kind, Message, Severity, Source
-from gloc3.mission.fence import Area, Fence
-from gloc3.record import Recorder
-from gloc3.standard_topics import TOPICS
-from gloc3.topics import TopicTable
-from gloc3.vehicle import HeightAboveGround, Home, MotionLimits, Pose
-from gloc3.wire import type_name
+from gloc3.component.lci import State
+from gloc3.log.record import Recorder
+from gloc3.messages.envelope import ComponentStatus, Envelope, Event, Kind, Message, Severity, Source
+from gloc3.messages.frames import Vector3
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import HeightAboveGround, Home, MotionLimits, Pose
+from gloc3.messages.wire import type_name
+from gloc3.mission.model.fence import Area, Fence
 
 NUMBERS = (0.0, -0.0, 0.1 + 0.2, -1e-9, 1.0, 123456.789, 1e300, 5e-324, 2.0 / 3.0)
 WORDS = ("", "sweep.wall", "null", 'a "quoted" word', "Überlauf ×", "line\nbreak", "\x00", "\\")

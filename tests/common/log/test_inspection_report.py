@@ -9,19 +9,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from gloc3.camera_model import CameraModel
+from gloc3.camera.model import CameraModel
+from gloc3.camera.wall_coverage import Limits
 from gloc3.errors import Refused
-from gloc3.frames import from_yaw
 from gloc3.log.cli import app
-from gloc3.log.inspection_report import write_report
 from gloc3.log.reader import find_log
-from gloc3.log.recording import read_recording
-from gloc3.log.walls import read_wall
-from gloc3.messages import Source
-from gloc3.vehicle import ImageRecorded, Pose
-from gloc3.wall_coverage import Limits
-from gloc3_onboard.drivers.image_recorder import Picture
-from gloc3_onboard.storage import PictureFolder
+from gloc3.log.report.inspection_report import write_report
+from gloc3.log.report.recording import read_recording
+from gloc3.log.report.walls import read_wall
+from gloc3.messages.envelope import Source
+from gloc3.messages.frames import from_yaw
+from gloc3.messages.vehicle import ImageRecorded, Pose
+from gloc3_onboard.components.drivers.image_recorder import Picture
+from gloc3_onboard.process.storage import PictureFolder
 
 from .samples import LogInMemory
 
@@ -39,7 +39,7 @@ class Calibrated:
 
 
 def write_pictures(folder: Path) -> None:
-    from gloc3.vehicle import Image
+    from gloc3.messages.vehicle import Image
 
     store = PictureFolder(folder, Calibrated())
     for number, place in enumerate(PLACES, start=1):

@@ -12,9 +12,9 @@ from gloc3.log.reader import LogReader
 from gloc3.log.recover import recover
 from gloc3.log.scan import Scan
 from gloc3.log.writer import MAGIC
-from gloc3.messages import Envelope
-from gloc3.standard_topics import TOPICS
-from gloc3.topics import TopicTable
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.topics import TopicTable
 
 from .samples import small_log, tiny_log
 

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.ci_summaries import Health
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.log.fields import plot_series, read_series
-from gloc3.log.flight_path import distances_along, read_flight_path
-from gloc3.log.plot import plot_flight, plot_path
 from gloc3.log.reader import LogReader
-from gloc3.log.timeline import plot_timelines, read_timelines
-from gloc3.standard_topics import TOPICS
-from gloc3.topics import TopicTable
-from gloc3.vehicle import Pose
+from gloc3.log.report.flight_path import distances_along, read_flight_path
+from gloc3.log.report.plot import plot_flight, plot_path
+from gloc3.log.report.timeline import plot_timelines, read_timelines
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.summaries import Health
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import Pose
 
 from .samples import FENCE, POSE, REQUESTED, LogInMemory, flight_log
 

@@ -8,18 +8,18 @@ import msgspec
 import pytest
 
 from gloc3.clock import Clock
-from gloc3.component import DataProcessor, function
-from gloc3.deployment import ComponentRow
+from gloc3.component.component import DataProcessor, function
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.component.test_bench import PLATFORM, Bench
 from gloc3.errors import Refused
 from gloc3.log.reader import LogReader
+from gloc3.log.record import Recorder
 from gloc3.log.replay import render_comparisons, replay
-from gloc3.messages import Message
-from gloc3.platform import Platform, Vehicle
-from gloc3.ports import Inbox, Input, Output, Result
-from gloc3.record import Recorder
-from gloc3.settings import Bounds, Settings
-from gloc3.testing import PLATFORM, Bench
-from gloc3.topics import TopicRow, TopicTable
+from gloc3.messages.envelope import Message
+from gloc3.messages.topics import TopicRow, TopicTable
+from gloc3.platform.platform import Platform, Vehicle
 
 
 class Reading(Message, frozen=True):

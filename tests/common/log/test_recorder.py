@@ -14,7 +14,6 @@ import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
-from gloc3.ci_summaries import VehicleSummary
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.local import LocalExchange
@@ -22,11 +21,12 @@ from gloc3.log.foxglove import PATH_SCHEMA, TRANSFORM_SCHEMA
 from gloc3.log.json_schema import SCALARS
 from gloc3.log.payloads import PROBLEM, PayloadEncoder
 from gloc3.log.reader import LogReader
-from gloc3.messages import Event, InternalState, Message, Severity, Source
-from gloc3.record import RUN, Recorder
-from gloc3.standard_topics import TOPICS
-from gloc3.topics import TopicRow, TopicTable
-from gloc3.vehicle import Image, Pose, Setpoint
+from gloc3.log.record import RUN, Recorder
+from gloc3.messages.envelope import Event, InternalState, Message, Severity, Source
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.summaries import VehicleSummary
+from gloc3.messages.topics import TopicRow, TopicTable
+from gloc3.messages.vehicle import Image, Pose, Setpoint
 
 from .samples import HEIGHT, POSE, REQUESTED, LogInMemory, flight_log, sample, small_log
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from gloc3.platform import Platform
-from gloc3.platform_reader import read_platform
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import read_platform
 
 PELICAN = """\
 platform: pelican

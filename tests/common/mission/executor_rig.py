@@ -1,16 +1,16 @@
 """Components that do what the executor asks, and an eye on what it must never do."""
 
-from gloc3.frames import GeoPoint, LocalFrame
-from gloc3.mission.board import Condition
-from gloc3.mission.executor import MissionExecutor
-from gloc3.mission.messages import ActionStatus
-from gloc3.mission.model import Mission
-from gloc3.mission.reader import Surroundings, read_mission
-from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Resume, Start, TakeBack, Told
-from gloc3.mission.restore import restore
-from gloc3.mission.snapshot import Snapshot
-from gloc3.mission.states import TABLE, ActionState
-from gloc3.platform import Platform
+from gloc3.messages.frames import GeoPoint, LocalFrame
+from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.executor import MissionExecutor
+from gloc3.mission.executing.requests import Cancel, Grant, Pause, Persist, Resume, Start, TakeBack, Told
+from gloc3.mission.executing.restore import restore
+from gloc3.mission.executing.snapshot import Snapshot
+from gloc3.mission.model.messages import ActionStatus
+from gloc3.mission.model.model import Mission
+from gloc3.mission.model.states import TABLE, ActionState
+from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.platform.platform import Platform
 
 FRAMES = {"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0))}
 

@@ -2,14 +2,14 @@
 
 import pytest
 
-from gloc3.mission.abilities import abilities as abilities_of
-from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import exported
-from gloc3.mission.reader import Surroundings, read_mission
-from gloc3.mission.show import drawing
-from gloc3.mission.writer import write_mission
-from gloc3.platform import Platform
-from gloc3.platform_reader import load_platform
+from gloc3.mission.model.abilities import abilities as abilities_of
+from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.writer import write_mission
+from gloc3.mission.showing.show import drawing
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import load_platform
 
 TEXT = """\
 mission: by the autopilot

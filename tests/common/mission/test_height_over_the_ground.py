@@ -3,11 +3,11 @@
 import pytest
 
 from gloc3.errors import InputError
-from gloc3.mission.arguments import FollowWaypointsOrder
-from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import exported
-from gloc3.mission.reader import Surroundings, read_mission
-from gloc3.platform_reader import load_platform
+from gloc3.mission.model.arguments import FollowWaypointsOrder
+from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.platform.reader import load_platform
 
 TEXT = """\
 mission: over the floor

@@ -4,9 +4,9 @@ import msgspec
 import pytest
 
 from gloc3.errors import InputError, Refused
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.states import ActionState
-from gloc3.platform import Platform
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.model.states import ActionState
+from gloc3.platform.platform import Platform
 
 from .executor_rig import FRAMES, Rig
 

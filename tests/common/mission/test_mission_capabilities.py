@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Gloc3Error, InputError, Misuse
-from gloc3.mission.arguments import Arguments, argument_kinds
-from gloc3.mission.capability_lines import capability_lines
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.cli import app
-from gloc3.platform import Platform
-from gloc3.platform_reader import read_platform
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.model.arguments import Arguments, argument_kinds
+from gloc3.mission.model.capability_lines import capability_lines
+from gloc3.mission.showing.cli import app
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import read_platform
 
 Install = Callable[[dict[str, str]], None]
 
@@ -100,7 +100,7 @@ def test_a_kind_that_cannot_be_loaded_is_told_with_the_reason(install: Install) 
 
 
 def test_two_packages_may_not_bring_one_name(install: Install) -> None:
-    install({"go_to": "gloc3.mission.arguments:Hold"})
+    install({"go_to": "gloc3.mission.model.arguments:Hold"})
     with pytest.raises(Misuse, match="two packages bring arguments called 'go_to'"):
         argument_kinds()
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from gloc3.mission.checker import Circumstances, Report, check_file, check_text, home_problem
+from gloc3.mission.checking.checker import Circumstances, Report, check_file, check_text, home_problem
 from gloc3.mission.examples import example_missions
-from gloc3.platform import Platform
-from gloc3.platform_reader import load_platform, read_platform
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import load_platform, read_platform
 
 MISSION = """\
 mission: test

@@ -3,14 +3,14 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.board import Condition
-from gloc3.mission.checker import Circumstances, Report, check_text
-from gloc3.mission.messages import ActionStatus
-from gloc3.mission.policy import Policy
-from gloc3.mission.show import drawing
-from gloc3.mission.states import ActionState
-from gloc3.mission.writer import single_action, write_mission
-from gloc3.platform import Platform
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.executing.board import Condition
+from gloc3.mission.model.messages import ActionStatus
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.states import ActionState
+from gloc3.mission.reading.writer import single_action, write_mission
+from gloc3.mission.showing.show import drawing
+from gloc3.platform.platform import Platform
 
 from .executor_rig import MISSION, Rig, flying
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import InputError
-from gloc3.frames import GeoPoint, LocalFrame
-from gloc3.mission.cli import app
+from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.mission.formats import mission_text
-from gloc3.mission.library import bundled
-from gloc3.mission.model import Mission
-from gloc3.mission.reader import Surroundings, load_mission, read_mission
-from gloc3.mission.writer import write_mission
+from gloc3.mission.model.model import Mission
+from gloc3.mission.reading.library import bundled
+from gloc3.mission.reading.reader import Surroundings, load_mission, read_mission
+from gloc3.mission.reading.writer import write_mission
+from gloc3.mission.showing.cli import app
 
 HERE = Surroundings(frames={"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0))})
 LIBRARY = """\

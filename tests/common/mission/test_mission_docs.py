@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.conditions import QUANTITIES
-from gloc3.mission.contingency_check import ANSWERS
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.checking.contingency_check import ANSWERS
 from gloc3.mission.formats import mission_text
-from gloc3.platform_reader import load_platform
+from gloc3.mission.model.conditions import QUANTITIES
+from gloc3.platform.reader import load_platform
 
 PAGE = (Path(__file__).parents[3] / "docs" / "missions.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"```yaml\n# (\S+)(?: for (\S+))?\n(.*?)```", re.DOTALL)

@@ -2,12 +2,12 @@
 
 import pytest
 
-from gloc3.mission.checker import Circumstances, Report, check_text
-from gloc3.mission.estimate import about
-from gloc3.mission.picture import picture
-from gloc3.mission.show import drawing
-from gloc3.platform import Platform
-from gloc3.platform_reader import read_platform
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.estimate import about
+from gloc3.mission.showing.picture import picture
+from gloc3.mission.showing.show import drawing
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import read_platform
 
 from .conftest import PELICAN
 

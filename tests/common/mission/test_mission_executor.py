@@ -3,10 +3,10 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.requests import Grant
-from gloc3.mission.states import ActionState
-from gloc3.mission.writer import single_action
-from gloc3.platform import Platform
+from gloc3.mission.executing.requests import Grant
+from gloc3.mission.model.states import ActionState
+from gloc3.mission.reading.writer import single_action
+from gloc3.platform.platform import Platform
 
 from .executor_rig import Rig
 

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from gloc3.errors import Refused
-from gloc3.mission.board import Condition
-from gloc3.mission.policy import Policy
-from gloc3.mission.states import ENDED, ActionState
-from gloc3.mission.writer import single_action
-from gloc3.platform import Platform
-from gloc3.platform_reader import read_platform
+from gloc3.mission.executing.board import Condition
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.states import ENDED, ActionState
+from gloc3.mission.reading.writer import single_action
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import read_platform
 
 from .conftest import PELICAN
 from .executor_rig import Rig

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.mission.fence import Area, Fence, polygon_problem
+from gloc3.mission.model.fence import Area, Fence, polygon_problem
 
 L_SHAPE = Area(polygon_ne_m=((0.0, 0.0), (10.0, 0.0), (10.0, 4.0), (4.0, 4.0), (4.0, 10.0), (0.0, 10.0)))
 ROUND = Area(center_ne_m=(5.0, 5.0), radius_m=3.0)

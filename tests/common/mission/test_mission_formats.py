@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.errors import InputError
-from gloc3.mission.checker import Circumstances, check_text
+from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import (
     from_mission,
     load_plan,
@@ -22,7 +22,7 @@ from gloc3.mission.formats import (
 )
 from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
-from gloc3.mission.reader import read_mission
+from gloc3.mission.reading.reader import read_mission
 
 FILES = Path(__file__).parents[4] / "shared" / "data" / "missions"
 

@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gloc3.errors import InputError
-from gloc3.mission.checker import Circumstances, Report, check_text
-from gloc3.mission.conditions import QUANTITIES, Condition
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
 from gloc3.mission.formats import exported
-from gloc3.mission.reader import read_mission
-from gloc3.mission.show import drawing
-from gloc3.mission.writer import write_mission
-from gloc3.platform import Platform
-from gloc3.platform_reader import load_platform
+from gloc3.mission.model.conditions import QUANTITIES, Condition
+from gloc3.mission.reading.reader import read_mission
+from gloc3.mission.reading.writer import write_mission
+from gloc3.mission.showing.show import drawing
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import load_platform
 
 from .executor_rig import MISSION, Rig, flying
 

@@ -7,15 +7,15 @@ import pytest
 from msgspec.structs import replace
 
 from gloc3.errors import InputError
-from gloc3.frames import GeoPoint, LocalFrame, Vector3
-from gloc3.mission.arguments import Dive, DriveOff, FollowWaypointsOrder, LandOrder, ReturnHome, TakeOff
-from gloc3.mission.checker import Circumstances, check_text
+from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import exported, read_plan, to_mission
-from gloc3.mission.model import Mission
-from gloc3.mission.reader import Surroundings, read_mission
-from gloc3.mission.structure import PartialOrder
-from gloc3.platform import Platform
-from gloc3.platform_limits import Limits
+from gloc3.mission.model.arguments import Dive, DriveOff, FollowWaypointsOrder, LandOrder, ReturnHome, TakeOff
+from gloc3.mission.model.model import Mission
+from gloc3.mission.model.structure import PartialOrder
+from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.platform.limits import Limits
+from gloc3.platform.platform import Platform
 
 from .executor_rig import Rig
 

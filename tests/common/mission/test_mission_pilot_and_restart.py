@@ -3,11 +3,11 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.board import Condition
-from gloc3.mission.requests import Grant
-from gloc3.mission.states import ActionState
-from gloc3.mission.writer import single_action
-from gloc3.platform import Platform
+from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.requests import Grant
+from gloc3.mission.model.states import ActionState
+from gloc3.mission.reading.writer import single_action
+from gloc3.platform.platform import Platform
 
 from .executor_rig import MISSION, Rig, flying
 

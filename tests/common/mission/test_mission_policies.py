@@ -3,9 +3,9 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.board import Condition
-from gloc3.mission.states import ActionState
-from gloc3.platform import Platform
+from gloc3.mission.executing.board import Condition
+from gloc3.mission.model.states import ActionState
+from gloc3.platform.platform import Platform
 
 from .executor_rig import MISSION, Rig, flying
 

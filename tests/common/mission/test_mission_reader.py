@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.document import dump
+from gloc3.documents.document import dump
 from gloc3.errors import InputError
-from gloc3.frames import GeoPoint, LocalFrame
-from gloc3.mission.arguments import FollowWaypointsOrder, HeadingOrder, LandOrder, argument_kinds
+from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.mission.examples import example_missions
-from gloc3.mission.policy import Policy
-from gloc3.mission.reader import Surroundings, load_mission, read_mission
-from gloc3.mission.structure import PartialOrder
-from gloc3.mission.writer import write_mission
+from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, LandOrder, argument_kinds
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.structure import PartialOrder
+from gloc3.mission.reading.reader import Surroundings, load_mission, read_mission
+from gloc3.mission.reading.writer import write_mission
 
 EAST = Surroundings(frames={"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0), 90.0)})
 DESIGN = """\

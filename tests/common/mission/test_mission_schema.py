@@ -9,16 +9,16 @@ import pytest
 from jsonschema import Draft202012Validator
 from tests.common.damage import damaged
 
-from gloc3.document import parse
+from gloc3.documents.document import parse
+from gloc3.documents.json_schema import as_text
 from gloc3.errors import InputError
-from gloc3.file_schema import as_text
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.cli import app
+from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions
-from gloc3.mission.mission_schema import mission_schema
-from gloc3.mission.reader import Surroundings, inspect_mission
-from gloc3.mission.structure import structure_findings
-from gloc3.platform import Platform
+from gloc3.mission.model.structure import structure_findings
+from gloc3.mission.reading.mission_schema import mission_schema
+from gloc3.mission.reading.reader import Surroundings, inspect_mission
+from gloc3.mission.showing.cli import app
+from gloc3.platform.platform import Platform
 
 pytestmark = pytest.mark.thorough
 

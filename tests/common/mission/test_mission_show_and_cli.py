@@ -6,12 +6,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.cli import app
+from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions
-from gloc3.mission.reader import load_mission
-from gloc3.mission.show import WIDTH, drawing, mermaid
-from gloc3.platform import Platform
+from gloc3.mission.reading.reader import load_mission
+from gloc3.mission.showing.cli import app
+from gloc3.mission.showing.show import WIDTH, drawing, mermaid
+from gloc3.platform.platform import Platform
 
 MISSION = """\
 mission: two branches

@@ -3,9 +3,9 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.model import Policies
-from gloc3.mission.policy import MANOEUVRES, Policy, resolved
-from gloc3.mission.states import TABLE, ActionState, Trigger, allowed, to_mermaid, transition
+from gloc3.mission.model.model import Policies
+from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
+from gloc3.mission.model.states import TABLE, ActionState, Trigger, allowed, to_mermaid, transition
 
 DRAWING = """\
 stateDiagram-v2

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
-from gloc3.document import parse
+from gloc3.documents.document import parse
 from gloc3.errors import Refused
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.cli import app
-from gloc3.mission.mission_schema import mission_schema
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.reading.mission_schema import mission_schema
+from gloc3.mission.showing.cli import app
 from gloc3.mission.templates import mission_from, templates
-from gloc3.platform_reader import load_platform, platform_files
+from gloc3.platform.reader import load_platform, platform_files
 
 DIVING = ("auv", "rov", "submarine")
 

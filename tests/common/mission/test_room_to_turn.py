@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import pytest
 
-from gloc3.mission.arguments import FollowWaypointsOrder
-from gloc3.mission.checker import Circumstances, Report, check_text
-from gloc3.platform_reader import load_platform
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.model.arguments import FollowWaypointsOrder
+from gloc3.platform.reader import load_platform
 
 PLANE = Circumstances(platform=load_platform("plane"), home_ned_m=(0.0, 0.0, 0.0))
 TEXT = """\

@@ -11,17 +11,19 @@ from random import Random
 import pytest
 from tests.common.network.yard import MEMBERS, Yard, free_port
 from tests.groundstation.scripted_platform import VEHICLE
-from tests.onboard.nodes.relay import Connections
+from tests.onboard.hosts.relay import Connections
 
-from gloc3.ci import AboutLogs, CiRequest, LogChunk
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.zenoh import ZenohExchange
-from gloc3.messages import Envelope
+from gloc3.messages.command_interface import AboutLogs, CiRequest, LogChunk
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.topics import TopicTable
 from gloc3.network.stations import StationBridge, join_platforms
-from gloc3.topics import TopicTable
-from gloc3_groundstation import flights, log_pull, snapshots
-from gloc3_groundstation.log_pull import ChunkCarrier, LogPuller
-from gloc3_groundstation.station import Station
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.station import snapshots
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.store import log_pull
+from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller
 from gloc3_onboard.command_server.log_shelf import LogShelf
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(40)]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from tests.common.network.yard import LONG, NOW, Yard
 
-from gloc3.cli import run
+from gloc3.cli.program import run
 from gloc3.errors import InputError, Refused
 from gloc3.network.access import Accepted, Role, grants
 from gloc3.network.file import read_network

@@ -9,14 +9,14 @@ from msgspec.structs import replace
 from tests.common.exchange.middlewares import until
 from tests.common.network.yard import Yard
 
-from gloc3.ci import AnyBody, CiReply, CiRequest, Hello, Outcome, StationRole, Steer, Verb
-from gloc3.ci_summaries import CiEvent
 from gloc3.exchange import LocalExchange, Publisher
-from gloc3.messages import Envelope, Severity
+from gloc3.messages.command_interface import AnyBody, CiReply, CiRequest, Hello, Outcome, StationRole, Steer, Verb
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.summaries import CiEvent
+from gloc3.messages.teleoperation import VelocityDemand
+from gloc3.messages.topics import TopicTable
 from gloc3.network.access import Role
 from gloc3.network.stations import StationBridge, join_platforms
-from gloc3.teleoperation import VelocityDemand
-from gloc3.topics import TopicTable
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
 START = Steer(verb=Verb.START)

@@ -16,13 +16,13 @@ from tests.common.network.yard import MEMBERS, NOW, Yard
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import QUIC
-from gloc3.messages import Envelope
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import Image
+from gloc3.messages.watch import Sample
 from gloc3.network.access import Role
 from gloc3.network.file import Membership
 from gloc3.network.register import revoke
-from gloc3.topics import TopicTable
-from gloc3.vehicle import Image
-from gloc3.watch import Sample
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(120)]
 SEEN = "pelican/ci/event"

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
+from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.network.access import Role
 from gloc3.network.file import Membership, read_network
-from gloc3.topics import TopicTable
 
 NOW = datetime.now(UTC)
 LONG = timedelta(days=30)

@@ -9,7 +9,7 @@ from math import cos, degrees, dist, radians, sin
 import pytest
 from tests.sitl.autopilot.bench import LAND, POSITION, Bench
 
-from gloc3.frames import Vector3, from_euler
+from gloc3.messages.frames import Vector3, from_euler
 from gloc3_sitl.autopilot.modes import Result
 
 from .px4_steps import arm, from_home_m, hover, ready

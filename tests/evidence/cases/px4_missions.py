@@ -8,7 +8,7 @@ from math import dist, hypot
 import pytest
 from tests.sitl.autopilot.bench import LAND
 
-from gloc3.link.plan import PlanItem
+from gloc3.mavlink.services.plan import PlanItem
 from gloc3_sitl.autopilot.modes import Result
 
 from .px4_steps import (

@@ -5,7 +5,7 @@ from math import hypot, nan
 
 from tests.sitl.autopilot.bench import ARM, REPOSITION, TAKE_OFF, Bench
 
-from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3_sitl.autopilot.mission import MissionState
 from gloc3_sitl.autopilot.modes import Result
 

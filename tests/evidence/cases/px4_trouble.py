@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from tests.sitl.autopilot.bench import Bench
 
-from gloc3.frames import Vector3
-from gloc3.link.plan import PlanType
+from gloc3.mavlink.services.plan import PlanType
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.modes import Result
 
 from .px4_steps import (

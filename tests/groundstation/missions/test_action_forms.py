@@ -3,7 +3,7 @@
 import pytest
 
 from gloc3_groundstation.missions.forms import FormError, arguments_of, capabilities, form_for
-from gloc3_groundstation.plans import known_platform
+from gloc3_groundstation.missions.plans import known_platform
 
 ROWS = capabilities(known_platform("pelican_rtk"))
 

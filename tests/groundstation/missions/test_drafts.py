@@ -8,18 +8,9 @@ from hypothesis import strategies as st
 
 from gloc3.errors import InputError, Refused
 from gloc3.mission.formats import exported
-from gloc3.mission.reader import read_mission
-from gloc3_groundstation.missions.draft import (
-    Draft,
-    checked,
-    edited,
-    new_draft,
-    objection,
-    opened,
-    saved,
-    written_as,
-)
-from gloc3_groundstation.plans import known_platform
+from gloc3.mission.reading.reader import read_mission
+from gloc3_groundstation.missions.draft import Draft, checked, edited, new_draft, objection, opened, saved, written_as
+from gloc3_groundstation.missions.plans import known_platform
 
 GEO = """mission: round the mast
 frame: geo

@@ -2,8 +2,8 @@
 
 import pytest
 
-from gloc3.ci import Verb
-from gloc3.ci_summaries import MissionSummary
+from gloc3.messages.command_interface import Verb
+from gloc3.messages.summaries import MissionSummary
 from gloc3_groundstation.missions.verbs import legal_verbs
 
 P, R, S, A, T = Verb.PAUSE, Verb.RESUME, Verb.SKIP, Verb.ABORT, Verb.RETRY

@@ -3,16 +3,16 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.ci_summaries import MissionSummary
+from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.examples import find_mission
 from gloc3_groundstation.missions.draft import Draft, checked, opened
 from gloc3_groundstation.missions.outline import Outline, Stage, Step, told_outline
 from gloc3_groundstation.tui.graph.order import layered, reduced
 from gloc3_groundstation.tui.graph.rails import NODE, rail_rows
-from gloc3_groundstation.tui.lines import Tone, text_of
 from gloc3_groundstation.tui.views.findings import finding_rows
-from gloc3_groundstation.tui.views.mission_detail import detail_lines
-from gloc3_groundstation.tui.views.mission_graph import Graph, mission_graph
+from gloc3_groundstation.tui.views.mission.detail import detail_lines
+from gloc3_groundstation.tui.views.mission.graph import Graph, mission_graph
+from gloc3_groundstation.tui.widgets.lines import Tone, text_of
 
 
 def stage(name: str, *steps: tuple[str, tuple[str, ...]], after: tuple[str, ...] = ()) -> Stage:

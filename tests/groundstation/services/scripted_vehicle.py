@@ -8,26 +8,26 @@ from typing import Any, TypeVar
 
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
-from gloc3.link.codec import Frame, message
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CommandRequest, CommandServer
-from gloc3.link.ftp_files import FolderFiles
-from gloc3.link.ftp_server import FtpServer
-from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.interval import StreamScheduler
-from gloc3.link.log_server import LogEntry, LogServer
-from gloc3.link.memory import PERFECT, Conditions, MemoryLink
-from gloc3.link.message import Address
-from gloc3.link.mission_server import MissionServer
-from gloc3.link.node import Node
-from gloc3.link.parameter import Parameter, ParameterEncoding, ParameterType, parameter
-from gloc3.link.parameter_server import ParameterServer
-from gloc3.link.runner import NodeRunner
-from gloc3.link.service import Service
-from gloc3.link.statustext import StatusTextSender
-from gloc3.link.version import Capability, Version, VersionServer, version_number
-from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link, LinkContext
+from gloc3.mavlink.codec import Frame, message
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.runner import NodeRunner
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.ftp_files import FolderFiles
+from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.interval import StreamScheduler
+from gloc3.mavlink.services.log_server import LogEntry, LogServer
+from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType, parameter
+from gloc3.mavlink.services.parameter_server import ParameterServer
+from gloc3.mavlink.services.statustext import StatusTextSender
+from gloc3.mavlink.services.version import Capability, Version, VersionServer, version_number
+from gloc3.mavlink.transport.memory import PERFECT, Conditions, MemoryLink
+from gloc3.messages.topics import TopicTable
+from gloc3_groundstation.links.link import Link, LinkContext
 from gloc3_groundstation.services.vehicle import VehicleServices
 
 T = TypeVar("T")
@@ -104,7 +104,7 @@ class ScriptedVehicle:
         self._send(self.runner.encoder.encode(message(name, **fields)))
 
     def _take(self, data: bytes) -> None:
-        from gloc3.link.codec import Parser
+        from gloc3.mavlink.codec import Parser
 
         self.heard += Parser(is_datagram=True).receive(data)
         self.runner.on_data(data)

@@ -5,10 +5,10 @@ import asyncio
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.link.calibration import CalibrationKind, CalibrationState, Phase, Side, SideState
-from gloc3.link.command import CommandResult
-from gloc3.link.command_server import CommandRequest
-from gloc3.link.memory import Conditions
+from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationState, Phase, Side, SideState
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.transport.memory import Conditions
 
 from .scripted_vehicle import ARDUPILOT, Scene, over
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.link.ftp import Entry
-from gloc3.link.memory import Conditions
+from gloc3.mavlink.services.ftp import Entry
+from gloc3.mavlink.transport.memory import Conditions
 from gloc3_groundstation.services.progress import Progress
 
 from .scripted_vehicle import Scene, over

@@ -13,17 +13,17 @@ import pytest
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
-from gloc3.link.codec import Encoder, Frame, Parser
-from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.memory import Conditions, MemoryLink
-from gloc3.link.message import Address
-from gloc3.link.mission_server import MissionServer
-from gloc3.link.node import Node
-from gloc3.link.plan import PlanItem, PlanType
-from gloc3.link.runner import NodeRunner
-from gloc3.link.signing import Signing, Verdict, timestamp
-from gloc3.topics import TopicTable
-from gloc3_groundstation.link import Link, LinkContext, LinkSettings
+from gloc3.mavlink.codec import Encoder, Frame, Parser
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.runner import NodeRunner
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.plan import PlanItem, PlanType
+from gloc3.mavlink.signing import Signing, Verdict, timestamp
+from gloc3.mavlink.transport.memory import Conditions, MemoryLink
+from gloc3.messages.topics import TopicTable
+from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
 from gloc3_groundstation.services import raw
 from gloc3_groundstation.services.raw import MavsdkBehindLink
 

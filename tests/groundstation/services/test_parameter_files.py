@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.errors import InputError
-from gloc3.link.message import Address
-from gloc3.link.parameter import Parameter, ParameterType, parameter
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.parameter import Parameter, ParameterType, parameter
 from gloc3_groundstation.services.parameter_files import (
     ParameterFormat,
     load_parameter_file,

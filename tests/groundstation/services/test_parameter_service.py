@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.link.memory import Conditions
-from gloc3.link.parameter import ParameterType, parameter
+from gloc3.mavlink.services.parameter import ParameterType, parameter
+from gloc3.mavlink.transport.memory import Conditions
 from gloc3_groundstation.services.parameter_table import Change, ParameterTable
 from gloc3_groundstation.services.progress import Progress
 

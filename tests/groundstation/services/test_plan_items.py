@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.errors import Refused
-from gloc3.link.plan import PlanItem, PlanType
+from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mission.formats import load_plan, read_plan, read_wpl, write_plan
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3_groundstation.services.facts import Firmware

@@ -3,8 +3,8 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.memory import Conditions
+from gloc3.mavlink.codec import Encoder, Parser, message
+from gloc3.mavlink.transport.memory import Conditions
 from gloc3_groundstation.services.rates import RateMeter, RateRow
 
 from .scripted_vehicle import Scene, over

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.link.calibration import CalibrationKind, Phase
-from gloc3.link.codec import message
-from gloc3.link.plan import PlanType
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.services.calibration import CalibrationKind, Phase
+from gloc3.mavlink.services.plan import PlanType
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3_groundstation.assembly import GroundStation, StationSetup
-from gloc3_groundstation.link import Link
+from gloc3_groundstation.links.link import Link
 from gloc3_groundstation.services.facts import Firmware
 from gloc3_groundstation.services.parameter_table import Change
 from gloc3_groundstation.services.progress import Progress
@@ -24,7 +24,7 @@ from gloc3_groundstation.services.vehicle import Garage, VehicleServices
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 
-PROGRAM = "import sys; from gloc3_sitl.cli import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
+PROGRAM = "import sys; from gloc3_sitl.cli.sitl import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
 FIRMWARES = {"px4": Firmware.PX4, "ardupilot": Firmware.ARDUPILOT}
 ACTION_PARAMETER = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
 PLAN = Plan(

@@ -4,9 +4,9 @@ import asyncio
 
 import pytest
 
-from gloc3.link.command import CommandResult
-from gloc3.link.parameter import ParameterEncoding
-from gloc3.link.version import Capability, Version
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.parameter import ParameterEncoding
+from gloc3.mavlink.services.version import Capability, Version
 from gloc3_groundstation.services.facts import Firmware, VehicleFacts
 
 from .scripted_vehicle import ARDUPILOT, PX4, VEHICLE, Scene, over

@@ -6,30 +6,30 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
-from tests.onboard.scan_matching.rays import HOLD, Scanner
+from tests.onboard.algorithms.scan_matching.rays import HOLD, Scanner
+from tests.onboard.algorithms.vision import test_ground_odometer as floor
+from tests.onboard.algorithms.vision import test_optical_follower as tracker
+from tests.onboard.algorithms.vision import wall
 from tests.onboard.scripted_sources import ScriptedSource
-from tests.onboard.vision import test_ground_odometer as floor
-from tests.onboard.vision import test_optical_follower as tracker
-from tests.onboard.vision import wall
 
-from gloc3.camera_model import CameraModel
-from gloc3.component import Component
-from gloc3.deployment import ComponentRow
-from gloc3.messages import Message
-from gloc3.perception import LaserScan, Odometry, PositionFix
-from gloc3.testing import Bench
-from gloc3.vehicle import Image, Pose
-from gloc3_onboard.devices import StampedImage, StampedPair, StampedScan
-from gloc3_onboard.processors.features import FeatureProcessor
-from gloc3_onboard.processors.ground_odometry import GroundOdometryProcessor
-from gloc3_onboard.processors.laser_odometry import LaserOdometryProcessor
-from gloc3_onboard.processors.optical_follower import OpticalFollowerProcessor
-from gloc3_onboard.processors.pose_fusion import PoseFusionProcessor
-from gloc3_onboard.processors.stereo_odometry import StereoOdometryProcessor
-from gloc3_onboard.samplers.camera import CameraSampler
-from gloc3_onboard.samplers.laser import LaserSampler
-from gloc3_onboard.samplers.stereo_camera import StereoCameraSampler
-from gloc3_onboard.scan_matching.planar import Planar
+from gloc3.camera.model import CameraModel
+from gloc3.component.component import Component
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.test_bench import Bench
+from gloc3.messages.envelope import Message
+from gloc3.messages.perception import LaserScan, Odometry, PositionFix
+from gloc3.messages.vehicle import Image, Pose
+from gloc3_onboard.algorithms.scan_matching.planar import Planar
+from gloc3_onboard.components.processors.features import FeatureProcessor
+from gloc3_onboard.components.processors.ground_odometry import GroundOdometryProcessor
+from gloc3_onboard.components.processors.laser_odometry import LaserOdometryProcessor
+from gloc3_onboard.components.processors.optical_follower import OpticalFollowerProcessor
+from gloc3_onboard.components.processors.pose_fusion import PoseFusionProcessor
+from gloc3_onboard.components.processors.stereo_odometry import StereoOdometryProcessor
+from gloc3_onboard.components.samplers.camera import CameraSampler
+from gloc3_onboard.components.samplers.laser import LaserSampler
+from gloc3_onboard.components.samplers.stereo_camera import StereoCameraSampler
+from gloc3_onboard.sensors.devices import StampedImage, StampedPair, StampedScan
 
 HEIGHT_M = floor.HEIGHT_M
 LAMP = tracker.place(0)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from tests.onboard.algorithms.vision import test_optical_follower as tracker
 from tests.onboard.bad_input.chains import (
     CHAINS,
     HEIGHT_M,
@@ -20,12 +21,11 @@ from tests.onboard.bad_input.chains import (
 )
 from tests.onboard.messages import autopilot_pose, flying
 from tests.onboard.scripted_sources import ScriptedSource
-from tests.onboard.vision import test_optical_follower as tracker
 
-from gloc3.lci import State
-from gloc3.perception import ImuSample
-from gloc3.testing import Bench
-from gloc3.vehicle import HeightAboveGround, Image
+from gloc3.component.lci import State
+from gloc3.component.test_bench import Bench
+from gloc3.messages.perception import ImuSample
+from gloc3.messages.vehicle import HeightAboveGround, Image
 
 STEP_S = 0.01
 STEPS_A_FRAME = 10

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gloc3.camera_model import CameraModel, Lens
+from gloc3.camera.model import CameraModel, Lens
 from gloc3.errors import InputError, Refused
-from gloc3.frames import rotate
+from gloc3.messages.frames import rotate
 from gloc3_onboard.calibration.fit import misfit
 from gloc3_onboard.calibration.mounting import frd_from_axes
 from gloc3_onboard.calibration.reader import read_calibration, read_reference
@@ -129,7 +129,7 @@ def test_a_camchain_of_kalibr_places_every_camera_on_the_body(tmp_path: Path) ->
 
 
 def test_calibrations_of_opencv_and_kalibr_project_as_opencv_does(tmp_path: Path) -> None:
-    from gloc3.camera_geometry import project
+    from gloc3.camera.geometry import project
 
     points = np.array([[0.3, -0.2, 1.0], [-0.5, 0.4, 2.0], [0.1, 0.1, 0.7]])
     for name in ("cam0", "cam1"):

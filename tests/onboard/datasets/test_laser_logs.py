@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from gloc3.errors import InputError, Refused
+from gloc3_onboard.algorithms.scan_matching.planar import Planar
+from gloc3_onboard.algorithms.scan_matching.scan_points import ranges_of
 from gloc3_onboard.datasets.laser_log import LaserLog
 from gloc3_onboard.datasets.laser_logs import read_laser_log
-from gloc3_onboard.scan_matching.planar import Planar
-from gloc3_onboard.scan_matching.scan_points import ranges_of
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "lidar"
 REAL = pytest.mark.skipif(not DATA.is_dir(), reason="the data sets are not beside the project")

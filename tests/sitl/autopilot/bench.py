@@ -5,15 +5,15 @@ from collections.abc import Callable, Sequence
 from math import dist, nan
 from typing import Any
 
-from gloc3.frames import TangentPlane, Vector3
-from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.mission_client import MissionClient, Transfer
-from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.codec import Encoder, Parser, message
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.services.mission_client import MissionClient, Transfer
+from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
+from gloc3.messages.frames import TangentPlane, Vector3
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.pilot import Pilot
-from gloc3_sitl.simulator import Simulator
+from gloc3_sitl.vehicles.simulator import Simulator
 from gloc3_sitl.world import World
 
 POSITION_AND_VELOCITY = 0b100111000000

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gloc3.link.codec import MavlinkMessage
+from gloc3.mavlink.codec import MavlinkMessage
 from gloc3_sitl.autopilot.modes import Result
 
 from .bench import ARM, Bench

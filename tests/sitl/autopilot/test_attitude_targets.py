@@ -4,7 +4,7 @@ from math import radians
 
 import pytest
 
-from gloc3.frames import Quaternion, from_euler, to_euler
+from gloc3.messages.frames import Quaternion, from_euler, to_euler
 from gloc3_sitl.autopilot.modes import Result
 
 from .bench import Bench

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gloc3.frames import from_euler, rotate, to_euler, wrap_pi
+from gloc3.messages.frames import from_euler, rotate, to_euler, wrap_pi
 from gloc3_sitl.autopilot.airframe import PELICAN
 from gloc3_sitl.autopilot.control.attitude import AttitudeController, attitude_for
 from gloc3_sitl.autopilot.control.mixer import Mixer

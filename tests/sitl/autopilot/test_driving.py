@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from gloc3.link.plan import PlanItem, PlanResult
+from gloc3.mavlink.services.plan import PlanItem, PlanResult
 from gloc3_sitl.autopilot.modes import Result
-from gloc3_sitl.water import Water, Waves
-from gloc3_sitl.wind import gusty
+from gloc3_sitl.physics.water import Water, Waves
+from gloc3_sitl.physics.wind import gusty
 from gloc3_sitl.world import World
 
 from .bench import ARM, POSITION, REPOSITION, TAKE_OFF, VELOCITY, Bench

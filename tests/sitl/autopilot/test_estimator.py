@@ -5,7 +5,16 @@ from random import Random
 
 import pytest
 
-from gloc3.frames import GeoPoint, Quaternion, TangentPlane, Vector3, from_euler, rotate_back, to_euler, wrap_pi
+from gloc3.messages.frames import (
+    GeoPoint,
+    Quaternion,
+    TangentPlane,
+    Vector3,
+    from_euler,
+    rotate_back,
+    to_euler,
+    wrap_pi,
+)
 from gloc3_sitl.autopilot.estimator.axis import AxisFilter
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdometry, Fix, Source

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.modes import Result
 
 from .bench import POSITION_AND_VELOCITY, VELOCITY, Bench

@@ -4,9 +4,9 @@ from math import sqrt
 
 import pytest
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.modes import Result
-from gloc3_sitl.wind import gusty
+from gloc3_sitl.physics.wind import gusty
 
 from .bench import ARM, LAND, TAKE_OFF, Bench
 

@@ -5,8 +5,8 @@ from random import Random
 
 import pytest
 
-from gloc3.link.message import Address
-from gloc3.vehicle import Pose
+from gloc3.mavlink.message import Address
+from gloc3.messages.vehicle import Pose
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_sitl.autopilot.modes import Result
 

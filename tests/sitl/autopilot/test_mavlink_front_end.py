@@ -7,13 +7,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gloc3.link.codec import Encoder, Parser, message, shape
+from gloc3.mavlink.codec import Encoder, Parser, message, shape
 from gloc3_sitl.autopilot.mavlink.commands import HANDLERS
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.surroundings import Power
 from gloc3_sitl.autopilot.verdict import Author
-from gloc3_sitl.simulator import BOOT_S, Simulator
+from gloc3_sitl.vehicles.simulator import BOOT_S, Simulator
 from gloc3_sitl.world import World
 
 from .bench import ARM, REPOSITION, SET_MODE, Bench

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gloc3.link.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3_sitl.autopilot.mission import MissionState
 from gloc3_sitl.autopilot.modes import Result
 

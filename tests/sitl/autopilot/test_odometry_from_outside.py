@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from gloc3.frames import conjugate, from_yaw, multiply, rotate_back
+from gloc3.messages.frames import conjugate, from_yaw, multiply, rotate_back
 from gloc3_sitl.autopilot.modes import Result
 
 from .bench import Bench

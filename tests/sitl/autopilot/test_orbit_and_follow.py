@@ -5,7 +5,7 @@ from math import atan2, dist, hypot, nan
 
 import pytest
 
-from gloc3.frames import TangentPlane, wrap_pi
+from gloc3.messages.frames import TangentPlane, wrap_pi
 from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
 from gloc3_sitl.autopilot.modes import Result
 

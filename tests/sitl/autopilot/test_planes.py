@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from gloc3.link.plan import PlanItem, PlanResult
+from gloc3.mavlink.services.plan import PlanItem, PlanResult
 from gloc3_sitl.autopilot.modes import Result
-from gloc3_sitl.wind import gusty
+from gloc3_sitl.physics.wind import gusty
 
 from .bench import ARM, REPOSITION, TAKE_OFF, Bench
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from gloc3.link.plan import PlanResult
+from gloc3.mavlink.services.plan import PlanResult
 from gloc3_sitl.autopilot.modes import Result
-from gloc3_sitl.simulator import BOOT_S
+from gloc3_sitl.vehicles.simulator import BOOT_S
 
 from .bench import ARM, Bench
 

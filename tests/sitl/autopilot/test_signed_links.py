@@ -4,10 +4,10 @@ from collections import Counter
 
 import pytest
 
-from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.signing import Signing, is_signed_with, timestamp
+from gloc3.mavlink.codec import Encoder, Parser, message
+from gloc3.mavlink.signing import Signing, is_signed_with, timestamp
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
-from gloc3_sitl.simulator import Simulator
+from gloc3_sitl.vehicles.simulator import Simulator
 from gloc3_sitl.world import World
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])

@@ -7,11 +7,11 @@ import pytest
 
 from gloc3.clock import run_virtual
 from gloc3.errors import Misuse, Refused
-from gloc3.frames import GeoPoint
-from gloc3.link.codec import Parser
-from gloc3.link.memory import Conditions, MemoryLink
+from gloc3.mavlink.codec import Parser
+from gloc3.mavlink.transport.memory import Conditions, MemoryLink
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.verdict import Author
-from gloc3_sitl.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
 from gloc3_sitl.world import World
 
 pytestmark = pytest.mark.thorough

@@ -9,11 +9,11 @@ import sys
 import pytest
 
 from gloc3.errors import Misuse, Refused
-from gloc3.link.codec import Encoder, Parser, message
+from gloc3.mavlink.codec import Encoder, Parser, message
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
-from gloc3_sitl.cli import app, read_home, read_link, read_parameter
+from gloc3_sitl.cli.sitl import app, read_home, read_link, read_parameter
 
-PROGRAM = "import sys; from gloc3_sitl.cli import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
+PROGRAM = "import sys; from gloc3_sitl.cli.sitl import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
 
 
 def test_links_are_for_stations_unless_the_port_or_a_word_says_companion() -> None:

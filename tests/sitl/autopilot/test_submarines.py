@@ -6,12 +6,12 @@ import pytest
 from msgspec.structs import replace
 
 from gloc3.errors import Misuse
-from gloc3.frames import Vector3, to_euler, wrap_pi
+from gloc3.messages.frames import Vector3, to_euler, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
 from gloc3_sitl.autopilot.estimator.sources import ExternalOdometry
 from gloc3_sitl.autopilot.verdict import Author
-from gloc3_sitl.simulator import Simulator
-from gloc3_sitl.water import rough
+from gloc3_sitl.physics.water import rough
+from gloc3_sitl.vehicles.simulator import Simulator
 from gloc3_sitl.world import World
 
 GUIDED, SURFACE, ALT_HOLD, POSHOLD, MANUAL = 4, 9, 2, 16, 19

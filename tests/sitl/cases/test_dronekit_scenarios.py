@@ -14,8 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.sitl.dronekit_client import ACCEPTED, GUIDED, Vehicle
 from tests.sitl.mavsdk_client import ALTITUDE_M, LATITUDE_DEG, degrees_north, simulated_vehicle
 
-from gloc3_sitl.cli import ARDUPILOTS_LINK, read_link
-from gloc3_sitl.simulator import LinkKind
+from gloc3_sitl.cli.sitl import ARDUPILOTS_LINK, read_link
+from gloc3_sitl.vehicles.simulator import LinkKind
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 

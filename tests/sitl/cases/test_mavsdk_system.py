@@ -20,8 +20,8 @@ from mavsdk.plugins.param import Param
 from tests.sitl.mavsdk_client import Client, client_at, item, outcome, simulated_vehicle
 from tests.sitl.relay import relay
 
-from gloc3.link.codec import Encoder, Parser, message
-from gloc3.link.message import Address
+from gloc3.mavlink.codec import Encoder, Parser, message
+from gloc3.mavlink.message import Address
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 

@@ -9,9 +9,9 @@ from typing import Final
 
 from tests.sitl.firmware.px4_peer import BARO, GYRO, MAG, Px4Peer
 
-from gloc3.frames import GeoPoint
-from gloc3.link.message import MavlinkMessage
-from gloc3.messages import Severity
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Send

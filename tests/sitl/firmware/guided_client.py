@@ -7,10 +7,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Self
 
-from gloc3.link import codec
-from gloc3.link.codec import Encoder, Parser
-from gloc3.link.endpoints import Endpoint, open_endpoint
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Encoder, Parser
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
 
 GUIDED, LAND = 4, 9
 EKF_POSITION = 8 | 16

@@ -10,8 +10,8 @@ from tests.sitl.firmware.embedded_px4 import EmbeddedPx4
 from tests.sitl.firmware.px4_peer import Px4Peer
 
 from gloc3.clock import VIRTUAL_EPOCH_S, VirtualLoop
-from gloc3.frames import GeoPoint
-from gloc3.link.memory import MemoryEnd
+from gloc3.mavlink.transport.memory import MemoryEnd
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.px4 import RATE_HZ, Px4Bridge
 from gloc3_sitl.world import World

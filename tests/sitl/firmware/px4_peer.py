@@ -8,9 +8,9 @@ HIL_ACTUATOR_CONTROLS with that time. Groups of fields count only where all of t
 from collections import Counter
 from collections.abc import Callable
 
-from gloc3.link import codec
-from gloc3.link.codec import Encoder, Parser
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Encoder, Parser
+from gloc3.mavlink.message import MavlinkMessage
 
 ACCEL, GYRO, MAG, BARO, DIFF = 0b111, 0b111000, 0b111000000, 0b1101000000000, 0b10000000000
 GROUPS = {"accel": ACCEL, "gyro": GYRO, "mag": MAG, "baro": BARO, "diff_press": DIFF}

@@ -11,8 +11,8 @@ from tests.sitl.firmware.guided_client import REBOOT, GuidedClient
 from gloc3.log.reader import LogReader
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
-from gloc3_sitl.flight_messages import SimTruth
-from gloc3_sitl.wind import CALM, Wind
+from gloc3_sitl.flight.messages import SimTruth
+from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.world import World
 
 WAYPOINTS = ((5.0, 0.0, 3.0), (5.0, 5.0, 4.0), (0.0, 5.0, 3.0), (0.0, 0.0, 3.0))

@@ -34,7 +34,7 @@ def ardupilot(port: int, line_port: int) -> None:
     """Sends a heartbeat each second, and what it hears back to where it came from."""
     from tests.sitl.firmware.json_peer import JsonPeer
 
-    from gloc3.link.codec import Encoder, message
+    from gloc3.mavlink.codec import Encoder, message
 
     peer, encoder, beats = JsonPeer(), Encoder(1, 1), 0
     with (

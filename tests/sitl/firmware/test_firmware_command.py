@@ -15,7 +15,7 @@ from tests.sitl.firmware.json_peer import JsonPeer
 from tests.sitl.firmware.px4_peer import Px4Peer
 
 from gloc3.errors import Refused
-from gloc3_sitl.cli import app
+from gloc3_sitl.cli.sitl import app
 from gloc3_sitl.firmware import pace
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.parameters import preset_text, read_parameters

@@ -10,8 +10,8 @@ import pytest
 from tests.sitl.firmware.test_firmware_command import program
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3_sitl.fault_effects import EFFECTS
-from gloc3_sitl.faults import read_fault
+from gloc3_sitl.faults.fault_effects import EFFECTS
+from gloc3_sitl.faults.faults import read_fault
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import FirmwareInStep
 from gloc3_sitl.world import World

@@ -5,8 +5,8 @@ from math import cos, sin
 
 import pytest
 
-from gloc3.frames import GeoPoint, to_euler
-from gloc3_sitl.physics import Quadrotor
+from gloc3.messages.frames import GeoPoint, to_euler
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
 
 Throttles = tuple[float, float, float, float]
 Pilot = Callable[[Quadrotor], Throttles]

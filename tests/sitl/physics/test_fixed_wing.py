@@ -4,12 +4,12 @@ from math import atan2, cos, hypot, pi, sin
 
 import pytest
 
-from gloc3.frames import GeoPoint, from_euler, rotate_back, to_euler
-from gloc3_sitl.body import Situation
-from gloc3_sitl.fixed_wing import FixedWing
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import GeoPoint, from_euler, rotate_back, to_euler
+from gloc3_sitl.physics.body import Situation
+from gloc3_sitl.physics.fixed_wing import FixedWing
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.physics.wind import gusty
 from gloc3_sitl.vehicles.aerosonde import AEROSONDE
-from gloc3_sitl.wind import gusty
 
 HOME = GeoPoint(47.0, 8.0, 0.0)
 

@@ -4,10 +4,10 @@ from statistics import fmean, stdev
 
 import pytest
 
-from gloc3.frames import GeoPoint, Vector3
-from gloc3_sitl.gusts import Gusts
-from gloc3_sitl.physics import Quadrotor
-from gloc3_sitl.wind import gusty
+from gloc3.messages.frames import GeoPoint, Vector3
+from gloc3_sitl.physics.gusts import Gusts
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.physics.wind import gusty
 
 PERIOD_S = 0.05
 

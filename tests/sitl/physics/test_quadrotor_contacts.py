@@ -4,9 +4,9 @@ from math import sqrt
 
 import pytest
 
-from gloc3.frames import GeoPoint, Vector3, from_euler
-from gloc3_sitl.physics import Quadrotor
-from gloc3_sitl.wind import Wind
+from gloc3.messages.frames import GeoPoint, Vector3, from_euler
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.physics.wind import Wind
 
 pytestmark = pytest.mark.thorough
 

@@ -8,8 +8,8 @@ from math import cosh, exp, log, pi, sqrt
 import pytest
 
 from gloc3.errors import Misuse
-from gloc3.frames import GeoPoint, TangentPlane, from_yaw, to_euler
-from gloc3_sitl.physics import Quadrotor
+from gloc3.messages.frames import GeoPoint, TangentPlane, from_yaw, to_euler
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
 from gloc3_sitl.vehicles import PELICAN
 
 STOP = (0.0, 0.0, 0.0, 0.0)
@@ -137,7 +137,7 @@ def test_velocity_adds_up_to_the_way_flown(home: GeoPoint) -> None:
 def test_the_specific_force_carries_the_velocity_from_one_step_to_the_next(
     home: GeoPoint, pilot: Callable[..., Callable[[Quadrotor], tuple[float, float, float, float]]]
 ) -> None:
-    from gloc3.frames import rotate
+    from gloc3.messages.frames import rotate
 
     vehicle, hold = Quadrotor("pelican", home), pilot(5.0)
     vehicle.place((4.0, -3.0, -5.0))

@@ -10,18 +10,18 @@ from statistics import fmean, stdev
 
 import pytest
 
-from gloc3.frames import GeoPoint, Vector3, to_euler
-from gloc3_sitl.physics import Quadrotor
+from gloc3.messages.frames import GeoPoint, Vector3, to_euler
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.physics.wind import CALM, Wind, gusty
 from gloc3_sitl.vehicles import PELICAN
-from gloc3_sitl.wind import CALM, Wind, gusty
 
 pytestmark = pytest.mark.thorough
 
 SCRIPT = """
 import hashlib, struct, sys
-from gloc3.frames import GeoPoint
-from gloc3_sitl.physics import Quadrotor
-from gloc3_sitl.wind import gusty
+from gloc3.messages.frames import GeoPoint
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.physics.wind import gusty
 vehicle = Quadrotor("pelican", GeoPoint(39.5528, 2.6285, 2.0), gusty(6.0, 30.0), seed=int(sys.argv[1]))
 digest = hashlib.sha256()
 for i in range(1000):

@@ -4,9 +4,9 @@ from math import hypot, pi
 
 import pytest
 
-from gloc3.frames import GeoPoint
-from gloc3_sitl.body import Situation
-from gloc3_sitl.rover import SkidRover
+from gloc3.messages.frames import GeoPoint
+from gloc3_sitl.physics.body import Situation
+from gloc3_sitl.physics.rover import SkidRover
 from gloc3_sitl.vehicles.jackal import JACKAL
 
 HOME = GeoPoint(47.0, 8.0, 400.0)

@@ -7,13 +7,13 @@ import pytest
 from msgspec.structs import replace
 
 from gloc3.errors import Misuse
-from gloc3.frames import GRAVITY_M_S2, GeoPoint, Vector3, from_euler, to_euler
-from gloc3_sitl.sea import Sea
-from gloc3_sitl.underwater import UnderwaterVehicle, mass_matrix
+from gloc3.messages.frames import GRAVITY_M_S2, GeoPoint, Vector3, from_euler, to_euler
+from gloc3_sitl.physics.sea import Sea
+from gloc3_sitl.physics.underwater import UnderwaterVehicle, mass_matrix
+from gloc3_sitl.physics.water import Water, Waves
 from gloc3_sitl.vehicles.auv import AUV
 from gloc3_sitl.vehicles.rov import ROV
 from gloc3_sitl.vehicles.underwater import UnderwaterModel, steady_thrust_n
-from gloc3_sitl.water import Water, Waves
 
 HOME = GeoPoint(41.0, -70.0, 0.0)
 DEEP = Water(floor_m=-300.0)

@@ -6,12 +6,12 @@ from statistics import pstdev
 
 import pytest
 
-from gloc3.frames import GeoPoint, to_euler
-from gloc3_sitl.body import Situation
+from gloc3.messages.frames import GeoPoint, to_euler
+from gloc3_sitl.physics.body import Situation
+from gloc3_sitl.physics.vessel import Vessel, hydrodynamics
+from gloc3_sitl.physics.water import STILL, Water, Waves
+from gloc3_sitl.physics.wind import CALM, Wind, gusty
 from gloc3_sitl.vehicles.otter import OTTER
-from gloc3_sitl.vessel import Vessel, hydrodynamics
-from gloc3_sitl.water import STILL, Water, Waves
-from gloc3_sitl.wind import CALM, Wind, gusty
 
 HOME = GeoPoint(63.4, 10.4, 0.0)
 

@@ -6,8 +6,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from gloc3.frames import IDENTITY, GeoPoint
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import IDENTITY, GeoPoint
+from gloc3_sitl.physics.truth import Truth
 
 HOME = GeoPoint(39.5528, 2.6285, 2.0)
 

@@ -4,9 +4,9 @@ from math import radians
 
 import pytest
 
-from gloc3.frames import Quaternion, from_euler
+from gloc3.messages.frames import Quaternion, from_euler
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl import FAR_M, NOISE_M_S, SCALE, DvlModel
-from gloc3_sitl.truth import Truth
 
 LEVEL = from_euler(0.0, 0.0, 0.0)
 

@@ -7,11 +7,11 @@ from statistics import fmean, stdev
 
 import pytest
 
-from gloc3.frames import GeoPoint, TangentPlane, from_euler, rotate
+from gloc3.messages.frames import GeoPoint, TangentPlane, from_euler, rotate
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors import barometer, battery, fix, height, imu, magnetometer
 from gloc3_sitl.sensors.magnetic_field import declination_deg, field_ned_tesla, inclination_deg
 from gloc3_sitl.sensors.readings import FixKind
-from gloc3_sitl.truth import Truth
 from gloc3_sitl.vehicles import PELICAN
 
 pytestmark = pytest.mark.thorough

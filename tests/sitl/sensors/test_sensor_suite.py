@@ -8,8 +8,9 @@ from typing import TypeVar
 import pytest
 
 from gloc3.errors import Misuse
-from gloc3.frames import GeoPoint, TangentPlane, Vector3
-from gloc3_sitl.physics import Quadrotor
+from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
     BatteryReading,
@@ -21,7 +22,6 @@ from gloc3_sitl.sensors.readings import (
     Reading,
 )
 from gloc3_sitl.sensors.suite import SensorSuite
-from gloc3_sitl.truth import Truth
 
 pytestmark = pytest.mark.thorough
 

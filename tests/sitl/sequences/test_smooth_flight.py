@@ -6,7 +6,7 @@ from math import dist, hypot, pi
 import numpy as np
 import pytest
 
-from gloc3.frames import conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector, yaw_of
+from gloc3.messages.frames import conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector, yaw_of
 from gloc3_sitl.sequences.smooth_flight import SmoothFlight
 from gloc3_sitl.world import World
 

@@ -10,9 +10,9 @@ import yaml
 from numpy.typing import NDArray
 
 from gloc3.errors import Refused
-from gloc3_onboard.odometry_ground import ground as odometry
-from gloc3_onboard.odometry_report import ReportOptions
-from gloc3_sitl.record_cli import Form, lap, record
+from gloc3_onboard.cli.odometry_ground import ground as odometry
+from gloc3_onboard.cli.odometry_report import ReportOptions
+from gloc3_sitl.cli.record import Form, lap, record
 from gloc3_sitl.sequences.carmen import write_carmen
 from gloc3_sitl.sequences.euroc import write_euroc
 from gloc3_sitl.sequences.kitti import write_kitti

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from gloc3.frames import Vector3, from_euler
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import Vector3, from_euler
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
 
 STANDING_HEIGHT_M = 0.0973

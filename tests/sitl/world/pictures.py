@@ -5,9 +5,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.frames import rotate
-from gloc3_sitl.truth import Truth
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.messages.frames import rotate
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.imager import Imager

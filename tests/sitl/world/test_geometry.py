@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from gloc3.frames import IDENTITY, Vector3, from_euler
+from gloc3.messages.frames import IDENTITY, Vector3, from_euler
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.coverage import Coverage
 from gloc3_sitl.world.geometry import Geometry

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from gloc3.frames import Vector3
-from gloc3_sitl.truth import Truth
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.imager import Imager

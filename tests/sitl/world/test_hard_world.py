@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from gloc3_sitl.truth import Truth
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.model import Dust, Exposure, Lamp, Lighting

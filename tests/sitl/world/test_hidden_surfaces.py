@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gloc3.camera_geometry import matrix, unproject
-from gloc3_sitl.truth import Truth
+from gloc3.camera.geometry import matrix, unproject
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.geometry import Geometry

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gloc3.perception import LaserScan
-from gloc3_sitl.truth import Truth
+from gloc3.messages.perception import LaserScan
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
 

@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from gloc3.camera_model import CameraModel, Lens
-from gloc3.frames import Vector3, rotate_back
-from gloc3_sitl.truth import Truth
+from gloc3.camera.model import CameraModel, Lens
+from gloc3.messages.frames import Vector3, rotate_back
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 

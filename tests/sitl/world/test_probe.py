@@ -6,9 +6,9 @@ from math import cos, inf, tan
 import msgspec
 import pytest
 
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.height import HeightSensor
 from gloc3_sitl.sensors.range_finder import level_ground
-from gloc3_sitl.truth import Truth
 from gloc3_sitl.world import World
 from gloc3_sitl.world.probe import WorldProbe
 

@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from gloc3.camera_geometry import matrix, project
-from gloc3.frames import Vector3
-from gloc3_sitl.truth import Truth
+from gloc3.camera.geometry import matrix, project
+from gloc3.messages.frames import Vector3
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.model import Box, Light, Tracker
 from gloc3_sitl.world.texture import Image

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import InputError
-from gloc3.frames import GeoPoint
-from gloc3_sitl.physics import Quadrotor
+from gloc3.messages.frames import GeoPoint
+from gloc3_sitl.physics.jsbsim_body import Quadrotor
 from gloc3_sitl.world import World
 
 pytestmark = pytest.mark.thorough

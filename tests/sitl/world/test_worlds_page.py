@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gloc3_sitl.faults import read_fault
-from gloc3_sitl.sim_rig import SIM_DEVICES
+from gloc3_sitl.faults.faults import read_fault
+from gloc3_sitl.flight.sim_rig import SIM_DEVICES
 from gloc3_sitl.world import World
 
 pytestmark = pytest.mark.thorough

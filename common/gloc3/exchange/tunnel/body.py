@@ -9,8 +9,8 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
-from gloc3.messages import Envelope, Message
-from gloc3.wire import from_array, to_array
+from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.wire import from_array, to_array
 
 MAX_UNPACKED: Final = 512 * 1024
 """Bytes of a payload after inflating; what claims more is damaged."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from gloc3.ci import CiReply, CiRequest
-from gloc3.ci_summaries import Summary
 from gloc3.errors import Misuse, Refused
 from gloc3.exchange.tunnel.body import ReliableBody, pack_reliable, unpack_reliable, unpack_status
 from gloc3.exchange.tunnel.frames import (
@@ -22,13 +20,7 @@ from gloc3.exchange.tunnel.frames import (
     decode,
 )
 from gloc3.exchange.tunnel.gate import Gate, NotTaken
-from gloc3.exchange.tunnel.happenings import (
-    Acknowledged,
-    Counters,
-    Delivered,
-    Happening,
-    Undelivered,
-)
+from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Delivered, Happening, Undelivered
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, Lane, Role
 from gloc3.exchange.tunnel.outbox import Outbox
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget, Pacer
@@ -41,11 +33,13 @@ from gloc3.exchange.tunnel.sending import Outgoing
 from gloc3.exchange.tunnel.status import StatusSender
 from gloc3.exchange.tunnel.summary import unpack as unpack_summary
 from gloc3.exchange.tunnel.table import OwnTable
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.messages import Envelope
-from gloc3.topics import TopicTable
-from gloc3.watch import Sample, TopicActivity
-from gloc3.wire import VersionsDiffer, WireError
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.command_interface import CiReply, CiRequest
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import Summary
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.watch import Sample, TopicActivity
+from gloc3.messages.wire import VersionsDiffer, WireError
 
 MAX_SENDERS: Final = 256
 MAX_HOMELESS: Final = 32

@@ -10,9 +10,9 @@ from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.peer import Peer
 from gloc3.exchange.tunnel.routes import route
 from gloc3.exchange.tunnel.table import Channel
-from gloc3.messages import Envelope, Message
-from gloc3.topics import TopicTable
-from gloc3.wire import VersionsDiffer, WireError
+from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.wire import VersionsDiffer, WireError
 
 
 class NotTaken(Gloc3Error):

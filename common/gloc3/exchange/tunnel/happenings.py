@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 
 from gloc3.exchange.tunnel.layout import Role
-from gloc3.link.message import Address
-from gloc3.messages import Envelope
+from gloc3.mavlink.message import Address
+from gloc3.messages.envelope import Envelope
 
 
 class Delivered(msgspec.Struct, frozen=True):

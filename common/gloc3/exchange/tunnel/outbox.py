@@ -18,7 +18,7 @@ from gloc3.exchange.tunnel.peer import Peer
 from gloc3.exchange.tunnel.peers import Peers
 from gloc3.exchange.tunnel.status import StatusSender
 from gloc3.exchange.tunnel.table import OwnTable
-from gloc3.link.message import Address
+from gloc3.mavlink.message import Address
 
 EVERYBODY: Final = Address(0, 0)
 HELLO_PERIOD_S: Final = {Role.STATION: 0.5, Role.PLATFORM: 1.0}

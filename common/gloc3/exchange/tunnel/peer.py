@@ -12,7 +12,7 @@ from gloc3.exchange.tunnel.receiving import ReliableReceiver
 from gloc3.exchange.tunnel.sending import ReliableSender
 from gloc3.exchange.tunnel.status import StatusReceiver
 from gloc3.exchange.tunnel.table import Channel, PeerTable
-from gloc3.link.message import Address
+from gloc3.mavlink.message import Address
 
 SILENT_AFTER_S: Final = 8.0
 ASK_SPACING_S: Final = 0.4

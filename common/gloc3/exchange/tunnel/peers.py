@@ -6,17 +6,10 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from gloc3.exchange.tunnel.frames import Hello
-from gloc3.exchange.tunnel.happenings import (
-    Counters,
-    Happening,
-    PeerChanged,
-    TokenChanged,
-    Trouble,
-    Undelivered,
-)
+from gloc3.exchange.tunnel.happenings import Counters, Happening, PeerChanged, TokenChanged, Trouble, Undelivered
 from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.peer import Peer
-from gloc3.link.message import Address
+from gloc3.mavlink.message import Address
 
 MAX_PEERS: Final = 128
 """A station has a hundred vehicles behind one link, and room for some more."""

@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.ci import CiReply, CiRequest, Emergency, LoadMission, ReadMission, Steer, Verb
-from gloc3.ci_summaries import ComponentTable, ContactSummary
 from gloc3.exchange.tunnel.layout import Lane, Role
-from gloc3.teleoperation import VelocityDemand
-from gloc3.topics import TopicRow
-from gloc3.watch import LARGE, WATCH, Sample
+from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, LoadMission, ReadMission, Steer, Verb
+from gloc3.messages.summaries import ComponentTable, ContactSummary
+from gloc3.messages.teleoperation import VelocityDemand
+from gloc3.messages.topics import TopicRow
+from gloc3.messages.watch import LARGE, WATCH, Sample
 
 
 class Route(msgspec.Struct, frozen=True):

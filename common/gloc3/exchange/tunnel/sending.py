@@ -21,7 +21,7 @@ from gloc3.exchange.tunnel.layout import DUTIES, Lane
 from gloc3.exchange.tunnel.path import RoundTrips
 from gloc3.exchange.tunnel.reader import unwrap
 from gloc3.exchange.tunnel.reliable_frames import CHUNK, Ack, Data
-from gloc3.messages import Envelope
+from gloc3.messages.envelope import Envelope
 
 MAX_FRAGMENTS: Final = 640
 MAX_BODY: Final = CHUNK * MAX_FRAGMENTS

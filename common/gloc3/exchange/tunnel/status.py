@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, Final
 
-from gloc3.ci_motion import MotionSummary
-from gloc3.ci_summaries import Summary
 from gloc3.exchange.tunnel.body import pack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import ROOM
 from gloc3.exchange.tunnel.reader import FrameError, varint
 from gloc3.exchange.tunnel.summary import SummaryPacker, room
-from gloc3.messages import Envelope
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.motion import MotionSummary
+from gloc3.messages.summaries import Summary
 
 StatusFrame = Status | StatusPart | SummaryRows
 

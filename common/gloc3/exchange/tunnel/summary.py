@@ -9,10 +9,10 @@ from __future__ import annotations
 import struct
 from typing import Any, Final
 
-from gloc3.ci_summaries import ComponentLine, Health, Summary
 from gloc3.exchange.tunnel.layout import ROOM
 from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
-from gloc3.messages import Envelope
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import ComponentLine, Health, Summary
 
 _T_S: Final = struct.Struct("<d")
 _HEALTH: Final = tuple(Health)

@@ -10,7 +10,7 @@ import msgspec
 from gloc3.errors import Refused
 from gloc3.exchange.tunnel.layout import SEALED_ROOM
 from gloc3.exchange.tunnel.reader import FrameError
-from gloc3.messages import Envelope, Source
+from gloc3.messages.envelope import Envelope, Source
 
 MAX_ROWS: Final = 2048
 """Rows that one process may have; a peer's further ones are ignored."""

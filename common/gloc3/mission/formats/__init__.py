@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from gloc3.document import load_bytes
+from gloc3.documents.document import load_bytes
 from gloc3.errors import Finding, InputError
-from gloc3.frames import LocalFrame
+from gloc3.messages.frames import LocalFrame
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats.from_mission import from_mission
 from gloc3.mission.formats.items import Plan
@@ -16,9 +16,9 @@ from gloc3.mission.formats.plan_source import MAX_BYTES
 from gloc3.mission.formats.plan_writer import write_plan
 from gloc3.mission.formats.to_mission import to_mission
 from gloc3.mission.formats.wpl import read_wpl, write_wpl
-from gloc3.mission.library import bundled
-from gloc3.mission.model import Mission
-from gloc3.mission.writer import write_mission
+from gloc3.mission.model.model import Mission
+from gloc3.mission.reading.library import bundled
+from gloc3.mission.reading.writer import write_mission
 
 PLAN_SUFFIXES: Final = (".plan",)
 WPL_SUFFIXES: Final = (".waypoints", ".txt", ".wpl", ".mission")

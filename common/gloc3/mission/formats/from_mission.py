@@ -3,8 +3,9 @@
 from typing import Final
 
 from gloc3.errors import Finding, InputError
-from gloc3.frames import GeoPoint
-from gloc3.mission.arguments import (
+from gloc3.messages.frames import GeoPoint
+from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.model.arguments import (
     Arguments,
     Dive,
     DriveOff,
@@ -19,11 +20,10 @@ from gloc3.mission.arguments import (
     TakeOff,
     Wait,
 )
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
-from gloc3.mission.model import GEO, AreaFile, GeofenceFile, Mission, where_of
-from gloc3.mission.patterns import Pattern
-from gloc3.mission.placement import GeoPlacement, HeightAbove
-from gloc3.mission.structure import PartialOrder
+from gloc3.mission.model.model import GEO, AreaFile, GeofenceFile, Mission, where_of
+from gloc3.mission.model.patterns import Pattern
+from gloc3.mission.model.placement import GeoPlacement, HeightAbove
+from gloc3.mission.model.structure import PartialOrder
 
 _FRAMES: Final = {HeightAbove.SEA: 0, HeightAbove.HOME: 3, HeightAbove.GROUND: 10}
 _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 from msgspec import structs
 
-from gloc3.frames import LocalFrame, Vector3
-from gloc3.mission.arguments import Arguments, FollowWaypoints, GoTo, Heading, Land, LookAt
-from gloc3.mission.model import GEO, AreaFile, GeoCircle, GeofenceFile, Mission
-from gloc3.mission.patterns import Pattern
-from gloc3.mission.placement import HeightAbove, LocalPlacement, Point
+from gloc3.messages.frames import LocalFrame, Vector3
+from gloc3.mission.model.arguments import Arguments, FollowWaypoints, GoTo, Heading, Land, LookAt
+from gloc3.mission.model.model import GEO, AreaFile, GeoCircle, GeofenceFile, Mission
+from gloc3.mission.model.patterns import Pattern
+from gloc3.mission.model.placement import HeightAbove, LocalPlacement, Point
 
 
 def on_earth(mission: Mission, frame: LocalFrame) -> Mission:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Final
 
-from gloc3.document import Where
+from gloc3.documents.document import Where
 from gloc3.errors import InputError
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.mission.formats.plan_source import SAVE_AGAIN, Source, is_number, is_whole, number, rows, whole

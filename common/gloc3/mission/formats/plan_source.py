@@ -4,7 +4,7 @@ import json
 from math import isfinite
 from typing import Any, Final, NoReturn, TypeGuard
 
-from gloc3.document import Document, Where, parse
+from gloc3.documents.document import Document, Where, parse
 from gloc3.errors import Finding, InputError
 
 MAX_BYTES: Final = 5_000_000

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from math import cos, hypot, radians
 from typing import Any, Final
 
-from gloc3.document import dump
+from gloc3.documents.document import dump
 from gloc3.errors import Finding, InputError
 from gloc3.mission.formats.items import MULTIROTORS, FenceArea, MavItem, Plan
-from gloc3.mission.placement import HeightAbove
+from gloc3.mission.model.placement import HeightAbove
 
 DEFAULT_SPEED_M_S: Final = 5.0
 """Of a plan that says nothing of speed."""

@@ -3,7 +3,7 @@
 from math import isfinite, isnan
 from typing import Final
 
-from gloc3.counting import counted
+from gloc3.cli.counting import counted
 from gloc3.errors import Finding, InputError
 from gloc3.mission.formats.items import Entry, MavItem, Plan
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused, nearest
-from gloc3.platform import Platform
+from gloc3.platform.platform import Platform
 
 FRAME: Final = "FRAME"
 CAMERA: Final = "CAMERA"

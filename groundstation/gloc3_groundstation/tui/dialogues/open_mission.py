@@ -11,9 +11,9 @@ from textual.screen import ModalScreen
 from textual.widgets import Input
 
 from gloc3_groundstation.missions.files import Entry, Group, listing, matching, start_entries
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, spread
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, spread
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 class _Typed(Input):

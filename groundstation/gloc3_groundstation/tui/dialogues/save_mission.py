@@ -13,8 +13,8 @@ from textual.widgets import Input
 
 from gloc3.errors import Refused
 from gloc3_groundstation.missions.files import KINDS
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
-from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 Lost = Callable[[Path], tuple[str, ...]]
 """Tells what a file could not carry; raises `Refused` where it cannot be written at all."""

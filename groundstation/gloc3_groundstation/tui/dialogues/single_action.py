@@ -12,12 +12,12 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Label
 
 from gloc3.errors import Gloc3Error
-from gloc3_groundstation.mission_desk import MissionDesk
+from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.missions.forms import Field, Form, FormError, arguments_of
-from gloc3_groundstation.tui.lines import Line, Span, Tone, cut, spread, wrapped
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import START_QUESTION, Question
+from gloc3_groundstation.tui.dialogues.questions import START_QUESTION, Question
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, spread, wrapped
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 class SingleAction(ModalScreen[None]):

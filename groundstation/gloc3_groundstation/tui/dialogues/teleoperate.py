@@ -15,15 +15,15 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.screen import ModalScreen
 
-from gloc3.ci import Verb
 from gloc3.errors import Gloc3Error, Refused
-from gloc3_groundstation.desk import Desk
-from gloc3_groundstation.gamepad import Gamepad, GamepadState
-from gloc3_groundstation.teleoperation import FullSpeed, HandControl, Sticks
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import choices
+from gloc3.messages.command_interface import Verb
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.desk.gamepad import Gamepad, GamepadState
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, Sticks
+from gloc3_groundstation.tui.dialogues.questions import choices
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.teleoperation import Helm, helm_lines
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 KEPT_S: Final = 0.6
 """Keyboards repeat a key after half a second at the latest, as they are set by default, and then often."""

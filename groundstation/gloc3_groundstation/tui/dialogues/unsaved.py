@@ -9,7 +9,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from gloc3_groundstation.tui.questions import choices
+from gloc3_groundstation.tui.dialogues.questions import choices
 
 
 class Unsaved(StrEnum):

@@ -3,7 +3,7 @@
 from itertools import pairwise
 from typing import Final
 
-from gloc3_groundstation.tui.lines import Line, Span, Tone
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone
 
 NORTH, EAST, SOUTH, WEST = 1, 2, 4, 8
 WIRES: Final = {

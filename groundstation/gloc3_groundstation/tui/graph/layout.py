@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from gloc3_groundstation.tui.graph.canvas import Canvas
 from gloc3_groundstation.tui.graph.order import Before, layered, reduced
-from gloc3_groundstation.tui.lines import Tone
+from gloc3_groundstation.tui.widgets.lines import Tone
 
 GAP: Final = 3
 """Columns between two layers, at least."""

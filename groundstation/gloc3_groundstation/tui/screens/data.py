@@ -7,7 +7,6 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 
 from gloc3_groundstation.mapping.tracks import Track
-from gloc3_groundstation.tui.canvas_panel import CanvasPanel
 from gloc3_groundstation.tui.dialogues.teleoperate import Teleoperate
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
@@ -20,6 +19,7 @@ from gloc3_groundstation.tui.views.flight_data import (
     charts_title,
     shown_charts,
 )
+from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
 
 BY_HAND: Final = "teleoperate"
 """The kind of arguments of what steers by hand."""

@@ -9,11 +9,8 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.widgets import Input
 
-from gloc3_groundstation.event_search import EVERYTHING, STATION, EventFilter
-from gloc3_groundstation.tui.list_panel import Row
-from gloc3_groundstation.tui.long_list import LongList
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import AskFor
+from gloc3_groundstation.store.event_search import EVERYTHING, STATION, EventFilter
+from gloc3_groundstation.tui.dialogues.questions import AskFor
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.events import (
@@ -24,6 +21,9 @@ from gloc3_groundstation.tui.views.events import (
     filter_line,
     no_events_line,
 )
+from gloc3_groundstation.tui.widgets.list_panel import Row
+from gloc3_groundstation.tui.widgets.long_list import LongList
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 PAUSE_S: Final = 0.01
 """Between two slices of a search, in which keys are answered and the screen is drawn."""

@@ -6,14 +6,10 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding
 
-from gloc3.ci import ControlVerb
-from gloc3_groundstation.fleet_desk import Order
-from gloc3_groundstation.tui.lines import Span, Tone
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import AskFor
+from gloc3.messages.command_interface import ControlVerb
+from gloc3_groundstation.desk.fleet_desk import Order
+from gloc3_groundstation.tui.dialogues.questions import AskFor
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.vehicle_rows import VehicleRows
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.fleet import (
     control_lines,
@@ -24,6 +20,10 @@ from gloc3_groundstation.tui.views.fleet import (
     link_lines,
 )
 from gloc3_groundstation.tui.views.overview import waiting_lines
+from gloc3_groundstation.tui.widgets.lines import Span, Tone
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 QUESTIONS = {
     Order.HOLD: "Hold: {}?\nEach stops and keeps its place; missions are paused.",

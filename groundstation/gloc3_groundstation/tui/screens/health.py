@@ -8,13 +8,11 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding
 
-from gloc3.component import FunctionEntry
-from gloc3_groundstation.component_desk import arguments
-from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
-from gloc3_groundstation.tui.component_dialogues import FORCE_QUESTION, ComponentMenu, FunctionForm
+from gloc3.component.component import FunctionEntry
+from gloc3_groundstation.desk.component_desk import arguments
+from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
+from gloc3_groundstation.tui.dialogues.component_dialogues import FORCE_QUESTION, ComponentMenu, FunctionForm
 from gloc3_groundstation.tui.keys import MISSION_KEYS
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.screen import Command, StationScreen
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.chain import chain_lines, wiring_lines
@@ -26,6 +24,8 @@ from gloc3_groundstation.tui.views.components import (
     components_title,
 )
 from gloc3_groundstation.tui.views.hosts import host_lines
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 AROUND: Final = 8
 """Lines that are left to what stands above and below the components."""

@@ -7,19 +7,16 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
-from gloc3.watch import Want
+from gloc3.messages.watch import Want
 from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.mapping.mission_texts import MissionTexts
 from gloc3_groundstation.mapping.progress import Progress
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.mapping.requested import Requested, requested
-from gloc3_groundstation.tui.canvas import CELL
-from gloc3_groundstation.tui.canvas_panel import CanvasPanel
 from gloc3_groundstation.tui.keys import MISSION_KEYS
-from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
-from gloc3_groundstation.tui.views.map import (
+from gloc3_groundstation.tui.views.mission.map import (
     Chart,
     extent,
     is_within,
@@ -28,8 +25,11 @@ from gloc3_groundstation.tui.views.map import (
     position_of,
     tone_of_vehicle,
 )
-from gloc3_groundstation.tui.views.map_facts import cursor_line, legend_lines, map_title, vehicle_lines
-from gloc3_groundstation.tui.views.profile import along_lines, time_lines
+from gloc3_groundstation.tui.views.mission.map_facts import cursor_line, legend_lines, map_title, vehicle_lines
+from gloc3_groundstation.tui.views.mission.profile import along_lines, time_lines
+from gloc3_groundstation.tui.widgets.canvas import CELL
+from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 VIEWER: Final = "map"
 OBSTACLES: Final = Want("obstacles", 2.0)

@@ -8,29 +8,29 @@ from textual.binding import Binding, BindingType
 from textual.timer import Timer
 from textual.widgets import TextArea
 
-from gloc3.ci import Verb
-from gloc3.ci_summaries import MissionSummary
-from gloc3.mission.states import ActionState
+from gloc3.messages.command_interface import Verb
+from gloc3.messages.summaries import MissionSummary
+from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.missions.verbs import legal_verbs
+from gloc3_groundstation.tui.dialogues.mission_files import MissionFiles
+from gloc3_groundstation.tui.dialogues.questions import ABORT_QUESTION, Question
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
-from gloc3_groundstation.tui.graph_panel import GraphPanel
-from gloc3_groundstation.tui.lines import Span, Tone
-from gloc3_groundstation.tui.mission_files import MissionFiles
-from gloc3_groundstation.tui.mission_text import MissionText
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import ABORT_QUESTION, Question
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.chrome import Key
-from gloc3_groundstation.tui.views.mission_detail import (
+from gloc3_groundstation.tui.views.mission.detail import (
     detail_lines,
     detail_title,
     nothing_lines,
     position_line,
     text_line,
 )
-from gloc3_groundstation.tui.views.mission_graph import mission_graph
+from gloc3_groundstation.tui.views.mission.graph import mission_graph
+from gloc3_groundstation.tui.widgets.graph_panel import GraphPanel
+from gloc3_groundstation.tui.widgets.lines import Span, Tone
+from gloc3_groundstation.tui.widgets.mission_text import MissionText
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 CHECKED_AFTER_S: Final = 0.4
 """After the last key that changed the text it is checked."""

@@ -7,13 +7,10 @@ from textual.app import ComposeResult
 from textual.containers import Grid
 
 from gloc3_groundstation.tui.keys import MISSION_KEYS
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.vehicle_rows import VehicleRows
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.events import event_lines
-from gloc3_groundstation.tui.views.mission import mission_lines, mission_title
+from gloc3_groundstation.tui.views.mission.lines import mission_lines, mission_title
 from gloc3_groundstation.tui.views.overview import (
     alert_lines,
     alerts_title,
@@ -23,6 +20,9 @@ from gloc3_groundstation.tui.views.overview import (
     vehicle_line,
     waiting_lines,
 )
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 
 class OverviewScreen(StationScreen):

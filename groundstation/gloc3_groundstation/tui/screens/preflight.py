@@ -5,22 +5,17 @@ from typing import Final
 from textual.app import ComposeResult
 from textual.binding import Binding
 
-from gloc3.preflight import red
-from gloc3_groundstation.desk import Move
-from gloc3_groundstation.preflight_desk import CheckList
-from gloc3_groundstation.tui.lines import cut
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import AskFor
+from gloc3.messages.preflight import red
+from gloc3_groundstation.desk.desk import Move
+from gloc3_groundstation.desk.preflight_desk import CheckList
+from gloc3_groundstation.tui.dialogues.questions import AskFor
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.overview import waiting_lines
-from gloc3_groundstation.tui.views.preflight import (
-    no_list_lines,
-    preflight_headline,
-    preflight_rows,
-    preflight_title,
-)
+from gloc3_groundstation.tui.views.preflight import no_list_lines, preflight_headline, preflight_rows, preflight_title
+from gloc3_groundstation.tui.widgets.lines import cut
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 OVERRIDE_QUESTION: Final = "Start {} although it is not fit?\n{}\n\nSay why; it is logged with your name."
 LINE: Final = 56

@@ -9,12 +9,10 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
-from gloc3.watch import Preview, Want
-from gloc3_groundstation import pictures, wording
-from gloc3_groundstation.preview_size import RATE_HZ
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.picture_panel import PicturePanel
+from gloc3.messages.watch import Preview, Want
+from gloc3_groundstation.station import pictures, wording
+from gloc3_groundstation.station.preview_size import RATE_HZ
+from gloc3_groundstation.station.watches import Sight
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.sensors import (
@@ -30,7 +28,9 @@ from gloc3_groundstation.tui.views.sensors import (
     topic_rows,
     topics_header,
 )
-from gloc3_groundstation.watches import Sight
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.picture_panel import PicturePanel
 
 VIEWER: Final = "sensors"
 EYES_S: Final = 2.0

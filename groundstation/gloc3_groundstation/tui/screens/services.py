@@ -9,9 +9,8 @@ from textual.binding import Binding, BindingType
 from textual.events import ScreenResume
 from textual.widgets import ContentSwitcher, Input
 
-from gloc3_groundstation.service_jobs import Service
-from gloc3_groundstation.services_desk import reached
-from gloc3_groundstation.tui.panel import Panel
+from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.services_desk import reached
 from gloc3_groundstation.tui.screen import Command, Offer, StationScreen, offers
 from gloc3_groundstation.tui.services.calibration import CalibrationPane
 from gloc3_groundstation.tui.services.files import FilesPane
@@ -21,7 +20,8 @@ from gloc3_groundstation.tui.services.parameters import ParametersPane
 from gloc3_groundstation.tui.services.plans import PlansPane
 from gloc3_groundstation.tui.services.rates import RatesPane
 from gloc3_groundstation.tui.view import View
-from gloc3_groundstation.tui.views.services import job_lines, services_line, unreachable_lines
+from gloc3_groundstation.tui.views.services.frame import job_lines, services_line, unreachable_lines
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 PANES: Final[tuple[type[ServicePane], ...]] = (
     ParametersPane,

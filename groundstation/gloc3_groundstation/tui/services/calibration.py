@@ -4,12 +4,12 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from gloc3_groundstation.service_jobs import Service
-from gloc3_groundstation.tui.lines import Span, Tone
-from gloc3_groundstation.tui.list_panel import Row
+from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.vehicle_desk import CalibrationKind, Phase, VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
-from gloc3_groundstation.tui.views.service_calibration import calibration_lines, kind_line
-from gloc3_groundstation.vehicle_desk import CalibrationKind, Phase, VehicleDesk
+from gloc3_groundstation.tui.views.services.calibration import calibration_lines, kind_line
+from gloc3_groundstation.tui.widgets.lines import Span, Tone
+from gloc3_groundstation.tui.widgets.list_panel import Row
 
 
 class CalibrationPane(ServicePane):

@@ -4,12 +4,12 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from gloc3_groundstation.service_jobs import Service
-from gloc3_groundstation.tui.list_panel import Row
+from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
-from gloc3_groundstation.tui.views.service_lists import log_line, logs_header, logs_title
-from gloc3_groundstation.tui.views.services import hint_lines
-from gloc3_groundstation.vehicle_desk import VehicleDesk
+from gloc3_groundstation.tui.views.services.frame import hint_lines
+from gloc3_groundstation.tui.views.services.lists import log_line, logs_header, logs_title
+from gloc3_groundstation.tui.widgets.list_panel import Row
 
 
 class LogsPane(ServicePane):

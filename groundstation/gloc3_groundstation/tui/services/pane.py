@@ -9,14 +9,14 @@ from textual import on
 from textual.app import ComposeResult
 from textual.containers import Container
 
-from gloc3_groundstation.service_jobs import Service
-from gloc3_groundstation.tui.entry import Entry
-from gloc3_groundstation.tui.lines import Line
-from gloc3_groundstation.tui.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.panel import Panel
-from gloc3_groundstation.tui.questions import Question
+from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
+from gloc3_groundstation.tui.dialogues.questions import Question
 from gloc3_groundstation.tui.screen import Command
-from gloc3_groundstation.vehicle_desk import VehicleDesk
+from gloc3_groundstation.tui.widgets.entry import Entry
+from gloc3_groundstation.tui.widgets.lines import Line
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 class ServicePane(Container):

@@ -7,13 +7,14 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
-from gloc3.counting import counted
-from gloc3_groundstation.parameter_desk import judge
-from gloc3_groundstation.service_jobs import Service
+from gloc3.cli.counting import counted
+from gloc3_groundstation.desk.parameter_desk import judge
+from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.vehicle_desk import Firmware, VehicleDesk
 from gloc3_groundstation.services.parameter_table import ParameterRow, ParameterTable
-from gloc3_groundstation.tui.list_panel import Row
 from gloc3_groundstation.tui.services.pane import ServicePane
-from gloc3_groundstation.tui.views.service_parameters import (
+from gloc3_groundstation.tui.views.services.frame import hint_lines
+from gloc3_groundstation.tui.views.services.parameters import (
     Only,
     diff_detail,
     diff_header,
@@ -25,8 +26,7 @@ from gloc3_groundstation.tui.views.service_parameters import (
     parameters_header,
     parameters_title,
 )
-from gloc3_groundstation.tui.views.services import hint_lines
-from gloc3_groundstation.vehicle_desk import Firmware, VehicleDesk
+from gloc3_groundstation.tui.widgets.list_panel import Row
 
 
 class ParametersPane(ServicePane):

@@ -4,12 +4,12 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from gloc3_groundstation.service_jobs import Service
-from gloc3_groundstation.tui.list_panel import Row
+from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
-from gloc3_groundstation.tui.views.service_plans import plan_rows, plans_header, plans_title
-from gloc3_groundstation.tui.views.services import hint_lines
-from gloc3_groundstation.vehicle_desk import VehicleDesk
+from gloc3_groundstation.tui.views.services.frame import hint_lines
+from gloc3_groundstation.tui.views.services.plans import plan_rows, plans_header, plans_title
+from gloc3_groundstation.tui.widgets.list_panel import Row
 
 
 class PlansPane(ServicePane):

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gloc3.ci_summaries import Health
-from gloc3_groundstation.data_chain import Stage, Wiring, stages
-from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut
+from gloc3.messages.summaries import Health
+from gloc3_groundstation.station.data_chain import Stage, Wiring, stages
+from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut
 
 SIGNS: Final = {
     Health.WORKING: "●",

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3_groundstation.mapping.history import Series
-from gloc3_groundstation.tui.canvas import Canvas, Dots
-from gloc3_groundstation.tui.lines import Line, Span, Tone, column, cut, spread, text_of
+from gloc3_groundstation.tui.widgets.canvas import Canvas, Dots
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, column, cut, spread, text_of
 
 Floating = NDArray[np.floating[Any]]
 

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from gloc3.messages import Severity
-from gloc3_groundstation import wording
-from gloc3_groundstation.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT, answer
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, cut, fitted, joined, spread, text_of
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT, answer
 from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, fitted, joined, spread, text_of
 
 BATTERY_RANK: Final = 3
 """In the title; what has a lower number is left out after the battery, the time of day before it."""

@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from gloc3.ci_summaries import Health
-from gloc3_groundstation import wording
-from gloc3_groundstation.component_desk import Answer
-from gloc3_groundstation.snapshots import ComponentSnapshot, PlatformSnapshot
-from gloc3_groundstation.tui.lines import Line, Span, Tone, wrapped
-from gloc3_groundstation.tui.tables import Column, Table, table_of
+from gloc3.messages.summaries import Health
+from gloc3_groundstation.desk.component_desk import Answer
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.widgets.tables import Column, Table, table_of
 
 SLOW_PERCENT: Final = 80
 """A component that cycles slower than this share of its rate is worth a look."""

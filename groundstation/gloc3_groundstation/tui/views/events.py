@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.messages import Severity
-from gloc3_groundstation import wording
-from gloc3_groundstation.event_search import STATION, EventFilter, Search
-from gloc3_groundstation.snapshots import Fleet, FleetEvent
-from gloc3_groundstation.tui.lines import Line, Span, Tone, cut, fitted, joined, spread, text_of, wrapped
-from gloc3_groundstation.tui.tables import Column, table_of
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.snapshots import Fleet, FleetEvent
+from gloc3_groundstation.store.event_search import STATION, EventFilter, Search
 from gloc3_groundstation.tui.views.chrome import tone_of
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, fitted, joined, spread, text_of, wrapped
+from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 SHOWN = 200
 COLUMNS: Final = (

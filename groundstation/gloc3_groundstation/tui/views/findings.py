@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 from gloc3.errors import Finding
 from gloc3_groundstation.missions.draft import Draft
-from gloc3_groundstation.tui.lines import Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, wrapped
 
 PLACE: Final = 8
 

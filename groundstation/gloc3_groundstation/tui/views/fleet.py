@@ -3,16 +3,16 @@
 from collections.abc import Container, Sequence
 from typing import Final
 
-from gloc3.ci import ControlVerb
-from gloc3.counting import counted
-from gloc3.port_advice import port_advice
-from gloc3_groundstation import wording
-from gloc3_groundstation.link_snapshot import LinkSnapshot
-from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.lines import Line, Span, Tone, cut
-from gloc3_groundstation.tui.tables import Column, table_of
+from gloc3.cli.counting import counted
+from gloc3.cli.port_advice import port_advice
+from gloc3.messages.command_interface import ControlVerb
+from gloc3_groundstation.links.link_snapshot import LinkSnapshot
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, worst_span
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut
+from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 COLUMNS: Final = (
     Column("", 3),

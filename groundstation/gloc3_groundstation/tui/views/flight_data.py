@@ -6,7 +6,6 @@ from typing import Final, NamedTuple
 
 from gloc3_groundstation.mapping.history import Series
 from gloc3_groundstation.mapping.tracks import Channel, Track
-from gloc3_groundstation.tui.lines import Line, Span, Tone
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.charts import (
     AXIS,
@@ -21,6 +20,7 @@ from gloc3_groundstation.tui.views.charts import (
     window_at,
 )
 from gloc3_groundstation.tui.views.horizon import horizon_lines
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone
 
 WINDOWS_S: Final = (10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 7200.0, 28800.0)
 """The times that a chart can show."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, wrapped
 
 
 class HelpKey(NamedTuple):

@@ -6,7 +6,7 @@ The vehicle's own cells show no ground: they could do so in whole cells only, an
 from math import cos, radians, tan
 from typing import Final
 
-from gloc3_groundstation.tui.lines import Line, Span, Tone
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone
 
 DEGREES_PER_LINE: Final = 5.0
 STEEPEST_DEG: Final = 88.0

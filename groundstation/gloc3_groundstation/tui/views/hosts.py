@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from gloc3.host_messages import HostLine, HostState, HostSummary, HostWords
-from gloc3_groundstation.snapshots import STALE_AFTER_S, PlatformSnapshot
-from gloc3_groundstation.tui.lines import Line, Span, Tone
-from gloc3_groundstation.tui.tables import Column, Table, table_of
+from gloc3.messages.hosts import HostLine, HostState, HostSummary, HostWords
+from gloc3_groundstation.station.snapshots import STALE_AFTER_S, PlatformSnapshot
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone
+from gloc3_groundstation.tui.widgets.tables import Column, Table, table_of
 
 COLUMNS: Final = (
     Column("host", 10, grows=1, most=20),

@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.ci_summaries import Health, VehicleSummary
-from gloc3.mission.states import ActionState
-from gloc3_groundstation import wording
-from gloc3_groundstation.snapshots import PlatformSnapshot, Timed
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, bar, wrapped
-from gloc3_groundstation.tui.tables import Column, table_of
+from gloc3.messages.summaries import Health, VehicleSummary
+from gloc3.mission.model.states import ActionState
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.snapshots import PlatformSnapshot, Timed
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.chain import SIGNS
 from gloc3_groundstation.tui.views.chrome import battery, tone_of
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, wrapped
+from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 COLUMNS: Final = (
     Column("", 1),

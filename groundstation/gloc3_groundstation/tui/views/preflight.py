@@ -5,11 +5,11 @@ from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from gloc3.preflight import Check, Group, Verdict, red, summary
-from gloc3_groundstation.preflight_desk import CheckList
-from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, column, cut, wrapped
-from gloc3_groundstation.wording import duration
+from gloc3.messages.preflight import Check, Group, Verdict, red, summary
+from gloc3_groundstation.desk.preflight_desk import CheckList
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.wording import duration
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, column, cut, wrapped
 
 SIGNS: Final[Mapping[Verdict, tuple[str, Tone]]] = {
     Verdict.OK: ("✓ ok", Tone.GOOD),

@@ -6,13 +6,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from gloc3.watch import Preview, TopicActivity, TopicEntry
-from gloc3_groundstation import wording
-from gloc3_groundstation.message_fields import Field, fields_of
-from gloc3_groundstation.tui.canvas import Canvas
-from gloc3_groundstation.tui.lines import Line, Span, Tone, column, cut, spread, wrapped
-from gloc3_groundstation.tui.tables import Column, table_of
-from gloc3_groundstation.watches import Sight
+from gloc3.messages.watch import Preview, TopicActivity, TopicEntry
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.message_fields import Field, fields_of
+from gloc3_groundstation.station.watches import Sight
+from gloc3_groundstation.tui.widgets.canvas import Canvas
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, column, cut, spread, wrapped
+from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 COLUMNS: Final = (
     Column("topic", 16, grows=3, most=34),

@@ -3,10 +3,10 @@
 from math import inf
 from typing import Final, NamedTuple
 
-from gloc3.teleoperation import EXPIRES_S, TeleoperationState
-from gloc3_groundstation.snapshots import PlatformSnapshot
-from gloc3_groundstation.teleoperation import FullSpeed, Sticks
-from gloc3_groundstation.tui.lines import EMPTY, Line, Span, Tone, wrapped
+from gloc3.messages.teleoperation import EXPIRES_S, TeleoperationState
+from gloc3_groundstation.desk.teleoperation import FullSpeed, Sticks
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, wrapped
 
 TOLD_S: Final = 1.0
 """What the vehicle told longer ago says nothing of now: it tells five times a second."""

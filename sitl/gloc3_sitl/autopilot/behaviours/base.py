@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from math import atan2, hypot, nan, sqrt
 
-from gloc3.frames import Vector3, wrap_pi
+from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.control.trajectory import Trajectory, TrajectoryLimits
 from gloc3_sitl.autopilot.craft import Craft

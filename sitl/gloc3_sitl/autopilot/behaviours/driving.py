@@ -3,8 +3,8 @@
 from math import atan2, hypot, nan
 from typing import Final
 
-from gloc3.frames import Vector3, yaw_of
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3, yaw_of
 from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
 from gloc3_sitl.autopilot.behaviours.helm import REST, Helm, stopping_place
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight, holds

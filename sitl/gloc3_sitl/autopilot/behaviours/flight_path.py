@@ -3,7 +3,7 @@
 from math import atan, cos, hypot, isnan, nan, sin
 from typing import Final
 
-from gloc3.frames import GRAVITY_M_S2, Vector3
+from gloc3.messages.frames import GRAVITY_M_S2, Vector3
 from gloc3_sitl.autopilot.control.lateral import LateralGuidance
 from gloc3_sitl.autopilot.control.setpoint import WingSetpoint
 from gloc3_sitl.autopilot.craft import Craft

@@ -2,7 +2,7 @@
 
 from math import atan2, cos, hypot, radians, sin
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft

@@ -3,8 +3,8 @@
 from math import atan2, cos, hypot, pi
 from typing import Final
 
-from gloc3.frames import Vector3, wrap_pi
 from gloc3.line_of_sight import LineOfSight, corner_speed_m_s, slowed_m_s
+from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import DriveSetpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.periods import OUTER_S

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import nan
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import GoesTo, Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft

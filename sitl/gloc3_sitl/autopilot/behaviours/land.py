@@ -1,6 +1,6 @@
 """Landing: straight down here, until the ground is felt."""
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft

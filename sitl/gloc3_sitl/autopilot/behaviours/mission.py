@@ -3,8 +3,8 @@
 from dataclasses import replace
 from math import atan2, hypot, isfinite, radians
 
-from gloc3.frames import Vector3, wrap_pi
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.behaviours.base import Activity, Mover
 from gloc3_sitl.autopilot.behaviours.climb import TakeOff
 from gloc3_sitl.autopilot.behaviours.land import Land

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from math import atan2, cos, hypot, isfinite, nan, sin, sqrt
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft

@@ -2,7 +2,7 @@
 
 from math import copysign, cos, hypot, nan, radians, sin, tan
 
-from gloc3.frames import GRAVITY_M_S2, Vector3, from_euler, wrap_pi
+from gloc3.messages.frames import GRAVITY_M_S2, Vector3, from_euler, wrap_pi
 from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Activity
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft

@@ -3,7 +3,7 @@
 from enum import StrEnum
 from math import hypot
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import Mover
 from gloc3_sitl.autopilot.behaviours.land import Land
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint

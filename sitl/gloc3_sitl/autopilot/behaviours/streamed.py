@@ -2,7 +2,7 @@
 
 from math import nan
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import GoesTo, Mover
 from gloc3_sitl.autopilot.behaviours.climb import TakeOff
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint

@@ -2,7 +2,7 @@
 
 from math import cos, nan, sin
 
-from gloc3.frames import Vector3, wrap_pi
+from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Activity
 from gloc3_sitl.autopilot.behaviours.piloted import stick
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint

@@ -4,7 +4,7 @@ from enum import StrEnum
 from math import atan2, hypot
 from typing import Final
 
-from gloc3.frames import Vector3, wrap_pi
+from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.behaviours.base import Activity
 from gloc3_sitl.autopilot.behaviours.flight_path import FlightPath, beyond
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint, WingSetpoint

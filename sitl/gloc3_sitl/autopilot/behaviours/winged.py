@@ -3,8 +3,8 @@
 from math import nan
 from typing import Final
 
-from gloc3.frames import Vector3
-from gloc3.messages import Severity
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Activity, GoesTo
 from gloc3_sitl.autopilot.behaviours.flight_path import FlightPath, beyond, circle_of
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight, holds

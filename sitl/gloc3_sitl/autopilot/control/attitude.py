@@ -2,7 +2,7 @@
 
 from math import cos, sin, sqrt
 
-from gloc3.frames import Quaternion, Vector3
+from gloc3.messages.frames import Quaternion, Vector3
 
 
 class AttitudeController:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from gloc3.frames import Quaternion
+from gloc3.messages.frames import Quaternion
 from gloc3_sitl.autopilot.control.setpoint import Setpoint
 
 Outputs = Sequence[float]

@@ -4,7 +4,7 @@ from math import hypot, sqrt
 from typing import Final
 
 from gloc3.errors import Misuse
-from gloc3.frames import Quaternion, from_yaw, wrap_pi
+from gloc3.messages.frames import Quaternion, from_yaw, wrap_pi
 from gloc3_sitl.autopilot.control.drive_gains import DriveGains
 from gloc3_sitl.autopilot.control.setpoint import LANDED, DriveSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft

@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from gloc3.frames import GRAVITY_M_S2
+from gloc3.messages.frames import GRAVITY_M_S2
 from gloc3_sitl.autopilot.control.wing_gains import WingGains
 from gloc3_sitl.autopilot.periods import OUTER_S
 

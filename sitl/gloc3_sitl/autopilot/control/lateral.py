@@ -3,7 +3,7 @@
 from math import atan2, hypot, pi, sin, tau
 from typing import Final
 
-from gloc3.frames import Vector3, wrap_pi
+from gloc3.messages.frames import Vector3, wrap_pi
 
 _LEAST_M_S: Final = 5.0
 

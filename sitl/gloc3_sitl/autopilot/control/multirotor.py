@@ -3,7 +3,7 @@
 from typing import Final
 
 from gloc3.errors import Misuse
-from gloc3.frames import GRAVITY_M_S2
+from gloc3.messages.frames import GRAVITY_M_S2
 from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
 from gloc3_sitl.autopilot.control.attitude import AttitudeController, attitude_for
 from gloc3_sitl.autopilot.control.mixer import IDLE, Mixer, Throttles

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import hypot, sqrt, tan
 
-from gloc3.frames import GRAVITY_M_S2, Vector3
+from gloc3.messages.frames import GRAVITY_M_S2, Vector3
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
 
 

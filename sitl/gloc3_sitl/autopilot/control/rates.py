@@ -1,6 +1,6 @@
 """The innermost loop: body rates to torques, at the rate of the gyro."""
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.airframe import Airframe
 
 

@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.frames import Quaternion, Vector3
+from gloc3.messages.frames import Quaternion, Vector3
 
 FREE: Final[Vector3] = (nan, nan, nan)
 """No wish in any axis."""

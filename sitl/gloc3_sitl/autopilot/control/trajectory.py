@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import hypot, sqrt
 
-from gloc3.frames import Vector3
+from gloc3.messages.frames import Vector3
 
 
 @dataclass(slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from gloc3.errors import Misuse
-from gloc3.frames import IDENTITY, Quaternion, Vector3, from_euler, rotate, rotate_back, to_euler, wrap_pi
+from gloc3.messages.frames import IDENTITY, Quaternion, Vector3, from_euler, rotate, rotate_back, to_euler, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.periods import OUTER_S

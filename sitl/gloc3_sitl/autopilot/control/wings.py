@@ -4,7 +4,7 @@ from math import cos, hypot, isnan, sin, tan
 from typing import Final
 
 from gloc3.errors import Misuse
-from gloc3.frames import GRAVITY_M_S2, Quaternion, from_euler, to_euler, wrap_pi
+from gloc3.messages.frames import GRAVITY_M_S2, Quaternion, from_euler, to_euler, wrap_pi
 from gloc3_sitl.autopilot.control.energy import EnergyControl, Wish
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint, WingSetpoint
 from gloc3_sitl.autopilot.control.wing_gains import WingGains

@@ -2,7 +2,7 @@
 
 from math import asin, atan2, sqrt
 
-from gloc3.frames import Quaternion, Vector3, from_euler, rotate
+from gloc3.messages.frames import Quaternion, Vector3, from_euler, rotate
 
 _SAMPLES = 160
 """IMU samples that are averaged: 0.8 s at 200 Hz."""

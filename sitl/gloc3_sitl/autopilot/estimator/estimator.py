@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import atan2, nan, sqrt
 from typing import Final
 
-from gloc3.frames import GRAVITY_M_S2, GeoPoint, TangentPlane, Vector3, rotate, to_euler, wrap_pi
+from gloc3.messages.frames import GRAVITY_M_S2, GeoPoint, TangentPlane, Vector3, rotate, to_euler, wrap_pi
 from gloc3_sitl.autopilot.estimator.alignment import Alignment
 from gloc3_sitl.autopilot.estimator.axis import AxisFilter, Gains
 from gloc3_sitl.autopilot.estimator.inertial import InertialSolution

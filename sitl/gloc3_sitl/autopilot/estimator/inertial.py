@@ -4,7 +4,7 @@ from collections import deque
 from math import sqrt
 from typing import Final, NamedTuple
 
-from gloc3.frames import GRAVITY_M_S2, IDENTITY, Quaternion, Vector3
+from gloc3.messages.frames import GRAVITY_M_S2, IDENTITY, Quaternion, Vector3
 
 _HISTORY_PERIODS: Final = 5
 """Every how many steps a past state is kept."""

@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.frames import GeoPoint, Vector3
+from gloc3.messages.frames import GeoPoint, Vector3
 
 
 class Source:

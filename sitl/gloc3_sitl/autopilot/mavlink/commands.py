@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from math import isfinite, nan, radians
 from typing import TYPE_CHECKING, Final
 
-from gloc3.frames import GeoPoint, Vector3
-from gloc3.link.command_server import CommandRequest
-from gloc3.messages import Severity
+from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
 from gloc3_sitl.autopilot.mavlink.service_commands import SERVICE_HANDLERS
 from gloc3_sitl.autopilot.modes import Behaviour, Result

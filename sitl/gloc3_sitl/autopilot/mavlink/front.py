@@ -3,22 +3,22 @@
 from typing import Any, Final
 
 from gloc3.errors import Refused
-from gloc3.frames import GeoPoint, TangentPlane
-from gloc3.link import codec
-from gloc3.link.command import CommandResult
-from gloc3.link.command_client import CommandCall, CommandClient
-from gloc3.link.command_server import CommandRequest, CommandServer
-from gloc3.link.ftp_server import FtpServer
-from gloc3.link.heartbeat import Heartbeat
-from gloc3.link.interval import SET_MESSAGE_INTERVAL, StreamScheduler
-from gloc3.link.log_server import LogServer
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.node import Node
-from gloc3.link.parser import Frame
-from gloc3.link.service import Service
-from gloc3.link.statustext import StatusTextSender
-from gloc3.link.timesync import TimeSync
-from gloc3.messages import Severity
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
+from gloc3.mavlink.services.log_server import LogServer
+from gloc3.mavlink.services.statustext import StatusTextSender
+from gloc3.mavlink.services.timesync import TimeSync
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.craft import Home

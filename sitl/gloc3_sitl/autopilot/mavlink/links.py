@@ -4,11 +4,11 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import Final
 
-from gloc3.link import codec
-from gloc3.link.codec import Encoder, Parser
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.parser import Frame
-from gloc3.link.tlog import SETUP_SIGNING
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Encoder, Parser
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.tlog import SETUP_SIGNING
 
 Send = Callable[[bytes], None]
 Receive = Callable[[bytes], None]

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Final
 
-from gloc3.frames import GeoPoint
-from gloc3.link import codec
-from gloc3.link.heartbeat import GROUND_STATION
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.messages import Severity
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.services.heartbeat import GROUND_STATION
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.craft import Target
 from gloc3_sitl.autopilot.mavlink.odometry import mocap, odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint

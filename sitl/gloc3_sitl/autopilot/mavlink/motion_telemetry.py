@@ -3,8 +3,8 @@
 from math import atan2, degrees, hypot, isfinite, isnan, nan, tau
 from typing import TYPE_CHECKING, Any, Final
 
-from gloc3.link.codec import message
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import MavlinkMessage
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
 from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, milli_g, short
 from gloc3_sitl.sensors.readings import ImuReading

@@ -4,8 +4,8 @@ from math import isfinite, sqrt
 from typing import TYPE_CHECKING, Final
 
 from gloc3.errors import Refused
-from gloc3.frames import Vector3, from_yaw, normalize, rotate, wrap_pi, yaw_of
-from gloc3.link.message import Address, MavlinkMessage
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.frames import Vector3, from_yaw, normalize, rotate, wrap_pi, yaw_of
 from gloc3_sitl.autopilot.estimator.sources import ExternalOdometry, Source
 
 if TYPE_CHECKING:

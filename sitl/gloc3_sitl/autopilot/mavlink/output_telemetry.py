@@ -3,9 +3,9 @@
 from math import hypot, nan
 from typing import TYPE_CHECKING, Final
 
-from gloc3.frames import rotate_back
-from gloc3.link.codec import message
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.messages.frames import rotate_back
 from gloc3_sitl.autopilot.behaviours.orbit import Orbit
 from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, milli_g, short
 from gloc3_sitl.sensors.readings import WheelReading

@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from gloc3.link.message import Address
-from gloc3.link.parameter import Parameter, ParameterEncoding, ParameterType, parameter
-from gloc3.link.parameter_server import ParameterServer
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType, parameter
+from gloc3.mavlink.services.parameter_server import ParameterServer
 from gloc3_sitl.autopilot.parameters import Kind, ParameterStore
 
 _TYPES: Final = {

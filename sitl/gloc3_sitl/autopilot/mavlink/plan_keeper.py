@@ -2,18 +2,12 @@
 
 from typing import TYPE_CHECKING, Final
 
-from gloc3.link.message import Address
-from gloc3.link.mission_server import MissionServer
-from gloc3.link.mission_transfers import PlanReceived, SetCurrentRequested
-from gloc3.link.plan import Plan, PlanItem, PlanResult, PlanType
-from gloc3.messages import Severity
-from gloc3_sitl.autopilot.plans import (
-    Plans,
-    StoredItem,
-    check_fence_item,
-    check_mission_item,
-    check_rally_item,
-)
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.mission_transfers import PlanReceived, SetCurrentRequested
+from gloc3.mavlink.services.plan import Plan, PlanItem, PlanResult, PlanType
+from gloc3.messages.envelope import Severity
+from gloc3_sitl.autopilot.plans import Plans, StoredItem, check_fence_item, check_mission_item, check_rally_item
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.mavlink.front import Front

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
-from gloc3.link.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import CommandRequest
 from gloc3_sitl.autopilot.calibration import Subject
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.surroundings import Failure, Power, Unit

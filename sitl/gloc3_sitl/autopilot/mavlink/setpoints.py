@@ -4,8 +4,8 @@ from math import cos, isfinite, nan, sin
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.frames import Vector3, normalize
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.messages.frames import Vector3, normalize
 from gloc3_sitl.autopilot.control.setpoint import FREE, AttitudeSetpoint, MotionSetpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.modes import Style

@@ -5,9 +5,9 @@ PX4: docs.px4.io, "MAVLink Message Signing" (from 1.17 on); ArduPilot: `GCS_Sign
 
 from typing import Final
 
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.link.parser import Frame
-from gloc3.link.signing import Signing, Streams, Verdict
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.signing import Signing, Streams, Verdict
 from gloc3_sitl.autopilot.mavlink.links import Link
 
 _NEVER_SIGNED: Final = {"px4": frozenset({0, 109, 246, 247}), "ardupilot": frozenset({109, 166})}

@@ -3,8 +3,8 @@
 from math import cos, nan, sin, sqrt
 from typing import TYPE_CHECKING, Final
 
-from gloc3.link.codec import message
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import MavlinkMessage
 from gloc3_sitl.autopilot.estimator.sources import Source
 from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, short
 from gloc3_sitl.autopilot.modes import Behaviour, Landed

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
-from gloc3.link.message import MavlinkMessage
+from gloc3.mavlink.message import MavlinkMessage
 from gloc3_sitl.autopilot.mavlink import motion_telemetry, output_telemetry, state_telemetry
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from gloc3.frames import GRAVITY_M_S2
+from gloc3.messages.frames import GRAVITY_M_S2
 
 if TYPE_CHECKING:
     from gloc3_sitl.autopilot.autopilot import Autopilot

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.link.version import Capability, Version, version_number
+from gloc3.mavlink.services.version import Capability, Version, version_number
 from gloc3_sitl.autopilot.modes import Style
 
 _COMMON: Final = (

@@ -8,20 +8,20 @@ from math import log2
 from random import Random
 from typing import Any, TypeVar
 
-from gloc3.ci import AnyBody, CiReply, CiRequest, LoadMission, Outcome, ReadMission
-from gloc3.ci_summaries import ComponentLine, ControlState, Health, MissionSummary, Summary, VehicleSummary
 from gloc3.exchange.base import Publisher
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Happening, Trouble, Undelivered
 from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
-from gloc3.link.codec import Encoder, Parser
-from gloc3.link.memory import Conditions, MemoryEnd, MemoryLink
-from gloc3.link.message import Address, MavlinkMessage
-from gloc3.messages import Envelope, Message
-from gloc3.standard_topics import TOPICS
-from gloc3.topics import TopicTable
+from gloc3.mavlink.codec import Encoder, Parser
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.transport.memory import Conditions, MemoryEnd, MemoryLink
+from gloc3.messages.command_interface import AnyBody, CiReply, CiRequest, LoadMission, Outcome, ReadMission
+from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.summaries import ComponentLine, ControlState, Health, MissionSummary, Summary, VehicleSummary
+from gloc3.messages.topics import TopicTable
 
 RADIO_CONDITIONS = Conditions(latency_s=0.3, loss=0.2, bandwidth_bit_s=57_600.0, bits_per_byte=10.0, queue_bytes=4096)
 """57,600 baud 8N1; every frame lost independently with 20 %; 300 ms each way."""

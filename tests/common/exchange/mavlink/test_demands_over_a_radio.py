@@ -9,11 +9,11 @@ from tests.common.exchange.mavlink.ends import PLATFORM, PLATFORM_ADDRESS, RADIO
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.body import pack_status
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD
-from gloc3.link.memory import MemoryLink
-from gloc3.link.message import Address
-from gloc3.messages import Envelope, Source
-from gloc3.teleoperation import DEMAND_HZ, EXPIRES_S, VelocityDemand
-from gloc3.wire import type_name
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.transport.memory import MemoryLink
+from gloc3.messages.envelope import Envelope, Source
+from gloc3.messages.teleoperation import DEMAND_HZ, EXPIRES_S, VelocityDemand
+from gloc3.messages.wire import type_name
 
 OTHER = "other"
 SECONDS = 30

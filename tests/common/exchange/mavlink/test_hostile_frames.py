@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.common.exchange.mavlink.ends import PLATFORM, RADIO_CONDITIONS, pair_on, standard_topics, text_of
 
-from gloc3.ci import LoadMission, Steer, Verb
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel import frames
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
@@ -18,8 +17,9 @@ from gloc3.exchange.tunnel.outbox import EVERYBODY
 from gloc3.exchange.tunnel.peers import MAKE_ROOM_AFTER_S, MAX_PEERS
 from gloc3.exchange.tunnel.reader import Reader, unwrap, varint
 from gloc3.exchange.tunnel.reliable_frames import CHUNK, Ack, Data, LaneReport, Refusal
-from gloc3.link.codec import message
-from gloc3.link.message import Address, MavlinkMessage
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.command_interface import LoadMission, Steer, Verb
 
 TOPICS = standard_topics()
 STATION = Address(255, 190)

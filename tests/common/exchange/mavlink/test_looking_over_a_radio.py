@@ -12,15 +12,15 @@ import pytest
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import PLATFORM, RADIO_CONDITIONS, Platform, Station, pair_on, text_of
 
-from gloc3.ci import LoadMission, Steer, Verb
-from gloc3.ci_summaries import Summary
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
-from gloc3.link.memory import Conditions
-from gloc3.messages import Envelope, Source
-from gloc3.topics import TopicTable
-from gloc3.vehicle import Pose
-from gloc3.watch import Preview, Sample, pack, unpack
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.command_interface import LoadMission, Steer, Verb
+from gloc3.messages.envelope import Envelope, Source
+from gloc3.messages.summaries import Summary
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import Pose
+from gloc3.messages.watch import Preview, Sample, pack, unpack
 
 pytestmark = pytest.mark.thorough
 

@@ -18,18 +18,18 @@ from tests.common.exchange.mavlink.ends import (
     text_of,
 )
 
-from gloc3.ci import LoadMission, Steer, Verb
-from gloc3.ci_summaries import CiEvent, ControlState, Summary
 from gloc3.clock import run_virtual
 from gloc3.errors import Misuse, Refused
 from gloc3.exchange.local import LocalExchange
 from gloc3.exchange.mavlink import TunnelEndpoint
 from gloc3.exchange.tunnel.frames import MAX_TOKENS
 from gloc3.exchange.tunnel.layout import Role
-from gloc3.link.codec import message
-from gloc3.link.memory import MemoryLink
-from gloc3.messages import Envelope, Severity
-from gloc3.wire import type_name
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.transport.memory import MemoryLink
+from gloc3.messages.command_interface import LoadMission, Steer, Verb
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.summaries import CiEvent, ControlState, Summary
+from gloc3.messages.wire import type_name
 
 CLEAN = replace(RADIO_CONDITIONS, loss=0.0)
 CUT = replace(RADIO_CONDITIONS, loss=1.0)

@@ -8,12 +8,21 @@ import pytest
 from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Station, pair_on, text_of
 
-from gloc3.ci import AnyBody, Emergency, EmergencyVerb, LoadMission, Query, ReadMission, Steer, Verb
-from gloc3.ci_summaries import CiEvent
 from gloc3.clock import run_virtual
-from gloc3.link.memory import MemoryLink
-from gloc3.link.message import Address
-from gloc3.messages import Severity
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.transport.memory import MemoryLink
+from gloc3.messages.command_interface import (
+    AnyBody,
+    Emergency,
+    EmergencyVerb,
+    LoadMission,
+    Query,
+    ReadMission,
+    Steer,
+    Verb,
+)
+from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import CiEvent
 
 pytestmark = pytest.mark.thorough
 

@@ -8,8 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.ci_motion import MotionSummary
-from gloc3.ci_summaries import ComponentLine, ControlState, Health, MissionSummary, Summary
 from gloc3.exchange.tunnel import summary as packing
 from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
@@ -17,8 +15,10 @@ from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD
 from gloc3.exchange.tunnel.reader import FrameError
 from gloc3.exchange.tunnel.status import MAX_PARTS, StatusReceiver, StatusSender
-from gloc3.messages import Envelope, Message, Source
-from gloc3.wire import type_name
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.motion import MotionSummary
+from gloc3.messages.summaries import ComponentLine, ControlState, Health, MissionSummary, Summary
+from gloc3.messages.wire import type_name
 
 SOURCE = Source("minoas", "ci", 1)
 

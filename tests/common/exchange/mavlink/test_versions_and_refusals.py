@@ -7,19 +7,20 @@ from random import Random
 import pytest
 from tests.common.exchange.mavlink.ends import PLATFORM, Platform, Station, pair_on, standard_topics, text_of
 
-from gloc3 import ci, ci_summaries
-from gloc3.ci import LoadMission, Steer, Verb
-from gloc3.ci_summaries import ComponentLine, Health, VehicleSummary
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, VERSION, Lane
 from gloc3.exchange.tunnel.routes import RELIABLE
 from gloc3.exchange.tunnel.sending import MAX_BODY, MAX_WAITING
-from gloc3.link.codec import message
-from gloc3.link.message import Address
-from gloc3.messages import Envelope, Message, Severity, Source
-from gloc3.standard_topics import TOPICS
-from gloc3.topics import TopicRow, TopicTable
-from gloc3.wire import type_name
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import Address
+from gloc3.messages import command_interface as ci
+from gloc3.messages import summaries as ci_summaries
+from gloc3.messages.command_interface import LoadMission, Steer, Verb
+from gloc3.messages.envelope import Envelope, Message, Severity, Source
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.summaries import ComponentLine, Health, VehicleSummary
+from gloc3.messages.topics import TopicRow, TopicTable
+from gloc3.messages.wire import type_name
 
 PAUSE = Steer(verb=Verb.PAUSE)
 

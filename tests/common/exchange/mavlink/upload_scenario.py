@@ -10,11 +10,11 @@ from random import Random
 import msgspec
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, pair_on, text_of
 
-from gloc3.ci import LoadMission, ReadMission
-from gloc3.ci_summaries import Summary
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
-from gloc3.link.memory import Conditions
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.command_interface import LoadMission, ReadMission
+from gloc3.messages.summaries import Summary
 
 BEGIN_S = 5.0
 """When the upload begins."""

@@ -13,16 +13,16 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.mission.board import Condition
-from gloc3.mission.executor import MissionExecutor
-from gloc3.mission.messages import ActionStatus
-from gloc3.mission.model import Mission
-from gloc3.mission.policy import Policy
-from gloc3.mission.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, Told
-from gloc3.mission.restore import restore
-from gloc3.mission.snapshot import Snapshot
-from gloc3.mission.states import ActionState
-from gloc3.platform import Platform
+from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.executor import MissionExecutor
+from gloc3.mission.executing.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, Told
+from gloc3.mission.executing.restore import restore
+from gloc3.mission.executing.snapshot import Snapshot
+from gloc3.mission.model.messages import ActionStatus
+from gloc3.mission.model.model import Mission
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.states import ActionState
+from gloc3.platform.platform import Platform
 
 VERBS = ("pause", "resume", "skip", "abort", "retry", "start")
 CONDITIONS = (Condition.LINK_LOST, Condition.LOW_BATTERY, Condition.POSE_LOST)

@@ -10,9 +10,9 @@ from tests.common.mission.at_random.observer import Observer
 from tests.common.mission.conftest import PELICAN
 
 from gloc3.errors import Finding
-from gloc3.mission.checker import Circumstances, check_text
-from gloc3.mission.model import Mission
-from gloc3.platform_reader import read_platform
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.model.model import Mission
+from gloc3.platform.reader import read_platform
 
 PLANS = "  fly_plan: {arguments: follow_waypoints, performed_by: plans, claims: [motion], needs: [pose, autopilot]}\n"
 TEXT = (

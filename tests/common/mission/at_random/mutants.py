@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from gloc3.mission import failures, flow, manoeuvres, reactions, restore, space_check
-from gloc3.mission.assignments import Assignments
-from gloc3.mission.board import Board
-from gloc3.mission.executor import MissionExecutor
+from gloc3.mission.checking import space_check
+from gloc3.mission.executing import failures, flow, manoeuvres, reactions, restore
+from gloc3.mission.executing.assignments import Assignments
+from gloc3.mission.executing.board import Board
+from gloc3.mission.executing.executor import MissionExecutor
 
 
 class Mutant(NamedTuple):

@@ -1,0 +1,4 @@
+"""Cameras: their lenses, how they sit on a vehicle, and what of a wall they have seen.
+
+Pure geometry, but for `opencv`, the one importer of OpenCV, and the frame stream between simulator and companion.
+"""

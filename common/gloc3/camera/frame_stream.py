@@ -1,0 +1,141 @@
+"""Sensor data as a byte stream: how simulated cameras and scanners reach a companion process on the same machine.
+
+Each record is a header (magic, time in microseconds since the vehicle's boot, sizes, length of the sensor's name), the
+name, and the data: rows of 8-bit grey values of a camera's frame, or 32-bit ranges of a scan. The two frames of a
+stereo pair are two records with one time. A client first says in one line, with spaces between, which sensors it wants.
+"""
+
+import math
+import struct
+from typing import Final, NamedTuple
+
+from gloc3.errors import Gloc3Error, Misuse
+
+MAGIC: Final = b"G3F1"
+SCAN_MAGIC: Final = b"G3S1"
+_HEADER: Final = struct.Struct("<4sQHHB")
+_SCAN_HEADER: Final = struct.Struct("<4sQHB5f")
+MOST_PIXELS: Final = 16_000_000
+MOST_WISH_BYTES: Final = 1024
+"""The longest line of a client."""
+
+
+class FrameError(Gloc3Error):
+    """The stream is not one of frames."""
+
+
+class GreyFrame(NamedTuple):
+    """One camera frame."""
+
+    boot_us: int
+    """Time of exposure, in microseconds since boot of the vehicle."""
+    camera: str
+    width: int
+    height: int
+    data: bytes
+    """Rows of 8-bit grey values, `height * width` bytes."""
+
+
+class ScanFrame(NamedTuple):
+    """One turn of a range scanner; as `gloc3.messages.perception.LaserScan`, its numbers in 32 bits."""
+
+    boot_us: int
+    """Time of the last beam, in microseconds since boot of the vehicle."""
+    scanner: str
+    angle_min_rad: float
+    angle_step_rad: float
+    range_min_m: float
+    range_max_m: float
+    duration_s: float
+    ranges_m: bytes
+    """32-bit floats, little endian, one a beam."""
+
+
+def encode(frame: GreyFrame) -> bytes:
+    """A frame as bytes.
+
+    Raises:
+        Misuse: the data is not that of the frame's width and height, or a number does not fit.
+    """
+    name = frame.camera.encode()
+    is_whole = 0 < frame.width * frame.height == len(frame.data) <= MOST_PIXELS
+    if not is_whole or len(name) > 255 or max(frame.width, frame.height) > 0xFFFF or frame.boot_us < 0:
+        raise Misuse(f"{len(frame.data)} bytes are no frame of {frame.width} x {frame.height} pixels")
+    return _HEADER.pack(MAGIC, frame.boot_us, frame.width, frame.height, len(name)) + name + frame.data
+
+
+def encode_scan(scan: ScanFrame) -> bytes:
+    """A scan as bytes.
+
+    Raises:
+        Misuse: it has no beams or too many, or a number does not fit.
+    """
+    name, (beams, rest) = scan.scanner.encode(), divmod(len(scan.ranges_m), 4)
+    numbers = scan[2:7]
+    if rest or not 0 < beams <= 0xFFFF or len(name) > 255 or scan.boot_us < 0 or not all(map(math.isfinite, numbers)):
+        raise Misuse(f"{len(scan.ranges_m)} bytes are no scan")
+    return _SCAN_HEADER.pack(SCAN_MAGIC, scan.boot_us, beams, len(name), *numbers) + name + scan.ranges_m
+
+
+def encode_wish(*sensors: str) -> bytes:
+    """The line with which a client asks for sensors by name."""
+    return " ".join(sensors).encode() + b"\n"
+
+
+def read_wish(line: bytes) -> frozenset[str]:
+    """The sensors that a client's line asks for."""
+    return frozenset(line.decode("ascii", "replace").split())
+
+
+class FrameReader:
+    """Cuts frames and scans out of a stream."""
+
+    def __init__(self) -> None:
+        self._rest = bytearray()
+
+    def receive(self, data: bytes) -> list[GreyFrame | ScanFrame]:
+        """Takes bytes in, gives the records that are complete.
+
+        Raises:
+            FrameError: the bytes are no records; the stream must be opened anew.
+        """
+        self._rest += data
+        found: list[GreyFrame | ScanFrame] = []
+        while len(self._rest) >= _HEADER.size:
+            magic = bytes(self._rest[:4])
+            if magic not in (MAGIC, SCAN_MAGIC):
+                raise FrameError("this is no stream of camera frames and scans")
+            taken = self._frame() if magic == MAGIC else self._scan()
+            if taken is None:
+                break
+            record, end = taken
+            found.append(record)
+            del self._rest[:end]
+        return found
+
+    def _frame(self) -> tuple[GreyFrame, int] | None:
+        _, boot_us, width, height, name_length = _HEADER.unpack_from(self._rest)
+        if not 0 < width * height <= MOST_PIXELS:
+            raise FrameError(f"a frame of {width} x {height} pixels")
+        begin = _HEADER.size + name_length
+        end = begin + width * height
+        if len(self._rest) < end:
+            return None
+        return GreyFrame(boot_us, self._name(_HEADER.size, begin), width, height, bytes(self._rest[begin:end])), end
+
+    def _scan(self) -> tuple[ScanFrame, int] | None:
+        if len(self._rest) < _SCAN_HEADER.size:
+            return None
+        _, boot_us, beams, name_length, *numbers = _SCAN_HEADER.unpack_from(self._rest)
+        if beams == 0 or not all(map(math.isfinite, numbers)):
+            raise FrameError("a scan without beams or directions")
+        begin = _SCAN_HEADER.size + name_length
+        end = begin + 4 * beams
+        if len(self._rest) < end:
+            return None
+        least, step, near, far, duration = numbers
+        name, ranges = self._name(_SCAN_HEADER.size, begin), bytes(self._rest[begin:end])
+        return ScanFrame(boot_us, name, least, step, near, far, duration, ranges), end
+
+    def _name(self, begin: int, end: int) -> str:
+        return bytes(self._rest[begin:end]).decode("ascii", "replace")

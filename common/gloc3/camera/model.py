@@ -1,0 +1,42 @@
+"""What a camera is: its lens, its picture, and how it sits on its vehicle. One structure for simulated and real ones."""
+
+from enum import StrEnum
+from typing import Annotated
+
+import msgspec
+
+from gloc3.messages.frames import Quaternion, Vector3
+
+Pixels = Annotated[int, msgspec.Meta(ge=16, le=16384)]
+Focal = Annotated[float, msgspec.Meta(gt=0.0, le=1e5)]
+
+
+class Lens(StrEnum):
+    """How a lens bends what it sees."""
+
+    PINHOLE = "pinhole"
+    """Not at all."""
+    RADTAN = "radtan"
+    """Radial and tangential: k1, k2, p1, p2 and, if given, k3 (OpenCV's five-parameter model)."""
+    EQUIDISTANT = "equidistant"
+    """A fisheye: k1 to k4 (Kannala and Brandt, 2006; OpenCV's `fisheye`)."""
+
+
+class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One camera. Pixel centres have whole coordinates; camera axes are *rdf*: right, down, forward."""
+
+    width: Pixels
+    """Columns."""
+    height: Pixels
+    """Rows."""
+    focal_px: tuple[Focal, Focal]
+    """Focal lengths along columns and rows."""
+    center_px: tuple[float, float]
+    """Column and row at which the optical axis meets the picture."""
+    lens: Lens = Lens.PINHOLE
+    distortion: tuple[float, ...] = ()
+    """Coefficients of the lens."""
+    position_frd_m: Vector3 = (0.0, 0.0, 0.0)
+    """The optical centre on the body."""
+    frd_from_rdf: Quaternion = (0.5, 0.5, 0.5, 0.5)
+    """How the camera's axes sit on the body's; (0.5, 0.5, 0.5, 0.5) looks ahead."""

@@ -1,0 +1,4 @@
+"""The program `gloc3`: its subcommands come from entry points, so each package brings its own.
+
+Help pages, narration on stderr, tables on stdout, and the words for wrong use.
+"""

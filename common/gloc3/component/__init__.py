@@ -1,0 +1,4 @@
+"""The generic component (paper §IV) and its host: state machine, cycles, ports, settings, functions, supervision.
+
+An author derives from `component` and declares `ports` and `settings`; `deployment` rows bring it up under a `host`.
+"""

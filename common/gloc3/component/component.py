@@ -1,0 +1,167 @@
+"""The generic component (paper §IV): an author writes the intended function, everything else comes from its host."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar, get_type_hints
+
+from gloc3.component.ports import Inbox, Input, Output, Result, ports_of
+from gloc3.component.settings import NoSettings, Settings
+from gloc3.errors import Misuse
+from gloc3.messages.envelope import Kind, Message
+
+S = TypeVar("S", bound=Settings)
+R = TypeVar("R", bound=Message)
+F = TypeVar("F", bound=Callable[..., Message])
+
+
+FUNCTION_MARK: Final = "__gloc3_function__"
+
+RESERVED_FUNCTIONS: Final = ("set_rate", "set_logging")
+"""What the host answers for every component."""
+
+
+class FunctionEntry(NamedTuple):
+    """A function that a component offers while it is working or quiet."""
+
+    name: str
+    method: str
+    request: type[Message]
+    reply: type[Message]
+    doc: str
+
+
+def function(name: str) -> Callable[[F], F]:
+    """Marks a method `(self, request: RequestType, now_s: float) -> ReplyType` as answering function messages.
+
+    The method runs between cycles. It raises `Refused` for arguments that it cannot take.
+    """
+
+    def mark(method: F) -> F:
+        setattr(method, FUNCTION_MARK, name)
+        return method
+
+    return mark
+
+
+def _functions_of(cls: type) -> dict[str, FunctionEntry]:
+    entries: dict[str, FunctionEntry] = {}
+    for attribute in dir(cls):
+        method = getattr(cls, attribute, None)
+        name = getattr(method, FUNCTION_MARK, None)
+        if name is None or method is None:
+            continue
+        hints = get_type_hints(method)
+        if not (_is_message(hints.get("request")) and _is_message(hints.get("return"))):
+            raise Misuse(f"{cls.__name__}.{attribute} must be (self, request: Message, now_s: float) -> Message")
+        if name in entries or name in RESERVED_FUNCTIONS:
+            raise Misuse(f"{cls.__name__}.{attribute}: a function {name!r} is there already")
+        entries[name] = FunctionEntry(
+            name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip()
+        )
+    return entries
+
+
+class Component(ABC, Generic[S]):
+    """What every component of GLOC3 is. Derive from one of the five types below.
+
+    The methods are called by the host, one at a time, never by other components. An exception in any of them makes
+    the component *faulty*; `Refused`, raised by a method that has changed nothing, turns the request down. `work()`
+    returns what it reports; a component never publishes, sleeps, names another component, or touches its own state.
+    """
+
+    kind: ClassVar[Kind]
+    settings_type: ClassVar[type[Settings]] = NoSettings
+    """What `initialize` is given."""
+    loggable: ClassVar[tuple[str, ...]] = ()
+    """The attributes that the data logger may record at the end of a cycle."""
+
+    request_cycle: Callable[[], None] = staticmethod(lambda: None)
+    """Begins a cycle soon; its host sets it. For devices that know when they have something new, from any thread."""
+
+    inputs: ClassVar[dict[str, Input[Any]]]
+    outputs: ClassVar[dict[str, Output[Any]]]
+    functions: ClassVar[dict[str, "FunctionEntry"]]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Collects the class's ports and functions, so that mistakes show at import."""
+        super().__init_subclass__(**kwargs)
+        cls.inputs, cls.outputs = ports_of(cls)
+        cls.functions = _functions_of(cls)
+
+    def initialize(self, settings: S) -> None:
+        """Adopts settings; called again to adopt others."""
+
+    def start(self) -> None:
+        """Begins to provide the function; `work()` follows every cycle."""
+
+    @abstractmethod
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """One cycle of the function; returns what it reports.
+
+        Args:
+            now_s: seconds since boot of the clock host.
+            inbox: what came in on the inputs.
+        """
+
+    def goquiet(self) -> None:
+        """From now on results are withheld; the work goes on."""
+
+    def resume(self) -> None:
+        """Results are reported again."""
+
+    def stop(self) -> None:
+        """Ends the function; a later `start()` begins anew."""
+
+    def finish(self) -> None:
+        """Gives back what `initialize()` took."""
+
+
+class SensorSampler(Component[S]):
+    """SS: the interface with a physical sensor, sampled at the requested rate."""
+
+    kind = Kind.SAMPLER
+
+
+class DataProcessor(Component[S]):
+    """DP: makes estimates from sensor data."""
+
+    kind = Kind.PROCESSOR
+
+
+class Controller(Component[S]):
+    """CC: makes commands for the actuators from the processors' estimates."""
+
+    kind = Kind.CONTROLLER
+
+
+class ActuatorDriver(Component[S]):
+    """AD: the interface with a physical actuator.
+
+    `work()` returns `Actuation`s for what is to be written; the host calls `actuate()` with each, unless quiet.
+    """
+
+    kind = Kind.DRIVER
+
+    @abstractmethod
+    def actuate(self, write: Any) -> None:
+        """Writes to the device what `work()` decided."""
+
+    @abstractmethod
+    def make_safe(self) -> None:
+        """Leaves the device safe; called before going quiet, before a stop, and when the component turns faulty.
+
+        Only when it has worked since it was last left safe: a driver that takes over finds its device undisturbed.
+        """
+
+    def check_leaving(self) -> None:
+        """Asked before `make_safe()` when it is told to go quiet or to stop; raises `Refused` if it must not now."""
+
+
+class CommandInterface(Component[S]):
+    """CI: the communication between a base station (client) and a platform (server)."""
+
+    kind = Kind.COMMAND_INTERFACE
+
+
+def _is_message(annotation: object) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, Message)

@@ -1,0 +1,31 @@
+"""What the hosts of one process share."""
+
+import asyncio
+from collections.abc import Callable
+from random import Random
+from typing import NamedTuple
+
+from gloc3.clock import Clock
+from gloc3.component.workers import InlineWorker, ThreadWorker, Worker
+from gloc3.exchange.base import Exchange
+from gloc3.messages.topics import TopicTable
+
+
+class HostContext(NamedTuple):
+    """What the hosts of one process share."""
+
+    platform: str
+    exchange: Exchange
+    clock: Clock
+    loop: asyncio.AbstractEventLoop
+    topics: TopicTable
+    random: Random
+    """Draws boot numbers."""
+    cycle_cost_s: Callable[[str, float], float] | None = None
+    """Virtual time: what a cycle of the component called so costs at that time, by the fault model."""
+    method_cost_s: Callable[[str, str, float], float] | None = None
+    """Virtual time: what a command or function (component, its name, time) costs, by the fault model."""
+
+    def new_worker(self, name: str) -> Worker:
+        """A worker for one component."""
+        return InlineWorker(self.loop) if self.clock.is_virtual else ThreadWorker(self.loop, name)

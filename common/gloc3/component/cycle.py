@@ -1,0 +1,282 @@
+"""The cycles of a component: periodic or begun by an input, one at a time, counted, and watched for hanging."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final
+
+from gloc3.component.component import Component
+from gloc3.component.context import HostContext
+from gloc3.component.cycle_job import CycleJob
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.ports import Mailbox
+from gloc3.component.statistics import CycleStatistics
+from gloc3.component.workers import Worker
+from gloc3.errors import Refused
+from gloc3.exchange.base import Unsubscribe
+from gloc3.messages.envelope import Envelope
+
+HUNG_PERIODS: Final = 5.0
+HUNG_FLOOR_S: Final = 0.2
+HUNG_LOOKS: Final = 5
+"""In so many pieces it is waited for the end of a cycle, in wall time."""
+HUNG_SPARE_PIECES: Final = 15
+"""So many pieces do not count because the process did not get on in them."""
+SILENT_PERIODS: Final = 1.5
+"""After a cycle that something else has begun, the periodic ones come back after so many periods without another."""
+REST_PERIODS: Final = 0.5
+"""A device's request so soon after a cycle waits until then, so that no more than twice the rate is reached."""
+
+_EARLY: Final = 1e-6
+"""Share of a period by which a timer may come early, or be rounded."""
+
+
+class Cycler:
+    """Begins cycles when they are due and hands each ended one to the host."""
+
+    def __init__(
+        self,
+        row: ComponentRow,
+        component: type[Component[Any]],
+        context: HostContext,
+        mailbox: Mailbox,
+        worker: Worker,
+        *,
+        may_begin: Callable[[], bool],
+        ended: Callable[[CycleJob], None],
+        hung: Callable[[float], None],
+        unfit: Callable[[str, Envelope[Any]], None],
+    ) -> None:
+        """The cycles of one hosted component.
+
+        Args:
+            row: its row of the deployment.
+            component: its class.
+            context: what the hosts of the process share.
+            mailbox: its input queues.
+            worker: where its cycles run.
+            may_begin: asked before every cycle.
+            ended: gets every cycle that has ended.
+            hung: is told when one has not ended after so many seconds.
+            unfit: is told of messages that are of another type than their port.
+        """
+        self.rate_hz = row.rate_hz
+        self.is_quiet = False
+        self.items: tuple[str, ...] = ()
+        """What the data logger records."""
+        self.statistics = CycleStatistics()
+        self._row = row
+        self._class = component
+        self._context = context
+        self._loop = context.loop
+        self._mailbox = mailbox
+        self._worker = worker
+        self._may_begin = may_begin
+        self._ended = ended
+        self._hung = hung
+        self._unfit = unfit
+        self._trigger_hz = self._trigger_rate_hz()
+        self._limit_s = self._hung_limit_s()
+        self._is_modelled = context.clock.is_virtual and (row.latency_s > 0.0 or context.cycle_cost_s is not None)
+        self._timer: asyncio.TimerHandle | None = None
+        self._deadline: asyncio.TimerHandle | None = None
+        self._start_s = 0.0
+        self._tick = 0
+        self._began_s = float("-inf")
+        self._job: CycleJob | None = None
+        """None while there are no cycles."""
+        self._is_running = False
+        self._is_triggered = self._is_requested = False
+        self._was_prompted = False
+        """Whether the last cycle was begun by an input or a device."""
+        self._is_owed = False
+        """Whether a device's request waits for the next tick."""
+
+    # --- inputs and devices ---
+
+    def subscribe(self) -> list[Unsubscribe]:
+        """Binds the component's inputs to their topics."""
+        exchange, platform = self._context.exchange, self._context.platform
+        return [
+            exchange.subscribe(f"{platform}/{topic}", self._taker(name))
+            for name in self._class.inputs
+            for topic in self._row.topics(name)
+        ]
+
+    def _taker(self, port: str) -> Callable[[Envelope[Any]], None]:
+        put, expected = self._mailbox.put, self._class.inputs[port].message
+        is_trigger = port in self._row.triggers
+
+        def take(envelope: Envelope[Any]) -> None:
+            if self._job is None:
+                return
+            if not isinstance(envelope.payload, expected):
+                self._unfit(port, envelope)
+                return
+            put(port, envelope)
+            if is_trigger and not self._is_triggered:
+                self._is_triggered = True
+                self._loop.call_soon(self._triggered)
+
+        return take
+
+    def request(self) -> None:
+        """Begins a cycle soon, because a device has something new; from any thread."""
+        if self._job is not None and not self._is_requested:
+            self._is_requested = True
+            with suppress(RuntimeError):  # the loop has been closed: nobody waits any more
+                self._loop.call_soon_threadsafe(self._requested)
+
+    def _requested(self) -> None:
+        self._is_requested = False
+        now_s, rate_hz = self._loop.time(), self.rate_hz
+        if rate_hz is None or (now_s - self._began_s) * rate_hz > REST_PERIODS - _EARLY:
+            self._prompted(now_s)
+        elif self._job is not None and not self._is_owed:
+            self._is_owed = True
+            self._restart_timer(self._began_s + REST_PERIODS / rate_hz)
+
+    # --- start, stop, rate ---
+
+    def start(self, job: CycleJob) -> None:
+        """Begins the cycles, the first one at once."""
+        now_s = self._loop.time()
+        self._job = job
+        self._was_prompted = self._is_owed = False
+        self.statistics.restart(now_s)
+        self._restart_timer(now_s)
+
+    def stop(self) -> None:
+        """Ends the cycles; one that is under way is forgotten."""
+        self._job = None
+        self._is_running = False
+        for timer in (self._timer, self._deadline):
+            if timer is not None:
+                timer.cancel()
+        self._timer = self._deadline = None
+
+    def set_rate(self, rate_hz: float) -> None:
+        """Changes the period; the next cycle comes one new period after the last one's begin.
+
+        Raises:
+            Refused: the component has no periodic cycles.
+        """
+        if self.rate_hz is None:
+            raise Refused("it has no rate: its cycles are begun by an input")
+        self.rate_hz = rate_hz
+        self._limit_s = self._hung_limit_s()
+        if self._job is not None:
+            self._restart_timer(max(self._loop.time(), self._began_s + 1.0 / rate_hz))
+
+    @property
+    def nominal_rate_hz(self) -> float:
+        """How often it works while its inputs come as they should; 0 where that cannot be told.
+
+        The periodic cycles of a triggered component only fill the silence: the trigger's topic tells its rate.
+        """
+        return max(self.rate_hz or 0.0, self._trigger_hz)
+
+    def _trigger_rate_hz(self) -> float:
+        """The nominal rate of what begins cycles: the quickest of its topics; 0 without one."""
+        rows = [
+            self._context.topics.row(f"{self._context.platform}/{topic}")
+            for trigger in self._row.triggers
+            for topic in self._row.topics(trigger)
+        ]
+        return max((row.rate_hz for row in rows if row is not None), default=0.0)
+
+    def _hung_limit_s(self) -> float:
+        rate_hz = self.rate_hz or self._trigger_hz
+        return max(HUNG_PERIODS / rate_hz if rate_hz else 0.0, HUNG_FLOOR_S)
+
+    # --- the cycle ---
+
+    def _restart_timer(self, first_s: float) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self.rate_hz is not None:
+            self._start_s, self._tick = first_s, 0
+            self._timer = self._loop.call_at(first_s, self._ticked)
+
+    def _ticked(self) -> None:
+        rate_hz = self.rate_hz
+        assert rate_hz is not None
+        self._timer = None
+        now_s, tick = self._loop.time(), self._tick
+        is_owed, self._is_owed = self._is_owed, False
+        if self._was_prompted and not is_owed and (now_s - self._began_s) * rate_hz < SILENT_PERIODS - _EARLY:
+            self._restart_timer(self._began_s + SILENT_PERIODS / rate_hz)
+            return
+        missed = int((now_s - self._start_s) * rate_hz + _EARLY) - tick
+        if missed > 0:  # the loop itself was late: those cycles are lost, not made up
+            tick += missed
+            self.statistics.overruns += missed
+        self._tick = tick + 1
+        self._timer = self._loop.call_at(self._start_s + self._tick / rate_hz, self._ticked)
+        self._was_prompted = is_owed
+        self._begin(now_s)
+
+    def _triggered(self) -> None:
+        self._is_triggered = False
+        self._prompted(self._loop.time())
+
+    def _prompted(self, now_s: float) -> None:
+        if self._job is not None:
+            self._was_prompted = True
+            self._begin(now_s)
+
+    def _begin(self, now_s: float) -> None:
+        if self._is_running:
+            self.statistics.overruns += 1
+            return
+        if not self._may_begin():
+            return
+        job = self._job
+        assert job is not None
+        self._is_running = True
+        self._began_s = job.now_s = now_s
+        job.inbox = self._mailbox.take()
+        job.is_quiet = self.is_quiet
+        job.items = self.items
+        self._worker.run(job.run, self._done, self._model_cost_s(job, now_s) if self._is_modelled else 0.0)
+        if self._is_running:
+            self._await_end(1 if self._context.clock.is_virtual else HUNG_LOOKS)
+
+    def _model_cost_s(self, job: CycleJob, now_s: float) -> float:
+        """What the cycle costs in virtual time; one that hangs never ends."""
+        cost_s = self._row.latency_s
+        if self._context.cycle_cost_s is not None:
+            cost_s += self._context.cycle_cost_s(self._row.name, now_s)
+        job.cost_s = cost_s
+        return cost_s if cost_s <= self._limit_s else float("inf")
+
+    def _done(self, job: CycleJob) -> None:
+        if job is not self._job:  # the cycles have been stopped meanwhile
+            return
+        self._is_running = False
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+        self.statistics.add(job.cost_s)
+        self._ended(job)
+
+    def _await_end(self, pieces: int) -> None:
+        """Waits so long as a cycle may take, in pieces.
+
+        A time in which the whole process stood still does not count: the component had not the time either.
+        """
+        self._await_piece(pieces, HUNG_SPARE_PIECES, self._limit_s / pieces)
+
+    def _await_piece(self, left: int, spare: int, piece_s: float) -> None:
+        due_s = self._loop.time() + piece_s
+        self._deadline = self._loop.call_at(due_s, self._expired, left, spare, piece_s, due_s)
+
+    def _expired(self, left: int, spare: int, piece_s: float, due_s: float) -> None:
+        self._deadline = None
+        if spare and self._loop.time() - due_s > piece_s:
+            self._await_piece(left, spare - 1, piece_s)
+        elif left > 1:
+            self._await_piece(left - 1, spare, piece_s)
+        else:
+            self._hung(self._limit_s)

@@ -1,0 +1,121 @@
+"""Outlets: where the results of a component go, and whether a result is one."""
+
+import math
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.component.component import Component
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.ports import Actuation, Output, Report, Result
+from gloc3.errors import Misuse
+from gloc3.messages.envelope import Message
+from gloc3.messages.topics import TopicTable
+
+KEY: Final = "{key}"
+
+
+class Outlet:
+    """An output of one hosted component, bound to its topics."""
+
+    __slots__ = ("frame", "is_keyed", "message", "port", "reported_s", "topics")
+
+    def __init__(self, port: Output[Any], topics: tuple[str, ...]) -> None:
+        self.port = port.name
+        self.message: type[Message] = port.message
+        self.frame = port.frame
+        self.topics = topics
+        self.is_keyed = any(KEY in topic for topic in topics)
+        self.reported_s = -math.inf
+        """When something was reported last."""
+
+    def takes(self, key: object) -> bool:
+        """Whether a key fits: it stands for one level of a topic, at the end of a topic for any number of levels."""
+        if not self.is_keyed or not isinstance(key, str):
+            return key == ""
+        is_at_end = all(topic.endswith(KEY) for topic in self.topics)
+        return "" not in key.split("/") and (is_at_end or "/" not in key)
+
+
+class Routed(msgspec.Struct, frozen=True, gc=False):
+    """A result that has been checked and has an outlet."""
+
+    outlet: Outlet
+    message: Message
+    t_s: float
+    key: str = ""
+
+
+class Outlets:
+    """The outputs of one hosted component.
+
+    Args:
+        row: its row of the deployment.
+        component: its class.
+        platform: the platform's name.
+        topics: tells when a topic counts as silent.
+    """
+
+    def __init__(self, row: ComponentRow, component: type[Component[Any]], platform: str, topics: TopicTable) -> None:
+        self._class_name = component.__name__
+        self._by_port = {
+            name: Outlet(port, tuple(f"{platform}/{topic}" for topic in row.topics(name)))
+            for name, port in component.outputs.items()
+        }
+        outlets = list(self._by_port.values())
+        types = [outlet.message for outlet in outlets]
+        self._by_type = {
+            outlet.message: outlet for outlet in outlets if types.count(outlet.message) == 1 and not outlet.is_keyed
+        }
+
+        self._speaking = [
+            (outlet, topic.partition("/")[2], known)
+            for outlet in outlets
+            for topic in outlet.topics
+            if not outlet.is_keyed and (known := topics.row(topic)) is not None and known.rate_hz
+        ]
+        """The outlets of topics that are expected to speak all the time."""
+
+    def silent(self, now_s: float, since_s: float, rate_hz: float) -> list[str]:
+        """The topics, without the platform's name, on which nothing was reported for too long.
+
+        Args:
+            now_s: seconds since boot of the clock host.
+            since_s: since when it could have reported something.
+            rate_hz: how often it works; a topic cannot speak more often. 0 where that is not known.
+        """
+        return [
+            topic
+            for outlet, topic, row in self._speaking
+            if now_s - max(outlet.reported_s, since_s)
+            > row.silent_after / (min(row.rate_hz, rate_hz) if rate_hz else row.rate_hz)
+        ]
+
+    def route(self, result: Result, cycle_s: float) -> Routed | Actuation:
+        """Finds the outlet of something that `work()` returned.
+
+        Raises:
+            Misuse: it is no result, or fits no output of the class.
+        """
+        outlet = self._by_type.get(type(result))  # type: ignore[arg-type] # anything may come from an author
+        if outlet is not None:
+            return Routed(outlet, result, cycle_s)  # type: ignore[arg-type] # its type is that of a port
+        if isinstance(result, Actuation):
+            return result
+        if isinstance(result, Report):
+            return self._route_report(result, cycle_s)
+        raise Misuse(f"{self._class_name} reported {type(result).__name__}, which fits no single output of its class")
+
+    def _route_report(self, report: Report, cycle_s: float) -> Routed:
+        outlet = self._by_port.get(report.port)
+        if outlet is None:
+            raise Misuse(f"{self._class_name} has no output {report.port!r}")
+        if type(report.message) is not outlet.message:
+            found = type(report.message).__name__
+            raise Misuse(f"{self._class_name}.{outlet.port} takes {outlet.message.__name__}, not {found}")
+        t_s = cycle_s if report.t_s is None else report.t_s
+        if not isinstance(t_s, float | int) or not math.isfinite(t_s):
+            raise Misuse(f"{self._class_name}.{outlet.port}: {t_s!r} is no time of validity")
+        if not outlet.takes(report.key):
+            raise Misuse(f"{self._class_name}.{outlet.port}: {report.key!r} is no key for {', '.join(outlet.topics)}")
+        return Routed(outlet, report.message, t_s, report.key)

@@ -1,0 +1,175 @@
+"""Ports: what a component's class says that it takes and gives, and the inbox that a cycle reads."""
+
+from collections import deque
+from collections.abc import Sequence
+from enum import StrEnum
+from math import isfinite
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from gloc3.errors import Misuse
+from gloc3.messages.envelope import Envelope, Message
+
+M = TypeVar("M", bound=Message)
+
+
+class Keep(StrEnum):
+    """What a bounded input queue does when it is full; what it drops is counted."""
+
+    LATEST = "latest"
+    """Holds only the newest message; those that it replaces unread are not losses."""
+    ALL = "all"
+    """Holds every message up to its depth, then refuses new ones."""
+
+
+class Port(Generic[M]):
+    """A named place of a component where messages of one type come in or go out."""
+
+    def __init__(self, message: type[M]) -> None:
+        self.message = message
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+
+class Input(Port[M]):
+    """A port that takes messages: `imu = Input(ImuSample)`."""
+
+    def __init__(self, message: type[M], keep: Keep = Keep.LATEST, depth: int = 64) -> None:
+        super().__init__(message)
+        self.keep = keep
+        self.depth = depth if keep is Keep.ALL else 1
+
+
+class Output(Port[M]):
+    """A port that gives messages: `height = Output(HeightAboveGround)`.
+
+    A topic that holds `{key}` makes a keyed port, one that reaches many topics (only command interfaces have these).
+    """
+
+    def __init__(self, message: type[M], frame: str = "") -> None:
+        super().__init__(message)
+        self.frame = frame
+
+    def report(self, message: M, *, t_s: float | None = None, key: str = "") -> "Report":
+        """A result for this port; needed where a class has two ports of one type, or to state the time of validity."""
+        return Report(self.name, message, t_s, key)
+
+
+class Report(msgspec.Struct, frozen=True, gc=False):
+    """A result on its way to a port of its component."""
+
+    port: str
+    message: Message
+    t_s: float | None = None
+    """Time of validity; None means the cycle's own time."""
+    key: str = ""
+
+
+class Actuation(msgspec.Struct, frozen=True):
+    """A write to a device, decided by `work()`; the host has it carried out, unless the component is quiet."""
+
+    write: Any
+
+
+Result = Message | Report | Actuation
+"""What `work()` returns."""
+
+
+class Inbox:
+    """What came in since the last cycle, and the last of each input."""
+
+    __slots__ = ("_latest", "_new")
+
+    def __init__(self, new: dict[str, Sequence[Envelope[Any]]], latest: dict[str, Envelope[Any]]) -> None:
+        self._new = new
+        self._latest = latest
+
+    def new(self, port: Input[M]) -> Sequence[Envelope[M]]:
+        """The messages since the last cycle, oldest first (at most one where the port keeps the latest)."""
+        return self._new.get(port.name, ())
+
+    def latest(self, port: Input[M]) -> Envelope[M] | None:
+        """The last message ever received on a port, however old; None before the first."""
+        return self._latest.get(port.name)
+
+    def is_fresh(self, port: Input[M], now_s: float, limit_s: float) -> bool:
+        """Whether the last message of a port is at most `limit_s` old."""
+        latest = self._latest.get(port.name)
+        return latest is not None and now_s - latest.t_s <= limit_s
+
+
+class Mailbox:
+    """The bounded input queues of one component."""
+
+    def __init__(self, inputs: Sequence[Input[Any]]) -> None:
+        self._inputs = {port.name: port for port in inputs}
+        self._queues: dict[str, deque[Envelope[Any]]] = {port.name: deque() for port in inputs}
+        self._latest: dict[str, Envelope[Any]] = {}
+        self._taken: dict[str, Envelope[Any]] = {}
+        """What the last inbox holds: never changed, because a worker may be reading it."""
+        self._filled: list[str] = []
+        """The ports whose queues are not empty."""
+        self._nothing = Inbox({}, self._taken)
+        self.dropped = 0
+
+    def put(self, port: str, envelope: Envelope[Any]) -> None:
+        """Takes a message in, by the port's policy; one whose time of validity is no number is dropped."""
+        if not isfinite(envelope.t_s):
+            self.dropped += 1
+            return
+        queue = self._queues[port]
+        declared = self._inputs[port]
+        if len(queue) >= declared.depth:
+            if declared.keep is Keep.ALL:
+                self.dropped += 1
+                return
+            queue.popleft()
+        elif not queue:
+            self._filled.append(port)
+        queue.append(envelope)
+        self._latest[port] = envelope
+
+    def take(self) -> Inbox:
+        """What the next cycle reads; the queues are empty afterwards."""
+        if not self._filled:
+            return self._nothing
+        new: dict[str, Sequence[Envelope[Any]]] = {}
+        for name in self._filled:
+            queue = self._queues[name]
+            new[name] = tuple(queue)
+            queue.clear()
+        self._filled.clear()
+        self._taken = self._latest.copy()
+        self._nothing = Inbox({}, self._taken)
+        return Inbox(new, self._taken)
+
+    def clear(self) -> None:
+        """Forgets everything, as at a start: a component never works on what came before."""
+        for queue in self._queues.values():
+            queue.clear()
+        self._latest, self._taken = {}, {}
+        self._filled.clear()
+        self._nothing = Inbox({}, self._taken)
+
+
+def inbox_of(**messages: Envelope[Any] | Sequence[Envelope[Any]]) -> Inbox:
+    """An inbox for tests: port name to one message or several."""
+    new = {name: (given,) if isinstance(given, Envelope) else tuple(given) for name, given in messages.items()}
+    return Inbox(dict(new), {name: given[-1] for name, given in new.items() if given})
+
+
+def ports_of(cls: type) -> tuple[dict[str, Input[Any]], dict[str, Output[Any]]]:
+    """The inputs and outputs that a class declares, its bases' first."""
+    declared = {
+        name: port for base in reversed(cls.__mro__) for name, port in vars(base).items() if isinstance(port, Port)
+    }
+    for name, port in declared.items():
+        if not isinstance(port, Input | Output):
+            raise Misuse(f"{cls.__name__}.{name} is neither Input nor Output")
+    return (
+        {name: port for name, port in declared.items() if isinstance(port, Input)},
+        {name: port for name, port in declared.items() if isinstance(port, Output)},
+    )

@@ -1,0 +1,4 @@
+"""YAML files that people write: read with the place of everything in them, checked against types, described by JSON Schema.
+
+Errors are findings with file, line, column and a hint, never a traceback.
+"""

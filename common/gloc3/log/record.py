@@ -1,0 +1,346 @@
+"""The data log of a process: every message that passes its exchanger, as an MCAP file that opens in Foxglove as it is.
+
+One file a process and run. A channel is one topic of one component in one of its lives; the log time is when the
+message passed, the publish time its time of validity, both in UTC by the one offset that the file states. Everything
+is on disk within a quarter of a second. In virtual time the same run gives the same bytes.
+"""
+
+import asyncio
+import os
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO, Final, Literal, NamedTuple
+
+import msgspec
+
+from gloc3 import __version__
+from gloc3.clock import Clock
+from gloc3.errors import Gloc3Error
+from gloc3.exchange.base import Exchange, Unsubscribe
+from gloc3.log.disk_file import DiskFile
+from gloc3.log.foxglove import (
+    MAP_FRAME,
+    MAP_FROM_NED,
+    NED_FRAME,
+    PATH_SCHEMA,
+    TRANSFORM_SCHEMA,
+    path,
+    timestamp,
+    transform,
+)
+from gloc3.log.payloads import PayloadEncoder
+from gloc3.log.writer import Compression, LogChannel, McapWriter
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.frames import Quaternion, Vector3
+from gloc3.messages.topics import TopicTable
+
+FLUSH_S: Final = 0.25
+"""How long a message stays in memory at most."""
+RUN: Final = "gloc3"
+"""The metadata record that every log begins with: the recorder's metadata, `utc_offset_ns`, `time`, `version`."""
+MISSION: Final = "mission"
+"""The metadata record of a loaded mission: `name`, `text`."""
+PLATFORM_FILE: Final = "platform.yaml"
+"""The attachment with the platform file, the effective configuration of the run."""
+REQUESTED_PATH: Final = "requested_path"
+"""The metadata record of the path that a mission asks for: `points_ned_m`, JSON `[[north, east, down], ...]`."""
+
+
+class TopicBytes(NamedTuple):
+    """How much of a topic has been recorded."""
+
+    messages: int
+    bytes: int
+    """Before compression."""
+
+
+class _Route:
+    """Where the messages of one topic, source and type go; no channel where they are not logged."""
+
+    __slots__ = ("channel", "encode", "frame", "source", "type")
+
+    def __init__(self, envelope: Envelope[Any], channel: LogChannel | None, encoder: PayloadEncoder) -> None:
+        self.source: Source = envelope.source
+        self.type = envelope.type
+        self.frame = envelope.frame
+        self.channel = channel
+        self.encode = encoder.encode
+
+
+class Recorder:
+    """Writes the log of one process."""
+
+    def __init__(
+        self,
+        stream_or_path: BinaryIO | Path,
+        clock: Clock,
+        topics: TopicTable,
+        metadata: Mapping[str, str],
+        compression: Compression = "zstd",
+        flush_s: float = FLUSH_S,
+    ) -> None:
+        """Begins a log.
+
+        Args:
+            stream_or_path: where it goes; a stream stays the caller's to close.
+            clock: of the process.
+            topics: which topics are logged; a topic without a row is.
+            metadata: what the log says of itself, such as the platform's name; no paths, no dates.
+            compression: of the messages.
+            flush_s: how long a message stays in memory at most.
+
+        Raises:
+            Gloc3Error: the file cannot be written.
+        """
+        self._is_owner = isinstance(stream_or_path, Path)
+        try:
+            self._stream = self._open(stream_or_path, clock) if isinstance(stream_or_path, Path) else stream_or_path
+        except OSError as error:
+            raise Gloc3Error(f"cannot write the log {stream_or_path}: {error.strerror}") from error
+        self._clock = clock
+        self._flush_every_s = flush_s
+        self._now_s = clock.now_s
+        self._topics = topics
+        self._offset_ns: Final = round(clock.utc_offset_s * 1e9)
+        self._writer = McapWriter(self._stream, compression)
+        self._encoders: dict[type[Message], PayloadEncoder] = {}
+        self._current: dict[str, _Route] = {}
+        self._routes: dict[tuple[str, Source, str, str], _Route] = {}
+        self._raw: dict[tuple[str, str], tuple[LogChannel, list[int]]] = {}
+        self._channels: list[LogChannel] = []
+        self._shown: dict[str, LogChannel] = {}
+        self._subscriptions: list[Unsubscribe] = []
+        self._timer: asyncio.TimerHandle | None = None
+        self._syncing: asyncio.Future[None] | None = None
+        self._flushed_s = self._now_s()
+        self.unknown: list[str] = []
+        """The topics that were recorded although they have no row."""
+        self.lost = 0
+        """Messages that were not recorded."""
+        self.problem = ""
+        """Why recording has ended early, such as a full disk."""
+        self._is_open = True
+        self.write_metadata(
+            RUN,
+            {
+                **metadata,
+                "time": "virtual" if clock.is_virtual else "wall",
+                "utc_offset_ns": str(self._offset_ns),
+                "version": __version__,
+            },
+        )
+        self.write_transform(MAP_FRAME, NED_FRAME, (0.0, 0.0, 0.0), MAP_FROM_NED)
+
+    # --- life ---
+
+    @staticmethod
+    def _open(path: Path, clock: Clock) -> "BinaryIO | DiskFile":
+        """The file; in virtual time nobody has to hurry."""
+        return path.open("wb") if clock.is_virtual else DiskFile(path)
+
+    def attach(self, exchange: Exchange, loop: asyncio.AbstractEventLoop | None = None) -> None:
+        """Records everything that passes an exchanger; with a loop, also flushes by itself."""
+        self._subscriptions.append(exchange.subscribe("**", self.record))
+        if loop is not None and self._timer is None:
+            self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
+
+    def flush(self, now_s: float) -> None:
+        """Has what is in memory written when it is time; call it more often than that."""
+        if now_s - self._flushed_s >= 0.99 * self._flush_every_s and self._is_open:
+            self._flushed_s = now_s
+            try:
+                self._writer.flush()
+            except OSError as error:
+                self._fail(error)
+
+    def detach(self) -> None:
+        """Records nothing any more of the exchangers; `close` may be called from a thread then."""
+        for unsubscribe in self._subscriptions:
+            unsubscribe()
+        self._subscriptions.clear()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def close(self) -> None:
+        """Finishes the file, with its index. What comes later is not recorded."""
+        self.detach()
+        if self._is_open:
+            self._is_open = False
+            try:
+                self._writer.finish()
+            except OSError as error:
+                self._fail(error)
+        if self._is_owner:
+            try:
+                self._stream.close()
+            except OSError as error:
+                self._fail(error)
+
+    def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.flush(self._now_s())
+        self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
+        if self._is_owner and not self._clock.is_virtual and (self._syncing is None or self._syncing.done()):
+            # The disk may take long, and a loss of power must not take more than a second of the flight with it.
+            self._syncing = loop.run_in_executor(None, _sync, self._stream)
+
+    def _fail(self, error: OSError) -> None:
+        self._is_open = False
+        self.problem = f"the log cannot be written: {error.strerror or error}"
+
+    # --- messages ---
+
+    def record(self, envelope: Envelope[Any]) -> None:
+        """Records a message, now."""
+        route = self._current.get(envelope.topic)
+        if (
+            route is None
+            or route.source is not envelope.source
+            or route.type is not envelope.type
+            or route.frame is not envelope.frame
+        ):
+            route = self._find(envelope)
+        if route is None:
+            self.lost += 1
+            return
+        channel = route.channel
+        if channel is None:
+            return
+        if not self._is_open:
+            self.lost += 1
+            return
+        offset_ns = self._offset_ns
+        try:
+            publish_ns = offset_ns + round(envelope.t_s * 1e9)
+            data = route.encode(envelope, publish_ns)
+            self._writer.append(channel, envelope.sequence, offset_ns + round(self._now_s() * 1e9), publish_ns, data)
+        except OSError as error:
+            self._fail(error)
+        except (ValueError, OverflowError, struct.error):  # a time or a sequence that no log can hold
+            self.lost += 1
+
+    def record_mavlink(self, link: str, direction: Literal["in", "out"], frame: bytes, now_s: float) -> None:
+        """Records a raw frame of a MAVLink link on the channel `mavlink/LINK/DIRECTION`."""
+        if not self._is_open:
+            self.lost += 1
+            return
+        now_ns = self._offset_ns + round(now_s * 1e9)
+        try:
+            found = self._raw.get((link, direction))
+            if found is None:
+                channel = self._writer.add_channel(
+                    f"mavlink/{link}/{direction}", "mavlink", {"link": link, "direction": direction}
+                )
+                self._channels.append(channel)
+                found = self._raw[link, direction] = (channel, [0])
+            channel, count = found
+            self._writer.append(channel, count[0], now_ns, now_ns, frame)
+        except OSError as error:
+            self._fail(error)
+            return
+        count[0] += 1
+
+    def _find(self, envelope: Envelope[Any]) -> _Route | None:
+        """The route of a message whose topic's last message came from another source, or was the first.
+
+        None where the file takes no new channel.
+        """
+        source = envelope.source
+        key = (envelope.topic, source, envelope.frame, envelope.type)
+        route = self._routes.get(key)
+        if route is None:
+            try:
+                route = self._new_route(envelope)
+            except OSError as error:
+                self._fail(error)
+                route = None
+            if route is None:
+                return None
+            self._routes[key] = route
+        self._current[envelope.topic] = route
+        route.source, route.type, route.frame = source, envelope.type, envelope.frame
+        return route
+
+    def _new_route(self, envelope: Envelope[Any]) -> _Route | None:
+        message_type, source = type(envelope.payload), envelope.source
+        encoder = self._encoders.get(message_type)
+        if encoder is None:
+            encoder = self._encoders[message_type] = PayloadEncoder(message_type)
+        row = self._topics.row(envelope.topic)
+        if row is None:
+            self.unknown += [] if envelope.topic in self.unknown else [envelope.topic]
+        elif not row.is_logged:
+            return _Route(envelope, None, encoder)
+        if not self._is_open:
+            return None
+        metadata = {
+            "platform": source.platform,
+            "component": source.component,
+            "boot": str(source.boot),
+            "type": envelope.type,
+            "frame": envelope.frame,
+        }
+        channel = self._writer.add_channel(envelope.topic, "json", metadata, encoder.schema)
+        self._channels.append(channel)
+        return _Route(envelope, channel, encoder)
+
+    # --- beside the messages ---
+
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Writes a metadata record."""
+        self._guarded(lambda: self._writer.add_metadata(name, values))
+
+    def attach_file(self, name: str, media_type: str, data: bytes) -> None:
+        """Puts a file into the log, such as the platform file."""
+        now_ns = self._offset_ns + round(self._now_s() * 1e9)
+        self._guarded(lambda: self._writer.add_attachment(name, media_type, data, now_ns))
+
+    def write_transform(self, parent: str, child: str, translation_m: Vector3, parent_from_child: Quaternion) -> None:
+        """Tells Foxglove where a frame hangs in another, such as a mission's local frame in `ned`."""
+        self._show("frames", TRANSFORM_SCHEMA, transform(parent, child, translation_m, parent_from_child))
+
+    def write_requested_path(self, points_ned_m: Sequence[Vector3]) -> None:
+        """Writes the path that a mission asks for: as metadata, and for Foxglove."""
+        text = msgspec.json.encode(points_ned_m).decode()
+        self.write_metadata(REQUESTED_PATH, {"points_ned_m": text})
+        self._show("requested_path", PATH_SCHEMA, path(points_ned_m))
+
+    def _show(self, topic: str, schema: Mapping[str, Any], values: Mapping[str, Any]) -> None:
+        """Writes something that only Foxglove reads."""
+        now_ns = self._offset_ns + round(self._now_s() * 1e9)
+        data = msgspec.json.encode({"timestamp": timestamp(now_ns), **values})
+
+        def write() -> None:
+            shown = self._shown.get(topic)
+            if shown is None:
+                described = (schema["title"], msgspec.json.encode(schema))
+                shown = self._shown[topic] = self._writer.add_channel(topic, "json", {}, described)
+            self._writer.append(shown, 0, now_ns, now_ns, data)
+
+        self._guarded(write)
+
+    def statistics(self) -> dict[str, TopicBytes]:
+        """What has been recorded so far, by topic."""
+        found: dict[str, TopicBytes] = {}
+        for channel in self._channels:
+            before = found.get(channel.topic, TopicBytes(0, 0))
+            count = channel.messages + len(channel.index) // 2
+            found[channel.topic] = TopicBytes(before.messages + count, before.bytes + channel.bytes)
+        return found
+
+    def _guarded(self, write: Callable[[], None]) -> None:
+        if not self._is_open:
+            return
+        try:
+            write()
+        except OSError as error:
+            self._fail(error)
+
+
+def _sync(stream: BinaryIO | DiskFile) -> None:
+    """In a thread: waits until the disk has what was written."""
+    try:
+        os.fsync(stream.fileno())
+    except (OSError, ValueError):  # the file has been closed meanwhile, or the next write will tell
+        return

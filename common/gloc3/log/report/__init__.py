@@ -1,0 +1,4 @@
+"""Pictures and reports made from logs: paths, timelines, inspections.
+
+matplotlib is imported where it draws.
+"""

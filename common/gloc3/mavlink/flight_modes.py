@@ -1,0 +1,79 @@
+"""What autopilots call themselves and their modes: a heartbeat's numbers as a person knows them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gloc3.mavlink.codec import enum_name, enums
+
+ARDUPILOT: Final = 3
+PX4: Final = 12
+"""MAV_AUTOPILOT."""
+
+_PX4_MODES: Final = {
+    (1, 0): "MANUAL",
+    (2, 0): "ALTCTL",
+    (3, 0): "POSCTL",
+    (4, 1): "AUTO.READY",
+    (4, 2): "AUTO.TAKEOFF",
+    (4, 3): "AUTO.LOITER",
+    (4, 4): "AUTO.MISSION",
+    (4, 5): "AUTO.RTL",
+    (4, 6): "AUTO.LAND",
+    (4, 8): "AUTO.FOLLOW",
+    (4, 9): "AUTO.PRECLAND",
+    (5, 0): "ACRO",
+    (6, 0): "OFFBOARD",
+    (7, 0): "STABILIZED",
+    (8, 0): "RATTITUDE",
+}
+"""Main and sub mode (`px4_custom_mode.h`); a sub mode that is not listed has its main mode's name."""
+_PLANES: Final = frozenset({1, 16, *range(19, 26)})
+_ROVERS: Final = frozenset({10, 11})
+_SUBMARINE: Final = 12
+_NOT_COPTERS: Final = frozenset({0, 5, 7, 8, 9})
+
+
+def mode_name(autopilot: int, vehicle_type: int, custom_mode: int) -> str:
+    """A mode in the autopilot's own words; `mode 7` where they are not known.
+
+    Args:
+        autopilot: MAV_AUTOPILOT.
+        vehicle_type: MAV_TYPE; ArduPilot numbers its modes by it.
+        custom_mode: as in the heartbeat.
+    """
+    unknown = f"mode {custom_mode}"
+    if autopilot == PX4:
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24
+        return _PX4_MODES.get((main, sub)) or _PX4_MODES.get((main, 0)) or unknown
+    if autopilot != ARDUPILOT or vehicle_type in _NOT_COPTERS:
+        return unknown
+    family = (
+        "PLANE"
+        if vehicle_type in _PLANES
+        else "ROVER"
+        if vehicle_type in _ROVERS
+        else "SUB"
+        if vehicle_type == _SUBMARINE
+        else "COPTER"
+    )
+    name, prefix = enum_name(f"{family}_MODE", custom_mode), f"{family}_MODE_"
+    return name.removeprefix(prefix) if name.startswith(prefix) and not name.endswith("_END") else unknown
+
+
+def autopilot_name(autopilot: int) -> str:
+    """What an autopilot is called, as `PX4`, `ArduPilot`, `smartap`."""
+    if autopilot == ARDUPILOT:
+        return "ArduPilot"
+    if autopilot == PX4:
+        return "PX4"
+    name = enum_name("MAV_AUTOPILOT", autopilot)
+    return name.removeprefix("MAV_AUTOPILOT_").lower().replace("_", " ") if not name.isdigit() else f"number {name}"
+
+
+def type_name(vehicle_type: int) -> str:
+    """What a vehicle is, as `quadrotor`; empty where it does not say."""
+    if vehicle_type == enums.MAV_TYPE_GENERIC:
+        return ""
+    name = enum_name("MAV_TYPE", vehicle_type)
+    return name.removeprefix("MAV_TYPE_").lower().replace("_", " ") if not name.isdigit() else f"type {name}"

@@ -1,0 +1,155 @@
+"""What waits to leave by a slow link: in classes that share it, so that nothing starves and commands hardly wait.
+
+Each class has its weight of the line while all have something to send, and the whole line while it is alone (deficit
+round robin, Shreedhar and Varghese 1996). Of telemetry only the latest of its kind waits: a slow line carries it less
+often, never late. What finds no room is dropped and counted.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Hashable
+from enum import StrEnum
+from functools import cache
+from itertools import count
+from typing import Final
+
+import msgspec
+
+from gloc3.mavlink import codec
+from gloc3.mavlink.parser import Frame
+
+BURST_S: Final = 0.05
+"""So much of its time a line may take at once: what an UART's buffer holds."""
+QUANTUM_BYTES: Final = 64
+"""A class of weight 1 may send so much in its turn."""
+
+
+class Kind(StrEnum):
+    """What a frame is for."""
+
+    COMMAND = "command"
+    """Commands, answers, heartbeats, setpoints, texts, and our own command interface."""
+    TRANSFER = "transfer"
+    """Missions and parameters."""
+    TELEMETRY = "telemetry"
+    """What is told again and again."""
+    BULK = "bulk"
+    """Files and logs."""
+
+
+class Share(msgspec.Struct, frozen=True):
+    """What a class gets of a line."""
+
+    weight: int
+    most: int
+    """Frames that may wait."""
+
+
+SHARES: Final = {
+    Kind.COMMAND: Share(8, 64),
+    Kind.TRANSFER: Share(4, 128),
+    Kind.TELEMETRY: Share(4, 128),
+    Kind.BULK: Share(1, 64),
+}
+
+_NAMES: Final = {
+    Kind.COMMAND: (
+        "HEARTBEAT COMMAND_LONG COMMAND_INT COMMAND_ACK SET_MODE STATUSTEXT TUNNEL PING TIMESYNC SYSTEM_TIME "
+        "MANUAL_CONTROL RC_CHANNELS_OVERRIDE SET_POSITION_TARGET_LOCAL_NED SET_POSITION_TARGET_GLOBAL_INT "
+        "SET_ATTITUDE_TARGET CHANGE_OPERATOR_CONTROL CHANGE_OPERATOR_CONTROL_ACK SETUP_SIGNING MISSION_SET_CURRENT "
+        "MISSION_ITEM_REACHED"
+    ),
+    Kind.TRANSFER: (
+        "MISSION_REQUEST_LIST MISSION_COUNT MISSION_REQUEST MISSION_REQUEST_INT MISSION_ITEM MISSION_ITEM_INT "
+        "MISSION_ACK MISSION_CLEAR_ALL MISSION_REQUEST_PARTIAL_LIST MISSION_WRITE_PARTIAL_LIST PARAM_REQUEST_READ "
+        "PARAM_REQUEST_LIST PARAM_VALUE PARAM_SET AUTOPILOT_VERSION MESSAGE_INTERVAL REQUEST_DATA_STREAM "
+        "FENCE_POINT FENCE_FETCH_POINT RALLY_POINT RALLY_FETCH_POINT"
+    ),
+    Kind.BULK: (
+        "FILE_TRANSFER_PROTOCOL LOG_REQUEST_LIST LOG_ENTRY LOG_REQUEST_DATA LOG_DATA LOG_ERASE LOG_REQUEST_END "
+        "ENCAPSULATED_DATA DATA_TRANSMISSION_HANDSHAKE TERRAIN_DATA TERRAIN_REQUEST REMOTE_LOG_DATA_BLOCK "
+        "REMOTE_LOG_BLOCK_STATUS GPS_RTCM_DATA"
+    ),
+}
+
+
+@cache
+def kinds() -> dict[int, Kind]:
+    """Message id to kind, for every message that is not telemetry."""
+    return {codec.shape(name).id: kind for kind, names in _NAMES.items() for name in names.split()}
+
+
+class Outlet:
+    """The way out of one link, with its rate. It has no clock: somebody calls `pump` when `next_s` says so.
+
+    Args:
+        send: takes the bytes of a frame that leaves.
+        rate_byte_s: what the line carries; None for a network, whose frames leave at once.
+    """
+
+    def __init__(self, send: Callable[[bytes], None], rate_byte_s: float | None = None) -> None:
+        self.dropped: Final = dict.fromkeys(Kind, 0)
+        """Frames that found no room."""
+        self.overtaken = 0
+        """Telemetry that a newer frame of its kind took the place of."""
+        self.rate_byte_s = rate_byte_s
+        """May be set once it is known, while nothing waits."""
+        self._send = send
+        self._kinds = kinds()
+        self._waiting: dict[Kind, dict[Hashable, bytes]] = {kind: {} for kind in Kind}
+        """Frames in the order of their coming: telemetry by sender, message and instance, all others by a number."""
+        self._numbers = count()
+        self._credit = dict.fromkeys(Kind, 0)
+        self._turns = deque(Kind)
+        self._free_s = 0.0
+        """When the line will have sent all that was given to it."""
+
+    @property
+    def waiting(self) -> int:
+        """Frames that wait."""
+        return sum(map(len, self._waiting.values()))
+
+    def put(self, frame: Frame, now_s: float) -> None:
+        """Takes in a frame that is to leave."""
+        if self.rate_byte_s is None:
+            self._send(frame.raw)
+            return
+        kind = self._kinds.get(frame.message_id, Kind.TELEMETRY)
+        waiting = self._waiting[kind]
+        which: Hashable = next(self._numbers)
+        if kind is Kind.TELEMETRY:
+            which = (frame.system, frame.component, frame.message_id, frame.instance)
+        if which in waiting:
+            self.overtaken += 1
+        elif len(waiting) >= SHARES[kind].most:
+            self.dropped[kind] += 1
+            return
+        waiting[which] = frame.raw
+        self.pump(now_s)
+
+    def next_s(self) -> float | None:
+        """When `pump` has something to do; None while nothing waits."""
+        return max(0.0, self._free_s - BURST_S) if self.waiting else None
+
+    def pump(self, now_s: float) -> None:
+        """Sends what the line has room for."""
+        rate_byte_s = self.rate_byte_s
+        assert rate_byte_s is not None
+        while self._free_s - BURST_S <= now_s and (raw := self._choose()) is not None:
+            self._free_s = max(self._free_s, now_s) + len(raw) / rate_byte_s
+            self._send(raw)
+
+    def _choose(self) -> bytes | None:
+        """The next frame to leave."""
+        if not self.waiting:
+            return None
+        while True:
+            kind = self._turns[0]
+            waiting = self._waiting[kind]
+            first = next(iter(waiting), None)
+            if first is not None and self._credit[kind] >= len(waiting[first]):
+                self._credit[kind] -= len(waiting[first])
+                return waiting.pop(first)
+            self._turns.rotate(-1)
+            self._credit[kind] = 0 if first is None else self._credit[kind] + QUANTUM_BYTES * SHARES[kind].weight

@@ -1,0 +1,195 @@
+"""Finds MAVLink frames in bytes: header and checksum only, so that routing never pays for decoding."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Mapping
+from enum import Enum
+from typing import Final
+
+import msgspec
+from fastcrc.crc16 import mcrf4xx as checksum
+
+from gloc3.mavlink.message import Address, MavlinkMessage, Shape
+
+MAGIC_1: Final = 0xFE
+MAGIC_2: Final = 0xFD
+SIGNED: Final = 0x01
+"""The only incompatibility flag that the protocol knows."""
+SIGNATURE_LENGTH: Final = 13
+
+_HEADER_1 = struct.Struct("<BBBBBB").unpack_from
+_HEADER_2 = struct.Struct("<BBBBBBBHB").unpack_from
+_LENGTH_1: Final = 6
+_LENGTH_2: Final = 10
+_NEXT_MAGIC = re.compile(rb"[\xfd\xfe]").search
+
+
+class _Doubt(Enum):
+    """Why no frame begins at a place."""
+
+    FALSE_START = "no frame begins here"
+    INCOMPLETE = "only more bytes can tell"
+
+
+class Frame(msgspec.Struct, frozen=True, gc=False):
+    """One frame as it came; the checksum is right, or the message is not known and nobody can tell."""
+
+    raw: bytes
+    """The whole frame, ready to be forwarded."""
+    system: int
+    component: int
+    sequence: int
+    message_id: int
+    flags: int
+    """MAVLink 2 incompatibility flags."""
+    start: int
+    """Where the payload begins in `raw`."""
+    length: int
+    """Bytes of payload, after the sender has cut trailing zeros off."""
+    shape: Shape | None
+    """None for a message that the dialect does not know: it can be forwarded, not decoded."""
+
+    @property
+    def sender(self) -> Address:
+        """Where it comes from."""
+        return Address(self.system, self.component)
+
+    @property
+    def payload(self) -> bytes:
+        """The payload as it came."""
+        return self.raw[self.start : self.start + self.length]
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether a signature follows; whether it is genuine is for the signing to say."""
+        return bool(self.flags & SIGNED)
+
+    @property
+    def target_system(self) -> int:
+        """The system that it is addressed to; 0 for all, or when the message has no address."""
+        return self._byte(self.shape.target_system_at) if self.shape is not None else 0
+
+    @property
+    def target_component(self) -> int:
+        """The component that it is addressed to; 0 for all, or when the message has no address."""
+        return self._byte(self.shape.target_component_at) if self.shape is not None else 0
+
+    @property
+    def instance(self) -> bytes:
+        """Which of several such senders of one component it is, where the message says so; otherwise empty."""
+        return b"" if self.shape is None else self.payload[self.shape.instance].rstrip(b"\0")
+
+    def decode(self) -> MavlinkMessage | None:
+        """The message, or None for one that the dialect does not know."""
+        return None if self.shape is None else self.shape.decode(self.raw, self.start, self.length)
+
+    def _byte(self, offset: int) -> int:
+        return self.raw[self.start + offset] if 0 <= offset < self.length else 0
+
+
+class FrameParser:
+    """Cuts frames out of a byte stream, or out of datagrams with a fresh state for each.
+
+    Damaged input is never an exception: bytes that belong to no frame are counted, and the search goes on one byte
+    after the false start, so that a good frame behind garbage is never swallowed. A frame of an unknown message has no
+    checksum that could be tested, so it counts as one only if no good frame of a known message begins inside it.
+    """
+
+    def __init__(self, shapes: Mapping[int, Shape | None], *, is_datagram: bool = False) -> None:
+        self._shapes = shapes
+        self._is_datagram = is_datagram
+        self._rest = b""
+        self.frames_received = 0
+        self.bytes_dropped = 0
+
+    def receive(self, data: bytes) -> list[Frame]:
+        """Takes bytes in, gives the frames that are complete.
+
+        Args:
+            data: what came: a piece of the stream of any length, or one whole datagram.
+        """
+        data = self._rest + data if self._rest else data
+        frames: list[Frame] = []
+        position, size, shapes = 0, len(data), self._shapes
+        while position < size:
+            if data[position] == MAGIC_2 and size - position >= _LENGTH_2 + 2:
+                _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
+                end = position + length + (_LENGTH_2 + 2)
+                shape = shapes[low | high << 16]
+                if flags == 0 and end <= size and shape is not None:
+                    body = end - 2
+                    if (
+                        checksum(shape.crc_extra, checksum(data[position + 1 : body]))
+                        == data[body] | data[end - 1] << 8
+                    ):
+                        raw = data[position:end]
+                        frames.append(
+                            Frame(raw, system, component, sequence, low | high << 16, 0, _LENGTH_2, length, shape)
+                        )
+                        position = end
+                        continue
+            found = self._examine(data, position)
+            if isinstance(found, Frame):
+                frames.append(found)
+                position += len(found.raw)
+            elif found is _Doubt.FALSE_START or self._is_datagram:
+                start = position
+                position = _find_magic(data, position + 1, size)
+                self.bytes_dropped += position - start
+            else:
+                break
+        self._rest = b"" if self._is_datagram else data[position:]
+        self.frames_received += len(frames)
+        return frames
+
+    def _examine(self, data: bytes, position: int) -> Frame | _Doubt:
+        """What begins at a place that is not simply an unsigned, known, good MAVLink 2 frame."""
+        found = self._read(data, position)
+        if not isinstance(found, Frame) or found.shape is not None:
+            return found
+        end = position + len(found.raw)
+        inner = _find_magic(data, position + 1, end)
+        while inner < end:
+            other = self._read(data, inner)
+            if isinstance(other, Frame) and other.shape is not None:
+                return _Doubt.FALSE_START
+            if other is _Doubt.INCOMPLETE and not self._is_datagram:
+                return other
+            inner = _find_magic(data, inner + 1, end)
+        return found
+
+    def _read(self, data: bytes, position: int) -> Frame | _Doubt:
+        """The frame at a place, judged by its own header and checksum alone."""
+        available = len(data) - position
+        flags = 0
+        if data[position] == MAGIC_2:
+            if available < _LENGTH_2:
+                return _Doubt.INCOMPLETE
+            _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
+            message_id, start = low | high << 16, _LENGTH_2
+        elif data[position] == MAGIC_1:
+            if available < _LENGTH_1:
+                return _Doubt.INCOMPLETE
+            _, length, sequence, system, component, message_id = _HEADER_1(data, position)
+            start = _LENGTH_1
+        else:
+            return _Doubt.FALSE_START
+        if flags & ~SIGNED:
+            return _Doubt.FALSE_START
+        body = start + length
+        total = body + 2 + (SIGNATURE_LENGTH if flags else 0)
+        if total > available:
+            return _Doubt.INCOMPLETE
+        raw = data[position : position + total]
+        shape = self._shapes[message_id]
+        if shape is not None and checksum(shape.crc_extra, checksum(raw[1:body])) != raw[body] | raw[body + 1] << 8:
+            return _Doubt.FALSE_START
+        return Frame(raw, system, component, sequence, message_id, flags, start, length, shape)
+
+
+def _find_magic(data: bytes, position: int, end: int) -> int:
+    """Where the next frame may begin at or after a place, or `end`."""
+    match = _NEXT_MAGIC(data, position, end)
+    return end if match is None else match.start()

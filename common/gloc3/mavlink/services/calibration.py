@@ -1,0 +1,199 @@
+"""Calibration of a vehicle's sensors as a station sees it: its states, and the frame in which either firmware runs.
+
+PX4 tells what happens in status texts that begin with `[cal]`, ArduPilot in messages and commands of its own; each has
+a file. A calibration that is asked for again begins anew on some firmware, so a lost command is not sent twice where
+the vehicle answers only at the end.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Refused
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.service import Service, earliest
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+
+PREFLIGHT_CALIBRATION: Final = 241
+SILENT_S: Final = 90.0
+"""A calibration of which nothing was heard for so long is over: the vehicle itself gives up sooner."""
+PATIENT_S: Final = 40.0
+"""How long a vehicle may take to answer which answers only at the end."""
+MOST_TEXTS: Final = 40
+
+
+class CalibrationKind(StrEnum):
+    """What is calibrated."""
+
+    GYRO = "gyro"
+    ACCELEROMETER = "accelerometer"
+    MAGNETOMETER = "magnetometer"
+    LEVEL = "level"
+
+
+class Side(StrEnum):
+    """How the vehicle lies; the text ends the sentence "put the vehicle ..."."""
+
+    LEVEL = "level"
+    LEFT = "on its left side"
+    RIGHT = "on its right side"
+    NOSE_DOWN = "nose down"
+    NOSE_UP = "nose up"
+    UPSIDE_DOWN = "upside down"
+
+
+class SideState(StrEnum):
+    """How far one side is."""
+
+    PENDING = "pending"
+    MEASURING = "measuring"
+    DONE = "done"
+
+
+class Phase(StrEnum):
+    """How far a calibration is."""
+
+    ASKED = "asked"
+    RUNNING = "running"
+    WAITING = "waiting for you"
+    """The vehicle measures when the operator has confirmed the instruction."""
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+class CalibrationState(msgspec.Struct, frozen=True, kw_only=True):
+    """A calibration at one moment."""
+
+    kind: CalibrationKind
+    phase: Phase = Phase.ASKED
+    progress: float | None = None
+    """From 0 to 1; None while the vehicle tells none."""
+    instruction: str = ""
+    """What a person has to do now."""
+    sides: Mapping[Side, SideState] = {}
+    """The sides that the vehicle wants to be laid on; empty where it wants none."""
+    reason: str = ""
+    """Why it failed, or what is left to do."""
+    texts: tuple[str, ...] = ()
+    """The last texts that the vehicle has sent meanwhile."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more will happen."""
+        return self.phase in (Phase.DONE, Phase.FAILED, Phase.CANCELLED)
+
+
+class Calibration(Service[CalibrationState]):
+    """One calibration of one vehicle; each change of its state is an event.
+
+    Args:
+        own: as whom it speaks.
+        target: the autopilot.
+        kind: what is calibrated.
+    """
+
+    def __init__(self, own: Address, target: Address, kind: CalibrationKind) -> None:
+        super().__init__(own)
+        self.state = CalibrationState(kind=kind)
+        self._target = target
+        self._quick = CommandClient(own)
+        self._patient = CommandClient(own, retry_s=PATIENT_S, attempts=1)
+        self._call: CommandCall | None = None
+        self._heard_s = 0.0
+
+    @abstractmethod
+    def begin(self, now_s: float) -> None:
+        """Asks the vehicle to begin."""
+
+    @abstractmethod
+    def cancel(self, now_s: float) -> None:
+        """Asks the vehicle to stop."""
+
+    def confirm(self, now_s: float) -> None:
+        """Tells the vehicle that it lies as it wants to.
+
+        Raises:
+            Refused: it does not wait for that.
+        """
+        del now_s
+        raise Refused("the vehicle does not wait for a confirmation")
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in an answer, or a word on how it goes."""
+        if sender.system != self._target.system:
+            return
+        if message.name == "COMMAND_ACK":
+            for client in (self._quick, self._patient):
+                client.receive(message, sender, now_s)
+            self._look(now_s)
+        elif sender == self._target and not self.state.is_over:
+            self._hear(message, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Asks again, or gives up."""
+        for client in (self._quick, self._patient):
+            client.tick(now_s)
+        self._look(now_s)
+        if not self.state.is_over and now_s >= self._heard_s + SILENT_S:
+            self._end(Phase.FAILED, f"nothing was heard of it for {SILENT_S:.0f} s; its last word may have been lost")
+
+    def next_tick_s(self) -> float | None:
+        """When one of these is due."""
+        silent_s = None if self.state.is_over else self._heard_s + SILENT_S
+        return earliest(self._quick.next_tick_s(), self._patient.next_tick_s(), silent_s)
+
+    def outgoing(self) -> list[MavlinkMessage]:
+        """What is to be sent; asking empties it."""
+        return [*self._quick.outgoing(), *self._patient.outgoing(), *super().outgoing()]
+
+    @abstractmethod
+    def _hear(self, message: MavlinkMessage, now_s: float) -> None:
+        """Takes in what the autopilot tells while it is under way."""
+
+    @abstractmethod
+    def _answered(self, result: CommandResult, *, was_in_progress: bool) -> None:
+        """The command to begin was accepted; whether it is done with that is for the firmware to say."""
+
+    def _ask(self, command: int, params: tuple[float, ...], now_s: float, *, is_patient: bool = False) -> None:
+        """Sends the command that begins it."""
+        self._heard_s = now_s
+        client = self._patient if is_patient else self._quick
+        self._call = client.send_long(self._target, command, params, now_s=now_s)
+
+    def _look(self, now_s: float) -> None:
+        """Sees what became of the command that began it."""
+        for client in (self._quick, self._patient):
+            client.events()
+        call = self._call
+        if call is None or self.state.is_over:
+            return
+        if call.is_in_progress and call.result is None:
+            self._heard_s = now_s
+            self._change(phase=Phase.RUNNING, progress=None if call.progress is None else call.progress / 100.0)
+        elif call.result is not None:
+            self._call = None
+            self._heard_s = now_s
+            if call.result is CommandResult.ACCEPTED:
+                self._answered(call.result, was_in_progress=call.is_in_progress)
+            else:
+                self._end(Phase.FAILED, f"the vehicle's answer: {call.result.words}")
+
+    def _note(self, text: str) -> None:
+        self._change(texts=(*self.state.texts, text)[-MOST_TEXTS:])
+
+    def _end(self, phase: Phase, reason: str = "") -> None:
+        is_done = phase is Phase.DONE
+        self._change(phase=phase, reason=reason, instruction="", progress=1.0 if is_done else self.state.progress)
+
+    def _change(self, **changes: object) -> None:
+        changed = msgspec.structs.replace(self.state, **changes)
+        if changed != self.state:
+            self.state = changed
+            self._events.append(changed)

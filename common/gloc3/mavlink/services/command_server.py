@@ -1,0 +1,227 @@
+"""Commands from the side that takes them: each comes out once, however often it is sent, and its answer is kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from typing import Final
+
+import msgspec
+
+from gloc3.mavlink.codec import message as make
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.plan import units_per_degree
+
+REMEMBERED_S: Final = 30.0
+"""How long an answer is kept for who asks again with a higher confirmation."""
+REPEATED_WITHIN_S: Final = 1.5
+"""A COMMAND_INT has no confirmation: the same again within this, with no other command between, is a repeat."""
+DUPLICATED_WITHIN_S: Final = 0.25
+"""The same COMMAND_LONG again within this, with the same confirmation, was doubled on the way."""
+ONLY_ASKS: Final = frozenset({510, 512, 519, 520})
+"""Commands that only ask for a message: whoever asks again, however soon, has not got it."""
+MOST_REMEMBERED: Final = 128
+_NOT_SET: Final = 0x7FFF_FFFF
+
+
+class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """A command that somebody asks us to run."""
+
+    sender: Address
+    target: Address
+    """As it was addressed; component 0 means anybody here."""
+    command: int
+    """MAV_CMD."""
+    params: tuple[float, float, float, float, float, float, float]
+    """As in COMMAND_LONG: 5 and 6 are degrees or metres whichever way it came; NaN where a COMMAND_INT sets none."""
+    is_int: bool
+    frame: int
+    """MAV_FRAME of a COMMAND_INT; 0 for a COMMAND_LONG."""
+    confirmation: int
+
+
+def serve_all(_request: CommandRequest) -> bool:
+    """Serves every command."""
+    return True
+
+
+class _Answered(msgspec.Struct):
+    """What is kept of a command that ran or runs."""
+
+    request: CommandRequest
+    ack: MavlinkMessage | None
+    """None while it runs and nothing was said."""
+    is_over: bool
+    t_s: float
+
+
+class CommandServer(Service[CommandRequest]):
+    """Takes commands: each comes out as an event once, and is to be answered with `answer`.
+
+    Args:
+        own: as whom it answers.
+        commands: those that are handled; others are answered as unsupported. None passes all on.
+        is_autopilot: answers for the whole system also what it does not support; others keep silent about what is
+            addressed to everybody and not theirs.
+        serves: which commands are looked at; for others it is as if it were not there.
+    """
+
+    handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+
+    def __init__(
+        self,
+        own: Address,
+        commands: Collection[int] | None = None,
+        *,
+        is_autopilot: bool = False,
+        serves: Callable[[CommandRequest], bool] = serve_all,
+    ) -> None:
+        super().__init__(own)
+        self._serves = serves
+        self.repeated = 0
+        """Requests that were repeats of others."""
+        self._commands = commands
+        self._is_autopilot = is_autopilot
+        self._known: dict[tuple[Address, int], _Answered] = {}
+        self._latest: tuple[Address, int] | None = None
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in a command: a new one becomes an event, a repeat its answer."""
+        if not self._is_for_us(message):
+            return
+        request = _read(message, sender)
+        if not self._serves(request):
+            return
+        if self._commands is not None and request.command not in self._commands:
+            if self._is_autopilot or request.target.component == self.own.component:
+                self._acknowledge(request, CommandResult.UNSUPPORTED)
+            return
+        key = (sender, request.command)
+        known = self._known.get(key)
+        if known is not None and self._is_repeat(known, request, now_s):
+            self.repeated += 1
+            if known.ack is None:
+                self._acknowledge(request, CommandResult.IN_PROGRESS)
+            else:
+                self._outgoing.append(known.ack)
+            return
+        if any(running.request.command == request.command for running in self._known.values() if not running.is_over):
+            self._acknowledge(request, CommandResult.TEMPORARILY_REJECTED)
+            return
+        self._known.pop(key, None)
+        if len(self._known) >= MOST_REMEMBERED:
+            self._forget()
+        self._known[key] = _Answered(request, None, False, now_s)
+        self._latest = key
+        self._events.append(request)
+
+    def answer(
+        self,
+        request: CommandRequest,
+        result: CommandResult,
+        *,
+        now_s: float,
+        progress: int = 255,
+        result_param1: int = 0,
+        result_param2: int = 0,
+    ) -> None:
+        """Answers a command, or tells its progress with `IN_PROGRESS`; the last word is any other result.
+
+        Args:
+            request: the event.
+            result: what is to be said.
+            now_s: now.
+            progress: percent, 255 for unknown.
+            result_param1: of the last word, as the command defines it.
+            result_param2: the same.
+        """
+        param1 = progress if result is CommandResult.IN_PROGRESS else result_param1
+        ack = self._acknowledge(request, result, param1, result_param2)
+        known = self._known.get((request.sender, request.command))
+        if known is not None and known.request is request:
+            known.ack, known.is_over, known.t_s = ack, result is not CommandResult.IN_PROGRESS, now_s
+
+    def _is_repeat(self, known: _Answered, request: CommandRequest, now_s: float) -> bool:
+        before = known.request
+        if request.command in ONLY_ASKS:
+            return False
+        if request.is_int != before.is_int or request.frame != before.frame or not _same(request.params, before.params):
+            return False
+        age_s = now_s - known.t_s
+        if not known.is_over:
+            return True
+        if request.is_int:
+            return age_s < REPEATED_WITHIN_S and self._latest == (request.sender, request.command)
+        if request.confirmation > before.confirmation:
+            return age_s < REMEMBERED_S
+        return request.confirmation == before.confirmation and age_s < DUPLICATED_WITHIN_S
+
+    def _forget(self) -> None:
+        over = [key for key, known in self._known.items() if known.is_over]
+        for key in over[: MOST_REMEMBERED // 2] or list(self._known)[:1]:
+            del self._known[key]
+
+    def _acknowledge(
+        self, request: CommandRequest, result: CommandResult, param1: int | None = None, result_param2: int = 0
+    ) -> MavlinkMessage:
+        ack = make(
+            "COMMAND_ACK",
+            command=request.command,
+            result=result,
+            progress=(255 if result is CommandResult.IN_PROGRESS else 0) if param1 is None else param1,
+            result_param2=result_param2,
+            target_system=request.sender.system,
+            target_component=request.sender.component,
+        )
+        self._outgoing.append(ack)
+        return ack
+
+
+class CommandCancel(msgspec.Struct, frozen=True):
+    """Somebody wants one of his commands, which is in progress, to end."""
+
+    command: int
+    """MAV_CMD."""
+    sender: Address
+
+
+class CancelServer(Service[CommandCancel]):
+    """Takes COMMAND_CANCEL, which is answered with the acknowledgement of the command that it ends, or not at all."""
+
+    handles = frozenset({"COMMAND_CANCEL"})
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in the wish; one for everybody is none."""
+        if (message.target_system, message.target_component) == self.own:
+            self._events.append(CommandCancel(message.command, sender))
+
+    def cancelled(self, cancel: CommandCancel) -> None:
+        """Tells that what a command had begun has ended by it, where the command itself was answered long ago."""
+        self._send_to(cancel.sender, "COMMAND_ACK", command=cancel.command, result=CommandResult.CANCELLED)
+
+
+def _same(left: Sequence[float], right: Sequence[float]) -> bool:
+    """Equal, where NaN equals NaN."""
+    return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(left, right, strict=True))
+
+
+def _read(message: MavlinkMessage, sender: Address) -> CommandRequest:
+    first = (message.param1, message.param2, message.param3, message.param4)
+    is_int = message.name == "COMMAND_INT"
+    if is_int:
+        per_unit = units_per_degree(message.frame)
+        x, y = (math.nan if value == _NOT_SET else value / per_unit for value in (message.x, message.y))
+        z = message.z
+    else:
+        x, y, z = message.param5, message.param6, message.param7
+    return CommandRequest(
+        sender=sender,
+        target=Address(message.target_system, message.target_component),
+        command=message.command,
+        params=(*first, x, y, z),
+        is_int=is_int,
+        frame=message.frame if is_int else 0,
+        confirmation=0 if is_int else message.confirmation,
+    )

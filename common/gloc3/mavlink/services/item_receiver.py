@@ -1,0 +1,90 @@
+"""The receiving end of a plan, the same for upload and download: asks for one item after the other until all are there.
+
+What is lost is asked for again after a time that follows the link's round trip. What may be lost is bounded for the
+whole transfer and not for an item, so that a long plan on a bad link is no worse off than a short one; a peer that is
+gone is noticed by its silence.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+from gloc3.mavlink.round_trip import RESTLESS_S, RoundTrip
+from gloc3.mavlink.services.plan import PlanItem
+
+SILENT_S: Final = 9.0
+"""A peer of which nothing was heard for so long is gone."""
+
+
+class Need(Enum):
+    """What the receiver wants to happen."""
+
+    NOTHING = "wait"
+    REQUEST = "ask for the next item"
+    SILENT = "give up: the peer is gone"
+    EXHAUSTED = "give up: too much was lost"
+
+
+class ItemReceiver:
+    """Collects `count` items (at least one) in order."""
+
+    __slots__ = ("_asked_s", "_attempts", "_budget", "_heard_s", "_round_trip", "count", "items")
+
+    def __init__(self, count: int, round_trip: RoundTrip, now_s: float) -> None:
+        self.count = count
+        self.items: list[PlanItem] = []
+        self._round_trip = round_trip
+        self._budget = 100 + 3 * count
+        self._heard_s = now_s
+        self._asked_s = now_s
+        self._attempts = 0
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all items are there."""
+        return len(self.items) == self.count
+
+    @property
+    def silent_since_s(self) -> float:
+        """When the peer was heard last."""
+        return self._heard_s
+
+    def ask(self, now_s: float) -> int:
+        """The number of the item that is to be asked for, now."""
+        if self._attempts:
+            self._budget -= 1
+        self._attempts += 1
+        self._asked_s = now_s
+        return len(self.items)
+
+    def take(self, number: int, item: PlanItem, now_s: float) -> bool:
+        """Takes an item that has come; False if it is not the one that is next."""
+        self._heard_s = now_s
+        if number != len(self.items):
+            return False
+        if self._attempts == 1:
+            self._round_trip.answered(now_s - self._asked_s)
+        self.items.append(item)
+        self._attempts = 0
+        return True
+
+    def need(self, now_s: float) -> Need:
+        """What is due."""
+        if now_s >= self._heard_s + SILENT_S:
+            return Need.SILENT
+        if now_s < self._ask_again_s():
+            return Need.NOTHING
+        if self._budget <= 0:
+            return Need.EXHAUSTED
+        self._round_trip.missed()
+        return Need.REQUEST
+
+    def next_s(self) -> float:
+        """When something is due."""
+        return min(self._ask_again_s(), self._heard_s + SILENT_S)
+
+    def _ask_again_s(self) -> float:
+        """After the first miss it asks at short intervals: on a slow and bad link that is what beats the silence."""
+        timeout_s = self._round_trip.timeout_s
+        return self._asked_s + (timeout_s if self._attempts <= 1 else min(timeout_s, RESTLESS_S))

@@ -1,0 +1,376 @@
+"""The mission protocol on the vehicle: takes plans, gives them, and tells where in the mission it is.
+
+A plan is replaced only when all of the new one is there and has been checked; after any failure the old one stands.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Collection
+from typing import Final
+
+import msgspec
+
+from gloc3.mavlink.codec import message as make
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.round_trip import RoundTrip
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.item_receiver import ItemReceiver, Need
+from gloc3.mavlink.services.mission_transfers import (
+    PATIENCE_S,
+    Answer,
+    Finished,
+    Pending,
+    PlanOffered,
+    PlanReceived,
+    Reader,
+    SetCurrentRequested,
+    Upload,
+)
+from gloc3.mavlink.services.plan import ALL_TYPES, Plan, PlanResult, PlanType, read_item
+
+MOST_ITEMS: Final = 5000
+READER_EXPIRES_S: Final = 60.0
+MOST_READERS: Final = 16
+FLOAT_AFTER: Final = 3
+"""Who asks so often with MISSION_REQUEST for the same item cannot read MISSION_ITEM_INT."""
+CURRENT_PERIOD_S: Final = 1.0
+
+
+def accept_all(_kind: PlanType, _items: Plan) -> PlanResult:
+    """Finds every plan acceptable."""
+    return PlanResult.ACCEPTED
+
+
+def serve_all(_sender: Address) -> bool:
+    """Serves everybody."""
+    return True
+
+
+def admit_all(_sender: Address) -> bool:
+    """Lets everybody change plans."""
+    return True
+
+
+class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
+    """Holds a vehicle's plans.
+
+    Args:
+        own: as whom it speaks.
+        kinds: the types of plan that it takes.
+        check: says whether a whole plan is acceptable, before it replaces the old one; None leaves it to the owner, who
+            is told by `PlanOffered` and answers with `conclude`; meanwhile the sender is asked for his last item again.
+        serves: whom it serves; a component that is also a client of another one must not serve that.
+        admits: whether somebody may change plans now; asked before the first item, so that who may not keeps nobody
+            waiting.
+        tells_current: sends MISSION_CURRENT once a second.
+        tells_ids: tells an id of each plan, by which a station sees that it has changed.
+    """
+
+    handles = frozenset(
+        {
+            "MISSION_COUNT",
+            "MISSION_ITEM_INT",
+            "MISSION_ITEM",
+            "MISSION_REQUEST_LIST",
+            "MISSION_REQUEST_INT",
+            "MISSION_REQUEST",
+            "MISSION_ACK",
+            "MISSION_CLEAR_ALL",
+            "MISSION_SET_CURRENT",
+            "MISSION_WRITE_PARTIAL_LIST",
+        }
+    )
+
+    def __init__(
+        self,
+        own: Address,
+        *,
+        kinds: Collection[PlanType] = tuple(PlanType),
+        check: Callable[[PlanType, Plan], PlanResult | None] = accept_all,
+        serves: Callable[[Address], bool] = serve_all,
+        admits: Callable[[Address], bool] = admit_all,
+        tells_current: bool = True,
+        tells_ids: bool = False,
+        is_old: bool = False,
+    ) -> None:
+        super().__init__(own)
+        self._is_old = is_old
+        self.plans: dict[PlanType, Plan] = dict.fromkeys(kinds, ())
+        """The plans that are in force."""
+        self.current = 0
+        """The mission's item that is being done."""
+        self.mission_state = 0
+        """MISSION_STATE: 0 unknown, 1 none, 2 not started, 3 active, 4 paused, 5 complete."""
+        self._check = check
+        self._serves, self._admits = serves, admits
+        self._tells_ids = tells_ids
+        self._ids: dict[PlanType, tuple[Plan, int]] = {}
+        self._uploads: dict[PlanType, Upload] = {}
+        self._pending: dict[PlanType, Pending] = {}
+        self._finished: dict[PlanType, Finished] = {}
+        self._readers: dict[tuple[Address, PlanType], Reader] = {}
+        self._round_trips: dict[Address, RoundTrip] = {}
+        self._tell_s: float | None = 0.0 if tells_current else None
+
+    def set_current(self, number: int) -> None:
+        """Says which item is being done; told at the next tick."""
+        self.current = number
+        if self._tell_s is not None:
+            self._tell_s = 0.0
+
+    def set_plan(self, kind: PlanType, items: Plan) -> None:
+        """Replaces a plan from this side."""
+        self.plans[kind] = items
+
+    def conclude(self, offered: PlanOffered, result: PlanResult, now_s: float) -> None:
+        """Ends what was offered; nothing happens where its sender has begun anew, or cancelled, meanwhile."""
+        kind, pending = offered.kind, self._pending.get(offered.kind)
+        if pending is None or pending.offered is not offered:
+            return
+        del self._pending[kind]
+        self._end(pending.offered, pending.answer, pending.last, result, now_s)
+
+    def current_message(self) -> MavlinkMessage:
+        """MISSION_CURRENT of now."""
+        total = len(self.plans.get(PlanType.MISSION, ()))
+        return make(
+            "MISSION_CURRENT",
+            seq=self.current,
+            total=total or 0xFFFF,
+            mission_state=self.mission_state,
+            mission_id=self.plan_id(PlanType.MISSION),
+            fence_id=self.plan_id(PlanType.FENCE),
+            rally_points_id=self.plan_id(PlanType.RALLY),
+        )
+
+    def plan_id(self, kind: int) -> int:
+        """The id of a plan, other for each plan; 0 for an empty one, and where ids are not told."""
+        known = next((one for one in self.plans if one == kind), None)
+        if not self._tells_ids or known is None or not self.plans[known]:
+            return 0
+        items = self.plans[known]
+        kept = self._ids.get(known)
+        if kept is None or kept[0] is not items:
+            kept = self._ids[known] = (items, zlib.crc32(msgspec.msgpack.encode(items)) or 1)
+        return kept[1]
+
+    def reached(self, number: int) -> None:
+        """Tells everybody that an item has been reached."""
+        self._send("MISSION_ITEM_REACHED", seq=number)
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Takes in a message of the protocol."""
+        if not self._is_for_us(message) or not self._serves(sender):
+            return
+        if message.name == "MISSION_SET_CURRENT":
+            if message.seq < len(self.plans.get(PlanType.MISSION, ())):
+                self._events.append(SetCurrentRequested(message.seq, sender))
+            elif self._tell_s is not None:
+                self._tell_s = 0.0
+            return
+        if message.name == "MISSION_CLEAR_ALL" and message.mission_type == ALL_TYPES:
+            self._clear(tuple(self.plans), ALL_TYPES, sender, now_s)
+            return
+        kind = next((kind for kind in self.plans if kind == message.mission_type), None)
+        if kind is None:
+            if message.name != "MISSION_ACK":
+                self._acknowledge(sender, message.mission_type, PlanResult.UNSUPPORTED)
+            return
+        match message.name:
+            case "MISSION_COUNT":
+                self._begin(kind, message.count, sender, now_s)
+            case "MISSION_ITEM_INT" | "MISSION_ITEM":
+                self._take(kind, message, sender, now_s)
+            case "MISSION_REQUEST_LIST":
+                self._list(kind, sender, now_s)
+            case "MISSION_REQUEST_INT" | "MISSION_REQUEST":
+                self._give(kind, message, sender, now_s)
+            case "MISSION_ACK":
+                self._hear_acknowledgement(kind, message, sender)
+            case "MISSION_CLEAR_ALL":
+                self._clear((kind,), kind, sender, now_s)
+            case _:
+                self._acknowledge(sender, kind, PlanResult.UNSUPPORTED)
+
+    def tick(self, now_s: float) -> None:
+        """Asks again for what is missing, gives up on who is gone, tells the current item."""
+        for kind, upload in list(self._uploads.items()):
+            match upload.items.need(now_s):
+                case Need.REQUEST:
+                    self._request(kind, upload.sender, upload.items.ask(now_s))
+                case Need.SILENT | Need.EXHAUSTED:
+                    del self._uploads[kind]
+                    self._acknowledge(upload.sender, kind, PlanResult.CANCELLED)
+        for kind, pending in self._pending.items():
+            if pending.last is not None and now_s >= pending.next_s:
+                pending.next_s = now_s + PATIENCE_S
+                self._request(kind, pending.offered.sender, pending.last.seq)
+        for kind, finished in self._finished.items():
+            next_s = finished.next_s
+            if next_s is not None and now_s >= next_s:
+                finished.reminders -= 1
+                self._request(kind, finished.sender, finished.last.seq)
+        if self._tell_s is not None and now_s >= self._tell_s:
+            self._tell_s = now_s + CURRENT_PERIOD_S
+            self._outgoing.append(self.current_message())
+
+    def next_tick_s(self) -> float | None:
+        """When one of these is due."""
+        times_s = [upload.items.next_s() for upload in self._uploads.values()]
+        times_s += [next_s for finished in self._finished.values() if (next_s := finished.next_s) is not None]
+        times_s += [pending.next_s for pending in self._pending.values() if pending.last is not None]
+        if self._tell_s is not None:
+            times_s.append(self._tell_s)
+        return min(times_s, default=None)
+
+    def _begin(self, kind: PlanType, count: int, sender: Address, now_s: float) -> None:
+        active = self._uploads.get(kind)
+        is_taken = (active is not None and active.sender != sender) or self._is_pending_for_another(kind, sender)
+        if is_taken or not self._admits(sender):
+            self._acknowledge(sender, kind, PlanResult.DENIED)
+            return
+        self._stop_reminding(sender)
+        self._pending.pop(kind, None)
+        if count > MOST_ITEMS:
+            self._uploads.pop(kind, None)
+            self._acknowledge(sender, kind, PlanResult.NO_SPACE)
+        elif count == 0:
+            self._uploads.pop(kind, None)
+            self._judge(kind, (), sender, Answer(kind), None, now_s)
+        elif active is not None and not active.items.items and active.items.count == count:
+            self._request(kind, sender, active.items.ask(now_s))  # our first request was lost
+        else:
+            receiver = ItemReceiver(count, self._round_trip(sender), now_s)
+            self._uploads[kind] = Upload(sender, receiver)
+            self._request(kind, sender, receiver.ask(now_s))
+
+    def _take(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        upload = self._uploads.get(kind)
+        if upload is None or upload.sender != sender:
+            finished = self._finished.get(kind)
+            if finished is not None and finished.is_asked_by(message, sender, now_s):
+                self._acknowledge(sender, kind, finished.result)
+            return
+        if not upload.items.take(message.seq, read_item(message), now_s):
+            return  # one that we have, or one ahead: the next is on its way, or will be asked for
+        if upload.items.is_complete:
+            del self._uploads[kind]
+            self._judge(kind, tuple(upload.items.items), sender, Answer(kind), message, now_s)
+        else:
+            self._request(kind, sender, upload.items.ask(now_s))
+
+    def _judge(
+        self,
+        kind: PlanType,
+        items: Plan,
+        sender: Address,
+        answer: Answer,
+        last: MavlinkMessage | None,
+        now_s: float,
+    ) -> None:
+        """Has a plan checked, now or by its owner."""
+        offered = PlanOffered(kind, items, sender)
+        result = self._check(kind, items)
+        answer.waiting += 1
+        if result is None:
+            self._pending[kind] = Pending(offered, answer, last, now_s)
+            self._events.append(offered)
+        else:
+            self._end(offered, answer, last, result, now_s)
+
+    def _end(
+        self, offered: PlanOffered, answer: Answer, last: MavlinkMessage | None, result: PlanResult, now_s: float
+    ) -> None:
+        kind, sender = offered.kind, offered.sender
+        if result is PlanResult.ACCEPTED:
+            self._replace(kind, offered.items, sender)
+        else:
+            answer.result = result
+        answer.waiting -= 1
+        if not answer.waiting:
+            self._acknowledge(sender, answer.named, answer.result)
+        if last is not None:
+            self._finished[kind] = Finished(sender, last, result, self._round_trip(sender).timeout_s, now_s)
+
+    def _replace(self, kind: PlanType, items: Plan, sender: Address) -> None:
+        self.plans[kind] = items
+        self._uploads.pop(kind, None)
+        if kind is PlanType.MISSION:
+            self.set_current(0)
+        self._events.append(PlanReceived(kind, items, sender))
+
+    def _clear(self, kinds: Collection[PlanType], named: int, sender: Address, now_s: float) -> None:
+        if any(self._is_pending_for_another(kind, sender) for kind in kinds) or not self._admits(sender):
+            self._acknowledge(sender, named, PlanResult.DENIED)
+            return
+        pending = [self._pending[kind] for kind in kinds if kind in self._pending]
+        if any(one.answer.named == named and not one.offered.items for one in pending):
+            return  # asked again while it is being decided
+        self._stop_reminding(sender)
+        answer = Answer(named)
+        answer.waiting = 1  # so that nothing is said before all have been judged
+        for kind in kinds:
+            self._judge(kind, (), sender, answer, None, now_s)
+        answer.waiting -= 1
+        if not answer.waiting:
+            self._acknowledge(sender, named, answer.result)
+
+    def _is_pending_for_another(self, kind: PlanType, sender: Address) -> bool:
+        pending = self._pending.get(kind)
+        return pending is not None and pending.offered.sender != sender
+
+    def _list(self, kind: PlanType, sender: Address, now_s: float) -> None:
+        self._stop_reminding(sender)
+        self._readers.pop((sender, kind), None)
+        if len(self._readers) >= MOST_READERS:
+            oldest = min(self._readers, key=lambda key: self._readers[key].last_s)
+            del self._readers[oldest]
+        items = self.plans[kind]
+        self._readers[sender, kind] = Reader(items, now_s)
+        self._send_to(sender, "MISSION_COUNT", count=len(items), mission_type=kind, opaque_id=self.plan_id(kind))
+
+    def _give(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        reader = self._readers.get((sender, kind))
+        if reader is None or now_s - reader.last_s > READER_EXPIRES_S:
+            return  # who never asked for the list is not talking to us as a server
+        reader.last_s = now_s
+        number = message.seq
+        if number >= len(reader.items):
+            self._acknowledge(sender, kind, PlanResult.INVALID_SEQUENCE)
+            return
+        item = reader.items[number]
+        if message.name == "MISSION_REQUEST":
+            before, repeats = reader.repeats
+            reader.repeats = (number, repeats + 1 if number == before or repeats >= FLOAT_AFTER else 1)
+            if self._is_old or reader.repeats[1] >= FLOAT_AFTER:
+                self._outgoing.append(item.float_message(number, kind, sender))
+                return
+        self._outgoing.append(item.message(number, kind, sender))
+
+    def _hear_acknowledgement(self, kind: PlanType, message: MavlinkMessage, sender: Address) -> None:
+        self._readers.pop((sender, kind), None)
+        upload = self._uploads.get(kind)
+        if upload is not None and upload.sender == sender and message.type != PlanResult.ACCEPTED:
+            del self._uploads[kind]  # cancelled by its sender
+        pending = self._pending.get(kind)
+        if pending is not None and pending.offered.sender == sender and message.type != PlanResult.ACCEPTED:
+            del self._pending[kind]
+
+    def _stop_reminding(self, sender: Address) -> None:
+        """Something new begins: the sender knows how the last transfer ended, or no longer cares."""
+        for kind in [kind for kind, finished in self._finished.items() if finished.sender == sender]:
+            del self._finished[kind]
+
+    def _round_trip(self, sender: Address) -> RoundTrip:
+        if sender not in self._round_trips and len(self._round_trips) >= MOST_READERS:
+            del self._round_trips[next(iter(self._round_trips))]
+        return self._round_trips.setdefault(sender, RoundTrip())
+
+    def _request(self, kind: PlanType, target: Address, number: int) -> None:
+        name = "MISSION_REQUEST" if self._is_old else "MISSION_REQUEST_INT"
+        self._send_to(target, name, seq=number, mission_type=kind)
+
+    def _acknowledge(self, target: Address, kind: int, result: PlanResult) -> None:
+        plan_id = self.plan_id(kind) if result is PlanResult.ACCEPTED else 0
+        self._send_to(target, "MISSION_ACK", type=result, mission_type=kind, opaque_id=plan_id)

@@ -1,0 +1,135 @@
+"""TIMESYNC: the offset between our clock and a peer's, from many round trips, the quickest of which count most."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from math import inf
+from typing import Final
+
+import msgspec
+
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.service import Service
+
+PERIOD_S: Final = 0.5
+SAMPLES: Final = 20
+CONVERGED_SAMPLES: Final = 5
+JUMP_S: Final = 0.1
+"""Samples that differ by more than this and their round trip come from a clock that has stood still, or begun anew."""
+JUMPS: Final = 3
+"""So many in a row are believed."""
+BACK_S: Final = 0.5
+"""A clock that goes back by more than this has begun anew."""
+_NS: Final = 1_000_000_000
+
+
+class TimeSample(msgspec.Struct, frozen=True):
+    """One round trip."""
+
+    offset_s: float
+    """The peer's clock minus ours, if both ways took equally long; wrong by at most half the round trip."""
+    round_trip_s: float
+    t_s: float
+    is_back: bool = False
+    """Whether the peer tells an earlier time than it had told when it was asked: one that stands still does not."""
+
+
+class TimeSync(Service[TimeSample]):
+    """Asks one peer for its time, and answers everybody who asks for ours.
+
+    Args:
+        own: as whom it speaks.
+        peer: whose clock is wanted; None only answers.
+        period_s: between two questions.
+        tell_s: what is told as our time, in seconds; None where it is not known yet. By default the time of the owner.
+    """
+
+    handles = frozenset({"TIMESYNC"})
+
+    def __init__(
+        self,
+        own: Address,
+        peer: Address | None = None,
+        *,
+        period_s: float = PERIOD_S,
+        tell_s: Callable[[float], float | None] = lambda now_s: now_s,
+    ) -> None:
+        super().__init__(own)
+        self._peer = peer
+        self._tell_s = tell_s
+        self._period_s = period_s
+        self._next_s = 0.0
+        self._asked: deque[int] = deque(maxlen=16)
+        self._samples: deque[TimeSample] = deque(maxlen=SAMPLES)
+        self._strange: list[TimeSample] = []
+        self._told_s, self._told_at_s = -inf, 0.0
+        """The peer's latest time that was told, and when."""
+        self.restarts = 0
+        """Times that the peer's clock was believed to have begun anew."""
+
+    def ask(self, peer: Address | None) -> None:
+        """Wants the clock of this one from now on; what is known of another, or of an earlier life of it, is forgotten."""
+        self._peer, self._next_s = peer, 0.0
+        self._asked.clear()
+        self._samples.clear()
+        self._strange.clear()
+        self._told_s = -inf
+
+    @property
+    def is_converged(self) -> bool:
+        """Whether there were enough round trips."""
+        return len(self._samples) >= CONVERGED_SAMPLES
+
+    @property
+    def best(self) -> TimeSample | None:
+        """The quickest of the last round trips; None before the first."""
+        return min(self._samples, key=lambda sample: sample.round_trip_s, default=None)
+
+    def to_peer_s(self, own_s: float) -> float | None:
+        """A time of our clock on the peer's; None before the first round trip."""
+        best = self.best
+        return None if best is None else own_s + best.offset_s
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Answers a question, or takes an answer to one of ours."""
+        if message.tc1 == 0:
+            told_s = self._tell_s(now_s)
+            if told_s is not None:
+                self._send("TIMESYNC", tc1=max(1, round(told_s * _NS)), ts1=message.ts1)  # 0 would be a question again
+        elif sender == self._peer and message.ts1 in self._asked:  # answers to others name times that we never asked
+            self._asked.remove(message.ts1)
+            asked_s, told_s = message.ts1 / _NS, message.tc1 / _NS
+            is_back = asked_s >= self._told_at_s and told_s < self._told_s - BACK_S
+            if told_s > self._told_s:
+                self._told_s, self._told_at_s = told_s, now_s
+            self._take(TimeSample(told_s - (asked_s + now_s) / 2.0, now_s - asked_s, now_s, is_back))
+
+    def tick(self, now_s: float) -> None:
+        """Asks when it is time."""
+        if self._peer is None or now_s < self._next_s:
+            return
+        self._next_s = now_s + self._period_s
+        asked = max(1, round(now_s * _NS))
+        self._asked.append(asked)
+        self._send("TIMESYNC", tc1=0, ts1=asked)
+
+    def next_tick_s(self) -> float | None:
+        """When the next question is due."""
+        return None if self._peer is None else self._next_s
+
+    def _take(self, sample: TimeSample) -> None:
+        self._events.append(sample)
+        best = self.best
+        if best is not None and abs(sample.offset_s - best.offset_s) > JUMP_S + sample.round_trip_s:
+            self._strange.append(sample)
+            if len(self._strange) < JUMPS:
+                return
+            if all(strange.is_back for strange in self._strange):
+                self.restarts += 1
+                self._told_s = -inf
+            self._samples.clear()
+            self._samples.extend(self._strange)
+        else:
+            self._samples.append(sample)
+        self._strange.clear()

@@ -1,0 +1,178 @@
+"""MAVLink 2 signing: signs what is sent, and tells genuine frames from forged, repeated and wrongly dated ones.
+
+A frame is judged by its signature first and by its time only then, so that a forged one never moves a clock of ours, and
+who has the key moves it by a minute at most.
+"""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Callable, Collection, Mapping
+from datetime import UTC, datetime
+from enum import StrEnum
+from hashlib import sha256
+from typing import Final
+
+from gloc3.errors import Misuse
+from gloc3.mavlink.parser import SIGNATURE_LENGTH, Frame
+
+KEY_BYTES: Final = 32
+EPOCH_UTC_S: Final = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
+TICKS_PER_S: Final = 100_000
+MAY_BE_OFF: Final = 60 * TICKS_PER_S
+"""A new stream may be so late, and any so early."""
+MOST_STREAMS: Final = 256
+RADIO_STATUS: Final = 109
+"""Comes from the radio at our own end of the link, which has no key."""
+_LARGEST_TIME: Final = (1 << 48) - 1
+
+Stream = tuple[int, int, int]
+"""System, component and link of a sender."""
+
+
+class Verdict(StrEnum):
+    """What is to be thought of a frame; the text is for a person."""
+
+    GENUINE = "genuine"
+    ALLOWED = "not signed, and need not be"
+    UNSIGNED = "not signed"
+    FORGED = "the signature is wrong"
+    REPEATED = "an old frame once more"
+    FUTURE = "dated in the future"
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the frame may be used."""
+        return self in (Verdict.GENUINE, Verdict.ALLOWED)
+
+
+def timestamp(utc_s: float) -> int:
+    """Signing's time: 10 µs since 2015.
+
+    Args:
+        utc_s: seconds since 1970.
+    """
+    return max(0, int((utc_s - EPOCH_UTC_S) * TICKS_PER_S))
+
+
+def is_signed_with(key: bytes, frame: Frame) -> bool:
+    """Whether a frame has a right signature, whatever its time."""
+    raw = frame.raw
+    return frame.is_signed and hmac.compare_digest(sha256(key + raw[:-6]).digest()[:6], raw[-6:])
+
+
+class Streams:
+    """How far each sender has come who signs with one key: what is not later is a repetition.
+
+    The links of a process that have the same key share it, so that what was heard on one is not taken on another.
+
+    Args:
+        latest: what was kept over a restart.
+        noted: is called with each stream that has come further.
+    """
+
+    def __init__(
+        self, latest: Mapping[Stream, int] | None = None, noted: Callable[[Stream], None] = lambda _: None
+    ) -> None:
+        self.latest: Final = dict(latest or {})
+        """Signing's time of the last frame of each stream."""
+        self._noted = noted
+
+    def takes(self, stream: Stream, time: int, earliest: int) -> bool:
+        """Whether a frame is the next of its stream; a new stream begins no earlier than that. It is noted then."""
+        last = self.latest.get(stream)
+        if last is None:
+            if time < earliest or len(self.latest) >= MOST_STREAMS:
+                return False
+        elif time <= last:
+            return False
+        self.latest[stream] = time
+        self._noted(stream)
+        return True
+
+
+class Signing:
+    """One end's key and times.
+
+    Args:
+        key: 32 secret bytes, the same at both ends.
+        link_id: tells our links apart, 0..255.
+        now: `timestamp` of now.
+        unsigned_ids: messages that are accepted without a signature.
+        streams: shared by the links that have the key.
+        is_clock_right: whether `now` can be relied on. A computer that does not know the time follows the first that
+            tells it one.
+        most_ahead: so early a frame may be; None for those who follow everybody.
+    """
+
+    def __init__(
+        self,
+        key: bytes,
+        *,
+        link_id: int,
+        now: int,
+        unsigned_ids: Collection[int] = frozenset({RADIO_STATUS}),
+        streams: Streams | None = None,
+        is_clock_right: Callable[[], bool] = lambda: True,
+        most_ahead: int | None = MAY_BE_OFF,
+    ) -> None:
+        if len(key) != KEY_BYTES:
+            raise Misuse(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
+        self._key = key
+        self._link = bytes([link_id])
+        self._unsigned_ids = frozenset(unsigned_ids)
+        self._streams = streams or Streams()
+        self._is_clock_right, self._most_ahead = is_clock_right, most_ahead
+        self.timestamp = max(now, *self._streams.latest.values(), 0)
+        """Of the last frame; it never goes back, nor behind what was kept over a restart."""
+        self._ahead = 0 if is_clock_right() else self.timestamp - now
+        """So much later than by our clock it is, as others have told while that could not be relied on."""
+        self._now = now + self._ahead
+        self._has_met = False
+        """Whether somebody has shown the time."""
+        self.verdicts = dict.fromkeys(Verdict, 0)
+        """How many frames were judged how."""
+
+    @property
+    def refused(self) -> int:
+        """Frames that were not good."""
+        return sum(count for verdict, count in self.verdicts.items() if not verdict.is_good)
+
+    def advance(self, now: int) -> None:
+        """Sets the time forward, about once a second."""
+        if self._ahead and self._is_clock_right():
+            self._ahead = 0
+        self._now = now + self._ahead
+        self.timestamp = max(self.timestamp, self._now)
+
+    def sign(self, frame: bytes) -> bytes:
+        """A frame, whose flag says already that it is signed, with its signature."""
+        self.timestamp = min(self.timestamp + 1, _LARGEST_TIME)
+        frame += self._link + self.timestamp.to_bytes(6, "little")
+        return frame + sha256(self._key + frame).digest()[:6]
+
+    def verify(self, frame: Frame) -> Verdict:
+        """Judges a frame that came; one that is not good is to be dropped."""
+        verdict = self._judge(frame)
+        self.verdicts[verdict] += 1
+        return verdict
+
+    def _judge(self, frame: Frame) -> Verdict:
+        if not frame.is_signed:
+            return Verdict.ALLOWED if frame.message_id in self._unsigned_ids else Verdict.UNSIGNED
+        if not is_signed_with(self._key, frame):
+            return Verdict.FORGED
+        raw = frame.raw
+        time = int.from_bytes(raw[-12:-6], "little")
+        is_early = self._most_ahead is not None and time > self._now + self._most_ahead
+        if is_early and (self._has_met or self._is_clock_right()):
+            return Verdict.FUTURE
+        stream = (frame.system, frame.component, raw[-SIGNATURE_LENGTH])
+        if not self._streams.takes(stream, time, self._now - MAY_BE_OFF):
+            return Verdict.REPEATED
+        if is_early:
+            self._ahead += time - self._now
+            self._now = time
+        self._has_met = True
+        self.timestamp = max(self.timestamp, time)
+        return Verdict.GENUINE

@@ -1,0 +1,167 @@
+"""MAVLink over a serial line: pyserial in two threads of its own, so that a stuck device never stops the loop."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import queue
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
+
+from gloc3.mavlink.transport.baud import RATES, BaudSearch
+
+if TYPE_CHECKING:
+    import serial
+
+READ_TIMEOUT_S: Final = 0.1
+REOPEN_S: Final = 1.0
+WRITE_TIMEOUT_S: Final = 1.0
+HELD: Final = "the other end does not say that it is ready (CTS); is the line wired for flow control, and set to it?"
+WAITING_FRAMES: Final = 256
+"""What may wait for a slow line; what does not fit any more is dropped."""
+
+
+class SerialEndpoint:
+    """A serial line, opened again each second while the device is missing."""
+
+    is_datagram = False
+    local_port = None
+
+    def __init__(
+        self,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        device: str,
+        baud: int | None,
+        *,
+        has_flow_control: bool = False,
+    ) -> None:
+        self.url = url
+        self.bytes_received = 0
+        self.bytes_sent = 0
+        self.dropped = 0
+        self.problem = "not open yet"
+        self._loop = loop
+        self._on_data = on_data
+        self._device, self._has_flow_control = device, has_flow_control
+        self._search = BaudSearch(loop.time()) if baud is None else None
+        self._baud = baud or RATES[0]
+        self._port: serial.Serial | None = None
+        self._closing = threading.Event()
+        self._waiting: queue.Queue[bytes | None] = queue.Queue(WAITING_FRAMES)
+        self._threads = [
+            threading.Thread(target=self._read, name=f"read {device}", daemon=True),
+            threading.Thread(target=self._write, name=f"write {device}", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the device is open, and its rate known."""
+        return self._port is not None and (self._search is None or self._search.is_found)
+
+    @property
+    def baud(self) -> int:
+        """The line's rate; while it is not known, the one that is tried."""
+        return self._baud
+
+    def send(self, data: bytes) -> None:
+        """Queues one frame for the line."""
+        if not self.is_connected:
+            self.dropped += 1
+            return
+        try:
+            self._waiting.put_nowait(data)
+        except queue.Full:
+            self.dropped += 1
+
+    async def close(self) -> None:
+        """Ends the threads and closes the device."""
+        self._closing.set()
+        while not self._waiting.empty():
+            self._waiting.get_nowait()
+        self._waiting.put_nowait(None)
+        port = self._port
+        if port is not None:
+            with suppress(OSError, TypeError):  # its threads may be closing it already
+                port.cancel_read()
+                port.cancel_write()
+        for thread in self._threads:
+            await self._loop.run_in_executor(None, thread.join)
+
+    def _open(self) -> serial.Serial | None:
+        import serial
+
+        try:
+            return serial.Serial(
+                self._device,
+                self._baud,
+                timeout=READ_TIMEOUT_S,
+                write_timeout=WRITE_TIMEOUT_S,
+                rtscts=self._has_flow_control,
+                exclusive=True,
+            )
+        except (OSError, ValueError) as error:
+            self.problem = _reason(error)
+            return None
+
+    def _read(self) -> None:
+        while not self._closing.is_set():
+            port = self._open()
+            if port is None:
+                self._closing.wait(REOPEN_S)
+                continue
+            self.problem, self._port = "", port
+            try:
+                while not self._closing.is_set():
+                    data = port.read(max(1, port.in_waiting))
+                    if self._search is not None and not self._search.is_found:
+                        self._try(port, self._search, data)
+                    if data and self.is_connected:
+                        self._loop.call_soon_threadsafe(self._hear, data)
+            except (OSError, TypeError) as error:  # unplugged; pyserial answers with a TypeError if that is in mid-read
+                self.problem = _reason(error)
+            except RuntimeError:  # the loop is gone
+                self._closing.set()
+            self._port = None
+            port.close()
+
+    def _try(self, port: serial.Serial, search: BaudSearch, data: bytes) -> None:
+        """Tells the search what was heard, and sets the line to what it wants to try next."""
+        search.hear(data, self._loop.time())
+        if search.rate != self._baud:
+            self._baud = port.baudrate = search.rate
+            port.reset_input_buffer()
+        self.problem = "" if search.is_found else f"no MAVLink heard yet; trying {search.rate} baud"
+
+    def _hear(self, data: bytes) -> None:
+        if not self._closing.is_set():
+            self.bytes_received += len(data)
+            self._on_data(data)
+
+    def _write(self) -> None:
+        while (data := self._waiting.get()) is not None:
+            port = self._port
+            if port is None:
+                self.dropped += 1
+                continue
+            try:
+                port.write(data)
+                self.bytes_sent += len(data)
+            except (OSError, TypeError) as error:
+                is_held = self._has_flow_control and not getattr(error, "errno", None)
+                self.problem = HELD if is_held else _reason(error)
+                self.dropped += 1
+
+
+def _reason(error: Exception) -> str:
+    """What is the matter with a line, once and in the system's words."""
+    number = getattr(error, "errno", None)
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return "in use by another program"
+    return os.strerror(number).lower() if number else str(error)

@@ -1,0 +1,329 @@
+"""What a station's command interface (client) and a platform's (server) say to each other (paper §V).
+
+A request is known by `(sender, boot, sequence)`. The server executes each at most once and remembers its reply; a
+repeat gets the same reply. After a break in link or process a sender asks `Query` what became of a request.
+
+Topics, below the platform's name: `ci/request` (station to platform), `ci/reply`, `ci/summary`, `ci/mission`,
+`ci/vehicle`, `contact`, `ci/event`, `ci/control` (platform to stations).
+"""
+
+from enum import StrEnum
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.messages.envelope import Message
+from gloc3.messages.watch import Want
+from gloc3.messages.wire import wire_name
+
+FORCE: Final = "force the command"
+"""In the reason of a refusal: the same would be carried out with `CommandComponent.is_forced`."""
+
+
+class Body(msgspec.Struct, frozen=True, kw_only=True, tag=wire_name, array_like=True):
+    """The base of what a station can ask for."""
+
+
+class LoadMission(Body, frozen=True):
+    """Checks a mission's text onboard and keeps it, in place of the one before."""
+
+    name: str
+    text: str
+
+
+class ReadMission(Body, frozen=True):
+    """Reads the loaded mission back, to compare it."""
+
+
+class Verb(StrEnum):
+    """What an operator does to a mission, task or action."""
+
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    SKIP = "skip"
+    ABORT = "abort"
+    RETRY = "retry"
+    CLEAR = "clear"
+
+
+class Steer(Body, frozen=True):
+    """Start, pause, resume, skip or abort the mission, or one of its tasks or actions."""
+
+    verb: Verb
+    target: str = ""
+    """Empty for the mission, `TASK`, or `TASK.ACTION`."""
+    override: str = ""
+    """With start: why it shall begin although checks are red; logged with the author."""
+    author: str = ""
+    """With an override: whose it is."""
+
+
+class RequestTask(Body, frozen=True):
+    """A high-level command: a single task, as the YAML of a mission that holds just this task."""
+
+    text: str
+    override: str = ""
+    """As for a start."""
+    author: str = ""
+
+
+class RequestAction(Body, frozen=True):
+    """A low-level command: a single action."""
+
+    capability: str
+    arguments: dict[str, Any] = {}
+    override: str = ""
+    """As for a start."""
+    author: str = ""
+
+
+class CommandComponent(Body, frozen=True):
+    """A command for a component's LCI."""
+
+    component: str
+    command: str
+    settings: dict[str, Any] | None = None
+    is_forced: bool = False
+    """Carry it out although a running action needs the component; the action then fails by its policy."""
+
+
+class CallFunction(Body, frozen=True):
+    """A function message for a component."""
+
+    component: str
+    function: str
+    arguments: dict[str, Any] = {}
+
+
+class ControlVerb(StrEnum):
+    """How control of a platform changes hands."""
+
+    REQUEST = "request"
+    RELEASE = "release"
+    GRANT = "grant"
+    """The holder answers a request."""
+    REFUSE = "refuse"
+    TAKE_OVER = "take_over"
+    """Take control without the holder's leave; recorded with its author."""
+
+
+class Control(Body, frozen=True):
+    """Control of the platform: one station holds it at a time."""
+
+    verb: ControlVerb
+    station: str = ""
+    """With grant and refuse: whose request is answered."""
+    version: str = ""
+    """Of the station's software; told when it asks for control."""
+    protocol: str = ""
+
+
+class EmergencyVerb(StrEnum):
+    """What the emergency key asks for."""
+
+    HOLD = "hold"
+    LAND = "land"
+    DISARM = "disarm"
+
+
+class Emergency(Body, frozen=True):
+    """The emergency key: accepted from any authenticated operator, logged with its author."""
+
+    verb: EmergencyVerb
+    author: str = ""
+    confirmation: str = ""
+    """With disarm: the platform's name, typed."""
+
+
+class Elsewhere(Body, frozen=True):
+    """Tells a platform how far another one is in the mission that both have loaded; the holder of control passes it on.
+
+    It needs no answer: the next one, a second later at the latest, says more.
+    """
+
+    platform: str
+    """The other one."""
+    digest: str
+    """Of the mission's text."""
+    state: str
+    """Of its mission: an `ActionState`."""
+    tasks: dict[str, str] = {}
+    """Its tasks' states."""
+
+
+class Query(Body, frozen=True):
+    """Asks what became of an earlier request of the same sender."""
+
+    boot: int
+    sequence: int
+
+
+class Preflight(Body, frozen=True):
+    """Asks for the list of checks before a start; what the autopilot is set to is read anew for it."""
+
+
+class Hello(Body, frozen=True):
+    """Asks for the full state: components' table, mission, control; the answer comes on the topics."""
+
+    version: str = ""
+    """Of the station's software."""
+    protocol: str = ""
+    """The hash of what it speaks, `gloc3.messages.software`."""
+
+
+class Watch(Body, frozen=True):
+    """Everything that the station wants to see from now on, for `watch.LEASE_S`; asked again while somebody looks.
+
+    The reply's result tells under `refused` the topics that cannot be looked at, each with the reason.
+    """
+
+    wants: list[Want] = []
+    """Empty where nobody looks any more."""
+    is_listing: bool = False
+    """Somebody looks at the list of topics: how they speak is wanted, too."""
+
+
+class ListTopics(Body, frozen=True):
+    """Asks for the topics that can be looked at; the reply's result holds them as `TopicEntry`s under `topics`."""
+
+
+class ReadReports(Body, frozen=True):
+    """Asks for the events behind a number, oldest first; says also that all up to that number are here.
+
+    The reply's result holds under `reports` for each its number, severity, source, text and time, and under `last` the
+    highest number.
+    """
+
+    store: int
+    after: int
+    most: int = 40
+
+
+class ListLogs(Body, frozen=True):
+    """Asks for the logs onboard; the reply's result holds a `LogOnboard` for each under `logs`."""
+
+
+class CutLog(Body, frozen=True):
+    """Ends the log that is being written and begins the next, so that what was recorded so far can be fetched."""
+
+
+class DigestLog(Body, frozen=True):
+    """Has the SHA-256 digest of a log calculated; it is under `sha256` in the reply's result, in hexadecimal digits."""
+
+    name: str
+
+
+class ReadLog(Body, frozen=True):
+    """Asks for a piece of a log, which comes as a `LogChunk` where the way to the station has room for it."""
+
+    name: str
+    offset: int
+    size: int
+
+
+class ConfirmLog(Body, frozen=True):
+    """The station has the whole log, with this digest: it is deleted onboard if that is its own digest, too."""
+
+    name: str
+    sha256: str
+
+
+AnyBody = (
+    LoadMission
+    | ReadMission
+    | Steer
+    | RequestTask
+    | RequestAction
+    | CommandComponent
+    | CallFunction
+    | Control
+    | Emergency
+    | Elsewhere
+    | Query
+    | Hello
+    | Watch
+    | ListTopics
+    | Preflight
+    | ReadReports
+    | ListLogs
+    | CutLog
+    | DigestLog
+    | ReadLog
+    | ConfirmLog
+)
+AboutLogs = ListLogs | CutLog | DigestLog | ReadLog | ConfirmLog
+
+
+LOOKS: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadReports, ListLogs, DigestLog, ReadLog)
+"""What only looks: everybody who may watch the platform may ask for it."""
+
+
+class StationRole(StrEnum):
+    """What a station may do."""
+
+    OPERATOR = "operator"
+    """Looks, and commands once it holds control."""
+    OBSERVER = "observer"
+    """Looks."""
+
+
+class CiRequest(Message, frozen=True):
+    """A request of a station."""
+
+    sender: str
+    """The station's id, such as `255`."""
+    boot: int
+    sequence: int
+    body: AnyBody
+    role: StationRole = StationRole.OPERATOR
+    """Its sender's; set by the platform's end of the link that brought it, whatever was sent."""
+    way: str = ""
+    """How it came: set there too, for the record."""
+
+
+class Outcome(StrEnum):
+    """What became of a request."""
+
+    ACCEPTED = "accepted"
+    """Carried out, or (mission, task, action) begun."""
+    REFUSED = "refused"
+    EXPIRED = "expired"
+    """Older than what the server remembers: not executed now, and not known whether before."""
+    UNKNOWN = "unknown"
+    """A query for a request that never arrived, or one whose end was lost with the process."""
+
+
+class CiReply(Message, frozen=True):
+    """The answer to a request."""
+
+    sender: str
+    boot: int
+    sequence: int
+    outcome: Outcome
+    reason: str = ""
+    text: str = ""
+    """With `ReadMission`: the mission's text; with a failed check: the findings, one a line."""
+    result: dict[str, Any] = {}
+    """With `CallFunction`: the function's reply; with `Preflight`: the `PreflightReport`."""
+
+
+class LogOnboard(msgspec.Struct, frozen=True, array_like=True):
+    """A log as it lies onboard."""
+
+    name: str
+    size: int
+    """In bytes."""
+    is_open: bool
+    """It is still being written."""
+
+
+class LogChunk(Message, frozen=True):
+    """A piece of a log, for the station that has asked for it."""
+
+    station: str
+    name: str
+    offset: int
+    data: bytes
+    reason: str = ""
+    """Why there is no data."""

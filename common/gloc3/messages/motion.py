@@ -1,0 +1,50 @@
+"""How a vehicle moves and where its frame lies on Earth, for the map and the charts of the stations.
+
+Topics, below the platform's name: `ci/motion`, `ci/site`. On a slow link the motion is sent with what the others leave.
+Whole numbers of small units keep a message within one frame of such a link.
+"""
+
+from gloc3.messages.envelope import Message
+
+Whole3 = tuple[int, int, int]
+"""Three whole numbers; the unit is in the name of the value."""
+
+
+class MotionSummary(Message, frozen=True):
+    """How the vehicle moves, and how it should.
+
+    Positions and velocities are x, y, height in the frame of the `SiteSummary`. Angles are hundredths of degrees, and
+    headings count clockwise from north.
+    """
+
+    t_s: float
+    attitude_cdeg: Whole3
+    """Roll, pitch, heading."""
+    position_cm: Whole3
+    velocity_cm_s: Whole3
+    is_pose_valid: bool
+    setpoint_cm: Whole3 | None = None
+    """Where it should be; None while nothing asks for a position."""
+    setpoint_velocity_cm_s: Whole3 | None = None
+    setpoint_heading_cdeg: int | None = None
+    covariance_cm2: Whole3 | None = None
+    """Of the position: xx, xy, yy; None where it is not known."""
+    height_std_cm: int = 0
+    """Standard deviation of the height; 0 where it is not known."""
+    battery_cv: int = 0
+    """Battery voltage in hundredths of volts; 0 where it is not known."""
+    battery_ca: int = 0
+    """Battery current in hundredths of amperes."""
+
+
+class SiteSummary(Message, frozen=True):
+    """The frame in which the platform tells where it is, and home."""
+
+    frame: str
+    """Its name; empty where positions are north, west, height of the origin."""
+    x_axis_bearing_deg: float
+    """Of the x axis, clockwise from north; y points to the left of x."""
+    origin_geo: tuple[float, float, float] | None = None
+    """Latitude and longitude in degrees, altitude above mean sea level in metres; None where it is not known."""
+    home_m: tuple[float, float, float] | None = None
+    """Where the vehicle was armed, or stands: x, y, height; None where it is not known."""

@@ -1,0 +1,169 @@
+"""The messages of perception: what sensors saw, how a vehicle moved by them, and where they place it.
+
+Frames: *frd* is the body (x forward, y right, z down), *rdf* a camera (x right, y down, z along the optical axis),
+*ned* the tangent plane at the origin of the platform's local frame. Times of validity stand in the envelope. Arrays
+travel as bytes, little endian, rows first.
+"""
+
+from gloc3.messages.envelope import Message
+from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
+
+
+class ImuSample(Message, frozen=True):
+    """What the inertial measuring unit felt, with its biases."""
+
+    rate_frd_rad_s: Vector3
+    specific_force_frd_m_s2: Vector3
+    """Acceleration less gravity: (0, 0, -9.81) at rest and level."""
+    is_valid: bool = True
+    reason: str = ""
+
+
+class LaserScan(Message, frozen=True):
+    """One turn of a range scanner, in its own plane: x forward, y left, angles counter-clockwise seen from above."""
+
+    scanner: str
+    angle_min_rad: float
+    angle_step_rad: float
+    range_min_m: float
+    range_max_m: float
+    """A range at or past it is *nothing seen*."""
+    ranges_m: bytes
+    """32-bit floats, one a beam."""
+    duration_s: float = 0.0
+    """From the first beam to the last; the time of validity is that of the last."""
+    is_valid: bool = True
+    reason: str = ""
+
+
+class Features(Message, frozen=True):
+    """Points that were found and matched in the pictures of one camera, or of a stereo pair (the paper's FDM)."""
+
+    camera: str
+    """The camera, or the left one of a pair."""
+    ids: bytes
+    """32-bit signed integers, one a point: the same for the same point from picture to picture."""
+    pixels: bytes
+    """32-bit floats, column and row of each point, as the lens showed them."""
+    right_pixels: bytes = b""
+    """The same in the right picture of a pair, not-a-number for a point that has no match there."""
+    is_valid: bool = True
+    reason: str = ""
+
+
+class Odometry(Message, frozen=True):
+    """How the body moved since a moment of its past, by one source. Its time of validity is the end of the motion.
+
+    Consecutive reports may share their reference: a key frame, the begin of a map. A direction that the source cannot
+    tell has a variance of `UNKNOWN_VARIANCE`.
+    """
+
+    source: str
+    reference_t_s: float
+    """The time of the pose that the motion is told from."""
+    position_m: Vector3 = (0.0, 0.0, 0.0)
+    """Where the body is now, in the axes of the reference."""
+    reference_from_frd: Quaternion = IDENTITY
+    """How it is turned now, on the axes of the reference."""
+    covariance: list[float] = []
+    """6 by 6, rows first: position in the reference's axes (m2), then the rotation vector in the body's (rad2)."""
+    is_level: bool = False
+    """The axes of the reference are those of its body made level (its heading kept), not those of the body."""
+    is_valid: bool = True
+    reason: str = ""
+    quality: float = 1.0
+    """0 to 1."""
+    shared: float = 0.3
+    """Part of the covariance that is of errors which all reports from this reference have in common, 0 to 1."""
+    drift: float = 1.0
+    """By how many times the variances of these add up faster from reference to reference than if they were independent."""
+
+
+class PositionFix(Message, frozen=True):
+    """Where a place on the body is, told from outside."""
+
+    source: str
+    position_ned_m: Vector3
+    covariance: list[float]
+    """3 by 3, rows first, m2, along north, east and down; large along a direction that is not seen."""
+    lever_frd_m: Vector3 = (0.0, 0.0, 0.0)
+    """The place on the body that is seen, from the body's origin."""
+    is_valid: bool = True
+    reason: str = ""
+    quality: float = 1.0
+    """0 to 1."""
+
+
+class SourceState(Message, frozen=True):
+    """What the fusion makes of one source."""
+
+    source: str
+    is_used: bool
+    reason: str = ""
+    """Why it is not used."""
+    accepted: int = 0
+    rejected: int = 0
+    """Turned down by the gate."""
+    innovation: float = 0.0
+    """Normalised innovation squared over its degrees of freedom, smoothed; 1 where the covariance is honest."""
+
+
+class FusionState(Message, frozen=True):
+    """What the pose of the platform rests on."""
+
+    sources: list[SourceState]
+    gyroscope_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    accelerometer_bias_m_s2: Vector3 = (0.0, 0.0, 0.0)
+
+
+UNKNOWN_VARIANCE = 1e6
+"""Of a direction that a source says nothing about, in m2 or rad2."""
+
+
+def no_motion(source: str, reference_t_s: float, reason: str, *, is_level: bool = False) -> Odometry:
+    """What an odometer reports where it cannot tell how the body moved."""
+    unknown = [UNKNOWN_VARIANCE if index % 7 == 0 else 0.0 for index in range(36)]
+    return Odometry(
+        source=source,
+        reference_t_s=reference_t_s,
+        covariance=unknown,
+        is_level=is_level,
+        is_valid=False,
+        reason=reason,
+        quality=0.0,
+    )
+
+
+class BottomVelocity(Message, frozen=True):
+    """Velocity over the floor of the water, as a Doppler velocity log (DVL) tells it."""
+
+    velocity_frd_m_s: Vector3 = (0.0, 0.0, 0.0)
+    """Along the body's axes."""
+    std_m_s: float = 0.0
+    """White noise that the device claims for each axis."""
+    altitude_m: float = 0.0
+    """Distance to the floor; 0 where it is not known."""
+    is_valid: bool = True
+    """Whether it has bottom lock."""
+    reason: str = ""
+
+
+class WheelDistances(Message, frozen=True):
+    """How far wheels have turned since their encoders began to count."""
+
+    distances_m: tuple[float, ...] = ()
+    """Way of each wheel's rim, in the order of its encoders; backwards counts down."""
+    is_valid: bool = True
+    reason: str = ""
+
+
+class SatelliteFix(Message, frozen=True):
+    """Where a satellite receiver says that it is."""
+
+    place_geo: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Latitude and longitude in degrees, altitude above mean sea level in metres."""
+    std_m: float = 0.0
+    """Standard deviation that the receiver claims along north and along east."""
+    satellites: int = 0
+    is_valid: bool = True
+    reason: str = ""

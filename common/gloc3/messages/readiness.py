@@ -1,0 +1,85 @@
+"""Messages about how the autopilot and the onboard computer are set up: what the pre-flight list is made from."""
+
+import msgspec
+
+from gloc3.messages.envelope import Message
+from gloc3.messages.link_traffic import LinkTraffic
+from gloc3.messages.vehicle import Style, VehicleClass
+
+
+class ReadSetup(Message, frozen=True):
+    """Asks for the autopilot's setup to be read anew."""
+
+    number: int
+    """Grows with each time of asking."""
+
+
+class AutopilotSetup(Message, frozen=True):
+    """What the autopilot is, and is set to."""
+
+    style: Style | None = None
+    firmware: tuple[int, int, int] | None = None
+    """Version of the flight software; None while it has not been told."""
+    is_official: bool = True
+    """Whether the firmware is a release, and not of development."""
+    parameters: dict[str, float] = {}
+    """Those that matter to us, as far as they have been read."""
+    unread: list[str] = []
+    """Those that matter to us and were not answered."""
+    sensors_present: int = 0
+    """Bits of MAV_SYS_STATUS_SENSOR, as SYS_STATUS tells them."""
+    sensors_enabled: int = 0
+    sensors_health: int = 0
+    utc_minus_t_s: float | None = None
+    """The autopilot's UTC minus our time; None where it knows no UTC, or has not told it."""
+    number: int = 0
+    """The last `ReadSetup` that was asked before this reading began; the reading has ended."""
+    is_complete: bool = False
+    """Whether a reading has ended since the autopilot came or restarted."""
+    vehicle: VehicleClass | None = None
+
+
+class LinkCondition(msgspec.Struct, frozen=True, array_like=True):
+    """One of the links of the onboard process."""
+
+    url: str
+    problem: str
+    """Why it leads nowhere; empty where it does lead somewhere, as far as can be known."""
+    bytes_received: int = 0
+    traffic: LinkTraffic = LinkTraffic()
+    """What has passed it."""
+
+
+class SensorCondition(msgspec.Struct, frozen=True, array_like=True):
+    """One of the sensors that samplers read."""
+
+    device: str
+    source: str
+    """Its URL."""
+    problem: str = ""
+    """Why it cannot be used, then after a semicolon what to do; empty as far as nothing is known against it."""
+    age_s: float = -1.0
+    """Since it brought something last; negative for never."""
+    uncalibrated: list[str] = []
+    """Its cameras of which no calibration is given."""
+    is_open: bool = False
+    """Whether it was opened; else only what can be told without that is known."""
+
+
+class ComputerState(Message, frozen=True):
+    """The computer on which the onboard process runs."""
+
+    is_simulated: bool = False
+    """In virtual time there is no computer of which anything could be measured."""
+    disk_free_mb: float = 0.0
+    """Of the folder for log and pictures, in 10^6 bytes."""
+    disk_write_mb_s: float = 0.0
+    """Measured when the process began, in 10^6 bytes a second; 0 where it could not be measured."""
+    disk_problem: str = ""
+    """Why that folder cannot be written; empty if it can."""
+    log_problem: str = ""
+    """Why the log is not written any more; empty while it is."""
+    utc_minus_t_s: float | None = None
+    """The computer's UTC minus our time."""
+    links: list[LinkCondition] = []
+    sensors: list[SensorCondition] = []

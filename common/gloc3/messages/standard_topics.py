@@ -1,0 +1,132 @@
+"""The topics of GLOC3's own platforms, below the platform's name."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from gloc3.exchange.acoustic import AcousticSummary
+from gloc3.messages.command_interface import CiReply, CiRequest, LogChunk
+from gloc3.messages.hosts import ClockAnswer, ClockQuestion, HostNames, HostPresence, HostStatus, HostSummary
+from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.perception import (
+    BottomVelocity,
+    Features,
+    FusionState,
+    ImuSample,
+    LaserScan,
+    Odometry,
+    PositionFix,
+    SatelliteFix,
+    WheelDistances,
+)
+from gloc3.messages.preflight import PreflightReport
+from gloc3.messages.readiness import AutopilotSetup, ComputerState, ReadSetup
+from gloc3.messages.summaries import (
+    CiEvent,
+    ComponentTable,
+    ComponentTrouble,
+    ContactSummary,
+    ControlState,
+    MissionSummary,
+    StationHeard,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.messages.teleoperation import TeleoperationState, VelocityDemand
+from gloc3.messages.topics import Service, TopicRow
+from gloc3.messages.vehicle import (
+    AutopilotPose,
+    AutopilotState,
+    DriverState,
+    EmergencyDisarm,
+    FenceState,
+    GeoFence,
+    HeightAboveGround,
+    Home,
+    Image,
+    ImageRecorded,
+    Manoeuvre,
+    MotionGrant,
+    MotionLimits,
+    ObstacleScan,
+    Pose,
+    Setpoint,
+    TakeOver,
+)
+from gloc3.messages.watch import Sample, TopicActivity
+from gloc3.mission.model.messages import ActionStatus
+
+TOPICS: Final[Mapping[str, TopicRow]] = {
+    # samplers
+    "autopilot": TopicRow(AutopilotState, 5.0),
+    "autopilot_pose": TopicRow(AutopilotPose, 20.0),
+    "height": TopicRow(HeightAboveGround, 20.0),
+    "autopilot_setup": TopicRow(AutopilotSetup, 0.2),
+    "computer": TopicRow(ComputerState, 1.0),
+    "obstacles": TopicRow(ObstacleScan, 5.0),
+    "camera/*": TopicRow(Image, 15.0, is_logged=False, service=Service.BULK),
+    "imu": TopicRow(ImuSample, 100.0, is_logged=False),
+    "laser": TopicRow(LaserScan, 10.0, is_logged=False),
+    "dvl": TopicRow(BottomVelocity, 8.0),
+    "wheels": TopicRow(WheelDistances, 10.0),
+    "satellites": TopicRow(SatelliteFix, 2.0),
+    # processors
+    "features/*": TopicRow(Features, 15.0, is_logged=False),
+    "odometry/*": TopicRow(Odometry, 10.0),
+    "position_fix/*": TopicRow(PositionFix, 10.0),
+    "fusion/*": TopicRow(FusionState, 2.0),
+    "pose": TopicRow(Pose, 20.0, silent_after=3.0, service=Service.CONTROL),
+    # controllers: each has a topic of its own, the limiter takes them all
+    "setpoint_wanted/*": TopicRow(Setpoint, 20.0, service=Service.CONTROL),
+    "manoeuvre_wanted/*": TopicRow(Manoeuvre, service=Service.COMMAND),
+    "setpoint": TopicRow(Setpoint, 20.0, service=Service.CONTROL),
+    "manoeuvre": TopicRow(Manoeuvre, service=Service.COMMAND),
+    "action_status/*": TopicRow(ActionStatus, service=Service.COMMAND),
+    "image_recorded": TopicRow(ImageRecorded),
+    # drivers
+    "driver": TopicRow(DriverState, 5.0),
+    "autopilot_fence": TopicRow(FenceState, 1.0),
+    # the command interface server, towards the components
+    "motion/grant": TopicRow(MotionGrant, 5.0, service=Service.COMMAND),
+    "motion_demand": TopicRow(VelocityDemand, service=Service.CONTROL),
+    "motion/limits": TopicRow(MotionLimits, is_latched=True),
+    "motion/home": TopicRow(Home, is_latched=True),
+    "motion/geofence": TopicRow(GeoFence, is_latched=True),
+    "motion/emergency": TopicRow(EmergencyDisarm, service=Service.COMMAND),
+    "motion/take_over": TopicRow(TakeOver, service=Service.COMMAND),
+    "read_setup": TopicRow(ReadSetup),
+    "preflight": TopicRow(PreflightReport),
+    # the command interface server, towards the stations
+    "ci/request": TopicRow(CiRequest, service=Service.COMMAND),
+    "ci/heard": TopicRow(StationHeard, is_logged=False),
+    "ci/reply": TopicRow(CiReply, service=Service.COMMAND),
+    "ci/summary": TopicRow(Summary, 2.0, downlink_every=1),
+    "ci/table": TopicRow(ComponentTable, is_latched=True),
+    "ci/trouble": TopicRow(ComponentTrouble),
+    "ci/vehicle": TopicRow(VehicleSummary, 2.0, downlink_every=1),
+    "ci/motion": TopicRow(MotionSummary, 2.0, downlink_every=1),
+    "ci/site": TopicRow(SiteSummary, 0.5, downlink_every=1),
+    "ci/mission": TopicRow(MissionSummary, 1.0, downlink_every=1, service=Service.REPORT),
+    "ci/control": TopicRow(ControlState, 1.0, downlink_every=1, service=Service.REPORT),
+    "ci/event": TopicRow(CiEvent),
+    "ci/teleoperation": TopicRow(TeleoperationState, downlink_every=1, service=Service.STREAM),
+    "contact": TopicRow(ContactSummary, service=Service.COMMAND),
+    "acoustic": TopicRow(AcousticSummary),
+    "log_chunk": TopicRow(LogChunk, is_logged=False, service=Service.BULK),
+    # the stations, towards the command interface server, while somebody steers by hand
+    "velocity_demand": TopicRow(VelocityDemand, service=Service.CONTROL),
+    "demand/*": TopicRow(VelocityDemand, is_logged=False, service=Service.CONTROL),
+    # the hosts, towards everyone
+    "hosts/*": TopicRow(HostStatus, 1.0, service=Service.REPORT),
+    "host_presence": TopicRow(HostPresence),
+    "ci/hosts": TopicRow(HostSummary, 0.5, is_logged=False, downlink_every=1),
+    "ci/host_names": TopicRow(HostNames, is_logged=False),
+    "hosts/*/clock": TopicRow(ClockQuestion, is_logged=False, service=Service.CONTROL),
+    "hosts/*/clock_answer": TopicRow(ClockAnswer, is_logged=False, service=Service.CONTROL),
+    # the viewer, towards the stations that look
+    "watch/sample/**": TopicRow(Sample, is_logged=False, service=Service.BULK),
+    "watch/large/**": TopicRow(Sample, is_logged=False, service=Service.BULK),
+    "watch/activity": TopicRow(TopicActivity, is_logged=False),
+}
+
+AUTOPILOT_SILENT_S: Final = TOPICS["autopilot"].silent_s
+"""An autopilot's state that is older says nothing of now."""

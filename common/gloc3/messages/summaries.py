@@ -1,0 +1,213 @@
+"""What a platform tells its stations of itself: health, vehicle, mission, control, events (paper §V)."""
+
+from enum import StrEnum
+from typing import Final
+
+import msgspec
+
+from gloc3.component.lci import State
+from gloc3.messages.envelope import Message, Severity
+
+
+class Health(StrEnum):
+    """A component's or the platform's condition, worst last; `absent` is a component that has left."""
+
+    WORKING = "working"
+    QUIET = "quiet"
+    STANDBY = "standby"
+    IDLE = "idle"
+    ABSENT = "absent"
+    FAULTY = "faulty"
+
+
+WELL: Final = (Health.WORKING, Health.QUIET)
+"""At work; quiet as a standby."""
+
+
+def health_of(state: State | None) -> Health:
+    """The condition that a component's state stands for."""
+    return Health.ABSENT if state is None else Health(state.value)
+
+
+class ComponentLine(msgspec.Struct, frozen=True, array_like=True):
+    """One component in the summary: at most 16 bytes on the wire."""
+
+    index: int
+    """Its row in the `ComponentTable`."""
+    state: int
+    """Index into `Health`."""
+    rate_percent: int
+    """Measured rate, in percent of the nominal one; 0 to 255, and 0 where there is none."""
+    load_percent: int
+    """Mean cycle cost, in percent of the period; 0 to 255."""
+    overruns: int
+    """Modulo 65536."""
+    errors: int
+    """Modulo 65536."""
+
+
+class Summary(Message, frozen=True):
+    """The state of a platform's components, many to a frame."""
+
+    table: int
+    """The number of the `ComponentTable` that the indices refer to."""
+    health: Health
+    """The platform's, from its required components."""
+    lines: list[ComponentLine]
+
+
+class TableRow(msgspec.Struct, frozen=True, array_like=True):
+    """What of a component does not change while it runs."""
+
+    name: str
+    kind: str
+    nominal_rate_hz: float
+    """0 where it only works when something happens."""
+    is_required: bool
+    standby_for: str
+    is_triggered: bool = False
+    """It reaches its rate only while its input comes: to be slower is no sign of trouble."""
+
+
+class ComponentTable(Message, frozen=True):
+    """The names behind the summary's indices; sent once, and on request."""
+
+    table: int
+    rows: list[TableRow]
+    version: str = ""
+    """Of the platform's software."""
+    protocol: str = ""
+    """The hash of what it speaks, `gloc3.messages.software`."""
+
+
+class ComponentTrouble(Message, frozen=True):
+    """A component's last error in words, sent when it changes."""
+
+    name: str
+    cause: str
+    errors: int
+
+
+class VehicleSummary(Message, frozen=True):
+    """The vehicle at a glance."""
+
+    t_s: float
+    mode: str
+    """The autopilot's mode in its own words."""
+    is_armed: bool
+    landed: str
+    """A `LandedState`; `under_way` for the one in the air where the vehicle does not fly."""
+    battery_percent: int
+    """-1 where it is not known."""
+    position_m: tuple[float, float, float]
+    """x, y, height in the platform's local frame."""
+    speed_m_s: float
+    heading_deg: int
+    is_pose_valid: bool
+    has_pilot_control: bool
+    is_autopilot_connected: bool
+    frame: str = ""
+    geo: tuple[float, float, float] | None = None
+    """Latitude, longitude in degrees, altitude above mean sea level in metres."""
+    is_armable: bool = True
+    """Whether the autopilot would arm now."""
+    pose_sources: list[str] = []
+    """What the position rests on."""
+    pose_quality_percent: int = -1
+    """How good the position is, 0 to 100; -1 where that is not known."""
+
+
+class MissionSummary(Message, frozen=True):
+    """The loaded mission and how far it is."""
+
+    name: str
+    digest: str
+    """Of the mission's text; empty where none is loaded."""
+    state: str
+    """An `ActionState`; empty where none is loaded."""
+    reason: str = ""
+    tasks: dict[str, str] = {}
+    """Task, and `TASK.ACTION`, to its state."""
+    progress: dict[str, float] = {}
+    """`TASK.ACTION` to 0..1, for what runs."""
+    policy: str = ""
+    """The policy that is being carried out, such as `return`; empty in normal flight."""
+    reasons: dict[str, str] = {}
+    """Task, and `TASK.ACTION`, to why it failed, or what it waits for beside its turn."""
+    elsewhere: dict[str, str] = {}
+    """The tasks that other platforms perform, each with its platform."""
+    silence: str = ""
+    """The `TASK` or `TASK.ACTION` whose planned silence has begun and is not over; empty where none has."""
+    silent_until_s: float = 0.0
+    """With a silence: when contact is due, on the platform's clock."""
+    repetitions: dict[str, tuple[int, int]] = {}
+    """The tasks that are done several times and have begun: for which time, and how often at most."""
+    took_s: float = -1.0
+    """Once it has ended: how long it ran, pauses left out; -1 before, and where it is not known."""
+    took_m: float = -1.0
+    """Once it has ended: the way that the vehicle made."""
+    took_battery: float = -1.0
+    """Once it has ended: the share of the battery that it took."""
+
+
+class ControlState(Message, frozen=True):
+    """Who holds control of the platform."""
+
+    holder: str
+    """The station's id; empty where nobody does."""
+    requested_by: str = ""
+
+
+class StationHeard(Message, frozen=True):
+    """Onboard: something has just been heard of a station."""
+
+    station: str
+    is_reached: bool = True
+    """What is told to stations reaches it, too; not yet while only its heartbeat was heard."""
+
+
+class CiEvent(Message, frozen=True):
+    """An event of the platform, for its stations."""
+
+    severity: Severity
+    source: str
+    """The component."""
+    text: str
+    t_s: float
+    number: int = 0
+    """Counts all events of a platform, over its restarts; 0 where they are not kept."""
+    store: int = 0
+    """Tells which numbers these are: a platform that has lost what it kept counts anew."""
+
+
+class ContactSummary(Message, frozen=True):
+    """The state in a nutshell, told first of all when a station is heard after a silence, before the events meanwhile."""
+
+    station: str
+    """The one that is heard again."""
+    t_s: float
+    silent_s: float
+    """For how long it was not heard; -1 where it never was in this life of the onboard process."""
+    health: Health
+    mission: str
+    """The loaded mission's name; empty where none is."""
+    state: str
+    """Of the mission."""
+    doing: str
+    """The actions under way: `dive.sweep 42 %`."""
+    policy: str
+    landed: str
+    battery_percent: int
+    position_m: tuple[float, float, float]
+    """x, y, height in the platform's local frame."""
+    geo: tuple[float, float, float] | None
+    conditions: list[str]
+    """What is wrong: `low battery`, `overdue`."""
+    store: int
+    last: int
+    """The highest number of an event."""
+    delivered: int
+    """Up to here stations have been told of events."""
+    worst: int = 7
+    """The severity of the worst event behind that."""
+    worst_text: str = ""

@@ -1,0 +1,325 @@
+"""The messages of a vehicle: what its samplers, processors, controllers and drivers say to each other.
+
+Frames: *ned* is the tangent plane at the origin of the platform's local frame (x north, y east, z down), *frd* the body
+(x forward, y right, z down). Attitudes are `ned_from_frd`, quaternions wxyz, Hamilton, w >= 0. Times of validity stand
+in the envelope.
+"""
+
+from enum import StrEnum
+from typing import Final
+
+import msgspec
+
+from gloc3.messages.envelope import Message
+from gloc3.messages.frames import Quaternion, Vector3
+from gloc3.mission.model.fence import Fence
+
+
+class Style(StrEnum):
+    """The family of an autopilot, told by its heartbeat."""
+
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+
+
+class VehicleClass(StrEnum):
+    """What an autopilot steers, told by its heartbeat; its modes and manners differ by it."""
+
+    COPTER = "copter"
+    ROVER = "rover"
+    BOAT = "boat"
+    SUB = "sub"
+    PLANE = "plane"
+
+
+class FlightMode(StrEnum):
+    """What an autopilot's mode means to us; each style maps its own numbers to these."""
+
+    TAKE_OFF = "take_off"
+    HOLD = "hold"
+    """It keeps its position by itself."""
+    GUIDED = "guided"
+    """It follows our setpoints (PX4: offboard; ArduPilot: guided)."""
+    MISSION = "mission"
+    RETURN = "return"
+    LAND = "land"
+    MANUAL = "manual"
+    """Any mode that a pilot flies with sticks."""
+    OTHER = "other"
+
+
+class LandedState(StrEnum):
+    """Where the autopilot believes that the vehicle is."""
+
+    UNKNOWN = "unknown"
+    ON_GROUND = "on_ground"
+    IN_AIR = "in_air"
+    TAKING_OFF = "taking_off"
+    LANDING = "landing"
+
+
+class AutopilotState(Message, frozen=True):
+    """The autopilot as its heartbeat and status messages tell."""
+
+    is_connected: bool
+    """False when no heartbeat came for 2.5 s; the other fields are then the last known ones."""
+    style: Style | None = None
+    is_armed: bool = False
+    mode: FlightMode = FlightMode.OTHER
+    mode_name: str = ""
+    """The mode in the autopilot's own words."""
+    landed: LandedState = LandedState.UNKNOWN
+    is_armable: bool = False
+    reasons: list[str] = []
+    """Why it would refuse to arm, in words."""
+    battery_v: float = 0.0
+    battery_a: float = 0.0
+    battery_remaining: float = -1.0
+    """0 to 1; negative where it is not known."""
+    is_failsafe: bool = False
+    """The autopilot acts by itself (MAV_STATE critical or emergency)."""
+    vehicle: VehicleClass | None = None
+    doubts: list[str] = []
+    """What its sensors' health and its estimator's flags say against a start, in words."""
+    has_home: bool = False
+    """Whether it has told where its home is."""
+
+
+class AutopilotPose(Message, frozen=True):
+    """The autopilot's own estimate, in its own local frame (NED at its estimator's origin)."""
+
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    ned_from_frd: Quaternion
+    rate_frd_rad_s: Vector3
+    origin_geo: tuple[float, float, float] | None = None
+    """The estimator's origin: latitude and longitude in degrees, altitude above mean sea level in metres."""
+
+
+class HeightAboveGround(Message, frozen=True):
+    """How far the ground below is, as a range finder tells that is fixed to the body."""
+
+    height_m: float
+    """Along the body's down axis: where the body is tilted, more than the height above level ground."""
+    is_valid: bool
+    reason: str = ""
+
+
+class Pose(Message, frozen=True):
+    """Where the platform is, in the NED frame at the origin of its local frame."""
+
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    ned_from_frd: Quaternion
+    rate_frd_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    position_std_m: Vector3 = (0.0, 0.0, 0.0)
+    """Standard deviation along each axis."""
+    is_valid: bool = True
+    reason: str = ""
+    quality: float = 1.0
+    """0 to 1."""
+    reset_counter: int = 0
+    """Grows by one at each jump of the estimate."""
+    sources: list[str] = []
+    """What the estimate rests on."""
+    origin_geo: tuple[float, float, float] | None = None
+    """Where the NED frame begins: latitude and longitude in degrees, altitude above mean sea level in metres."""
+
+
+OBSTACLE_SECTORS: Final = 72
+NOT_LOOKED_M: Final = -1.0
+"""Distance of a sector that no beam has looked at."""
+
+
+class ObstacleScan(Message, frozen=True):
+    """What a range scanner has hit, once round."""
+
+    points_ne_m: list[tuple[float, float]]
+    """Where something was hit: metres north and east, in the NED frame of the pose."""
+    height_m: float = 0.0
+    """Height of the plane of the scan above the origin of that frame."""
+    is_valid: bool = True
+    reason: str = ""
+    sectors_m: list[float] = []
+    """The nearest hit in each of `OBSTACLE_SECTORS` sectors, clockwise, the first with its middle ahead of the body, as
+    in MAVLink's OBSTACLE_DISTANCE. `range_max_m` and more: nothing there; `NOT_LOOKED_M`: not looked at."""
+    range_max_m: float = 0.0
+    closest_ne_m: list[tuple[float, float]] = []
+    """The nearest points of things that stand apart, the nearest first."""
+
+
+class Image(Message, frozen=True):
+    """A camera's frame, passed by reference inside a process."""
+
+    camera: str
+    width: int
+    height: int
+    data: bytes
+    """Rows of 8-bit grey values, `height * width` bytes."""
+    is_valid: bool = True
+    reason: str = ""
+
+
+class ImageRecorded(Message, frozen=True):
+    """An image that was written to disk, with where it was taken from."""
+
+    action_id: str
+    camera: str
+    file: str
+    """The file's name inside the run's `images` folder."""
+    index: int
+    position_ned_m: Vector3
+    ned_from_frd: Quaternion
+
+
+class MotionGrant(Message, frozen=True):
+    """Who owns `motion`: published by the command interface server, obeyed by limiter and driver."""
+
+    action_id: str
+    component: str
+    """The component that may move the vehicle; empty while nobody may."""
+
+
+class Setpoint(Message, frozen=True):
+    """What the vehicle shall do next; streamed. Fields that are None are left to the autopilot."""
+
+    action_id: str
+    """The owner of motion that this comes from."""
+    position_ned_m: Vector3 | None = None
+    velocity_ned_m_s: Vector3 | None = None
+    """With a position: feed-forward."""
+    yaw_rad: float | None = None
+    """Heading, clockwise from north."""
+
+
+class ManoeuvreKind(StrEnum):
+    """What the autopilot does by itself when asked."""
+
+    TAKE_OFF = "take_off"
+    LAND = "land"
+    HOLD = "hold"
+    SET_OFF = "set_off"
+    """Arm and be led by setpoints from where it stands: what does not climb by itself."""
+    PLAN = "plan"
+    """Fly the plan that it has been given."""
+
+
+class Manoeuvre(Message, frozen=True):
+    """Asks the driver to have the autopilot fly a manoeuvre in a mode of its own."""
+
+    action_id: str
+    kind: ManoeuvreKind
+    height_m: float = 0.0
+    """Take-off: height above the place of arming."""
+    may_arm: bool = False
+    """Take-off, and a plan that begins with one: whether the vehicle may be armed for it."""
+    end_ned_m: Vector3 | None = None
+    """Plan: where it ends."""
+
+
+class ManoeuvreState(StrEnum):
+    """How far a manoeuvre has come."""
+
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+
+
+class DriverState(Message, frozen=True):
+    """What the autopilot driver does and has turned down."""
+
+    action_id: str = ""
+    """The owner of motion that it obeys."""
+    is_streaming: bool = False
+    has_pilot_control: bool = False
+    """A human pilot (or the autopilot by itself) has taken over: nothing of ours moves or commands the vehicle."""
+    pilot_reason: str = ""
+    manoeuvre_id: str = ""
+    """The action whose manoeuvre is, or was last, under way."""
+    manoeuvre: ManoeuvreKind | None = None
+    manoeuvre_state: ManoeuvreState | None = None
+    manoeuvre_reason: str = ""
+    foreign: int = 0
+    """Setpoints of somebody who did not own motion."""
+    stale: int = 0
+    """Setpoints older than 0.25 s."""
+    not_finite: int = 0
+    clamped: int = 0
+    """Setpoints beyond the platform's limits, brought back inside."""
+    expired: int = 0
+    """Times that no valid setpoint came for 0.5 s and the autopilot's hold was commanded."""
+    is_guided: bool = False
+    """The autopilot follows the stream of setpoints."""
+    refusal: str = ""
+    """Why the autopilot does not take the mode that the stream, or its end, asks for."""
+
+
+class MotionLimits(Message, frozen=True):
+    """What the limiter and the driver keep to: the platform's limits and the mission's fence."""
+
+    speed_m_s: float
+    climb_m_s: float
+    acceleration_m_s2: float
+    height_min_m: float
+    height_max_m: float
+    fence: Fence | None = None
+    fence_margin_m: float = 0.5
+    """How near to the fence the vehicle may come."""
+    home_ned_m: Vector3 | None = None
+    """Home, from which `height_min_m` and `height_max_m` count; None while it is not known: then only the fence's
+    ceiling limits the height."""
+
+
+class GeoArea(msgspec.Struct, frozen=True, array_like=True):
+    """One area of a fence on Earth: a polygon, or a circle where there is a centre."""
+
+    is_inclusion: bool
+    """Where the vehicle may be, else where it may not."""
+    polygon: list[tuple[float, float]] = []
+    """Corners: latitude and longitude in degrees."""
+    center: tuple[float, float] | None = None
+    radius_m: float = 0.0
+
+
+class GeoFence(Message, frozen=True):
+    """The fence of the loaded mission, for the autopilot to keep too; without areas where it has none on Earth."""
+
+    digest: str
+    """Of the mission; what is uploaded is known by it."""
+    areas: list[GeoArea] = []
+
+
+class FenceProgress(StrEnum):
+    """How far the autopilot's fence is."""
+
+    NONE = "none"
+    UPLOADING = "uploading"
+    CONFIRMED = "confirmed"
+    """The autopilot has it, and gave it back equal."""
+    FAILED = "failed"
+
+
+class FenceState(Message, frozen=True):
+    """What has become of the fence that the autopilot was given."""
+
+    digest: str
+    progress: FenceProgress
+    reason: str = ""
+
+
+class Home(Message, frozen=True):
+    """Where the vehicle stood when it was armed; kept on disk by the command interface server."""
+
+    position_ned_m: Vector3
+
+
+class EmergencyDisarm(Message, frozen=True):
+    """An operator has typed the platform's name: disarm now, in flight too."""
+
+    author: str
+
+
+class TakeOver(Message, frozen=True):
+    """An operator's leave to go on after a pilot had control."""
+
+    is_resumed: bool

@@ -1,0 +1,156 @@
+"""What stations look at: the topics that they want samples of, and the samples that the platform sends (DESIGN §7).
+
+A station says everything that it wants to see in one `Watch` request and repeats it while somebody looks; without that
+the platform forgets it after `LEASE_S`. Samples are the latest of a topic, as often as wanted and as the link affords.
+"""
+
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.wire import TypeRegistry, WireError, from_array, to_array, type_name
+
+WATCH: Final = "watch/"
+"""What a platform sends because somebody looks is on topics that begin so, below its name."""
+SAMPLES: Final = f"{WATCH}sample/"
+LARGE: Final = f"{WATCH}large/"
+ACTIVITY: Final = f"{WATCH}activity"
+
+LEASE_S: Final = 8.0
+"""So long a platform remembers what a station wants to see."""
+RENEW_S: Final = 3.0
+"""So often a station that still looks says so: of three requests one may take long."""
+LARGEST: Final = 48_000
+"""Bytes of a sample."""
+
+
+class Want(msgspec.Struct, frozen=True, array_like=True):
+    """A topic that somebody looks at; numbers beyond what is sensible are brought back onboard."""
+
+    topic: str
+    """Below the platform's name."""
+    rate_hz: float = 1.0
+    """Samples a second, at most."""
+    width: int = 64
+    """Of images: the preview is scaled down to fit."""
+    height: int = 48
+    quality: int = 40
+    """Of images: how much the compression keeps, 1 to 100."""
+
+
+class TopicEntry(msgspec.Struct, frozen=True, array_like=True):
+    """A topic that can be looked at."""
+
+    name: str
+    """Below the platform's name."""
+    type: str
+    """The message's type, without its hash."""
+    rate_hz: float
+    """Nominal; 0 for what speaks when something happens."""
+    source: str
+    """The component."""
+
+
+class Sample(Message, frozen=True):
+    """The latest message of a topic that is looked at, with its time of validity.
+
+    It is sent on `watch/sample/TOPIC`; one that does not fit few frames, such as a picture, on `watch/large/TOPIC`.
+    """
+
+    type: str
+    """`Name#hash` of the message; that of `Preview` in place of an image."""
+    component: str
+    boot: int
+    sequence: int
+    frame: str
+    rate_hz: float
+    """At which the topic speaks, as measured on the platform."""
+    payload: bytes
+    """The message as it stands on the wire; empty where it cannot be sent."""
+    problem: str = ""
+    """Why it cannot be sent."""
+    stations: tuple[str, ...] = ()
+    """Who looks at it."""
+
+
+class Preview(Message, frozen=True):
+    """An image made small."""
+
+    camera: str
+    width: int
+    height: int
+    full_width: int
+    full_height: int
+    data: bytes
+    """8-bit grey values, compressed (WebP); empty where there is no picture."""
+    is_valid: bool = True
+    reason: str = ""
+
+
+class TopicActivity(Message, frozen=True):
+    """How the topics of the platform's list speak, in its order; while somebody looks at the list."""
+
+    rates: list[int]
+    """Messages in ten seconds."""
+    ages: list[int]
+    """Tenths of a second since the last; -1 where none was heard since somebody looks."""
+    stations: tuple[str, ...] = ()
+    """Who looks at the list."""
+
+
+def pack(envelope: Envelope[Any], message: Message, rate_hz: float, stations: tuple[str, ...] = ()) -> Sample:
+    """A sample of a topic.
+
+    Args:
+        envelope: the topic's latest.
+        message: what is sent of it: its payload, or what stands for that.
+        rate_hz: at which the topic speaks.
+        stations: who looks at it.
+    """
+    payload, problem = b"", ""
+    try:
+        payload = msgspec.msgpack.encode(to_array(message))
+    except (TypeError, ValueError, OverflowError, RecursionError, msgspec.MsgspecError) as error:
+        problem = f"it cannot be sent: {error}"
+    if len(payload) > LARGEST:
+        payload, problem = b"", f"it is too large to be sent: {len(payload)} bytes"
+    source = envelope.source
+    return Sample(
+        type=type_name(type(message)),
+        component=source.component,
+        boot=source.boot,
+        sequence=envelope.sequence,
+        frame=envelope.frame,
+        rate_hz=round(rate_hz, 1),
+        payload=payload,
+        problem=problem,
+        stations=stations,
+    )
+
+
+def unpack(envelope: Envelope[Sample], types: TypeRegistry) -> Envelope[Any]:
+    """The message that was looked at, as it was published on its own topic.
+
+    Raises:
+        WireError: it cannot be read here, or could not be sent; the text says why.
+    """
+    sample = envelope.payload
+    if sample.problem:
+        raise WireError(sample.problem)
+    message_type = Preview if sample.type == type_name(Preview) else types.find(sample.type)
+    try:
+        array = msgspec.msgpack.decode(sample.payload)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise WireError(f"damaged sample: {error}") from error
+    platform, _, name = envelope.topic.partition("/")
+    topic = f"{platform}/{topic_of(name)}"
+    source = Source(platform, sample.component, sample.boot)
+    return Envelope(
+        topic, source, sample.sequence, envelope.t_s, sample.frame, sample.type, from_array(array, message_type)
+    )
+
+
+def topic_of(name: str) -> str:
+    """The topic that is looked at on `watch/...`, below the platform's name."""
+    return name.removeprefix(SAMPLES).removeprefix(LARGE)

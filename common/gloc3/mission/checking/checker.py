@@ -1,0 +1,291 @@
+"""Proves a mission against a platform before it goes anywhere, and again onboard: all findings at once."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import msgspec
+from msgspec import structs
+
+from gloc3.documents.document import load_bytes
+from gloc3.errors import Finding, InputError, nearest
+from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.mission.checking.agreement import agreement_findings, silence_findings
+from gloc3.mission.checking.budget_check import budget_findings, time_findings
+from gloc3.mission.checking.contingency_check import contingency_findings, way_findings
+from gloc3.mission.checking.estimate import Estimate, Figures, estimate, together
+from gloc3.mission.checking.option_check import guard_findings, plan_findings
+from gloc3.mission.checking.space_check import altitude_findings, flight_findings, space_findings
+from gloc3.mission.checking.turn_check import turn_findings
+from gloc3.mission.examples import find_mission
+from gloc3.mission.model.abilities import WAIT, abilities
+from gloc3.mission.model.arguments import SetOff, argument_kinds
+from gloc3.mission.model.legs import Budget
+from gloc3.mission.model.model import Mission, part_of, where_of
+from gloc3.mission.model.structure import PartialOrder, structure_findings
+from gloc3.mission.reading.reader import Reading, Surroundings, inspect_mission
+from gloc3.platform.limits import Limits
+from gloc3.platform.platform import Capability, Platform
+
+HOME_CLEARANCE_M: Final = 0.5
+"""A home outside the fence, or nearer to it than this, is refused."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Circumstances:
+    """What a mission is checked against."""
+
+    platform: Platform | None = None
+    """None: every capability is taken to be there, and nothing is known of limits, energy and failsafes."""
+    part: str | None = None
+    """In a mission for several platforms: whose part is checked, where that platform itself is not known."""
+    known: Callable[[str], Platform | None] | None = None
+    """Finds a platform that such a mission names (None where it is not known here), and has all parts of it checked.
+    None checks that of `platform` alone."""
+    frames: Mapping[str, LocalFrame] | None = None
+    """Frames of the world, beside those of the platform."""
+    origin: GeoPoint | None = None
+    """Origin of NED, where it is known."""
+    home_altitude_m: float | None = None
+    """Altitude above the sea of home, where it is known."""
+    home_ned_m: Vector3 | None = None
+    """Where the vehicle was armed, or stands; None where that is not known yet."""
+    start_ned_m: Vector3 | None = None
+    """Where the vehicle is; None for at home, on the ground."""
+
+    def surroundings(self) -> Surroundings:
+        """What the reader needs of it."""
+        found = Surroundings.of(
+            self.platform, frames=self.frames, origin=self.origin, home_altitude_m=self.home_altitude_m
+        )
+        return replace(found, platform=found.platform or self.part)
+
+    def capabilities(self) -> Mapping[str, Capability]:
+        """The rows by name; without a platform one for each kind of arguments."""
+        if self.platform is not None:
+            return abilities(self.platform)
+        return dict(WAIT) | {
+            name: Capability(arguments=name, performed_by="", claims=kind.claims())
+            for name, kind in argument_kinds().items()
+        }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Report:
+    """The outcome of a check."""
+
+    file: str
+    findings: tuple[Finding, ...]
+    """In order of place."""
+    mission: Mission | None = None
+    estimate: Estimate | None = None
+    order: PartialOrder | None = field(default=None, repr=False)
+
+    @property
+    def is_ok(self) -> bool:
+        """Whether the mission may fly: there is nothing but warnings."""
+        return self.mission is not None and all(finding.is_warning for finding in self.findings)
+
+    def flyable(self) -> Mission:
+        """The mission.
+
+        Raises:
+            InputError: it may not fly.
+        """
+        if self.mission is None or not self.is_ok:
+            raise InputError(self.findings)
+        return self.mission
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report as plain values, for JSON."""
+        figures: dict[str, Any] | None = None
+        if self.estimate is not None:
+            figures = _rounded(self.estimate)
+            if self.estimate.least is not None:
+                figures["least"] = _rounded(self.estimate.least)
+        return {
+            "file": self.file,
+            "is_ok": self.is_ok,
+            "findings": [msgspec.to_builtins(finding) for finding in self.findings],
+            "estimate": figures,
+        }
+
+
+def _rounded(figures: Figures) -> dict[str, Any]:
+    return {
+        "duration_s": round(figures.duration_s, 1),
+        "energy_wh": round(figures.energy_wh, 2),
+        "length_m": round(figures.length_m, 1),
+    }
+
+
+def check_file(name: str, circumstances: Circumstances) -> Report:
+    """Checks a mission file, or an example by its name; never raises for what is in the file."""
+    try:
+        path = find_mission(name)
+        return check_text(load_bytes(path), str(path), circumstances)
+    except InputError as error:
+        return Report(file=name, findings=error.findings)
+
+
+def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Report:
+    """Checks a mission's content; never raises for what is in it."""
+    try:
+        reading = inspect_mission(data, file, circumstances.surroundings())
+    except InputError as error:
+        return Report(file=file, findings=error.findings)
+    structural = [*structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
+    findings = [*reading.findings, *structural]
+    mission = reading.mission
+    if mission is None or structural:
+        return Report(file=file, findings=tuple(sorted(findings)), mission=None)
+    is_whole = circumstances.known is not None or circumstances.platform is None
+    if mission.platforms and circumstances.part is None and is_whole:
+        return _check_parts(data, file, circumstances, mission)
+    order = PartialOrder.of(mission)
+    platform = circumstances.platform
+    budget = Budget.of(platform.limits if platform else Limits(), circumstances.home_ned_m or (0.0, 0.0, 0.0))
+    start_ned_m = circumstances.start_ned_m or budget.home_ned_m
+    figures = estimate(mission, order, start_ned_m, budget, platform.power if platform else None)
+    findings += _nothing_for(platform, mission, reading)
+    findings += _capabilities(mission, circumstances)
+    findings += _resources(mission, order, circumstances.capabilities())
+    findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
+    findings += _space(mission, figures, circumstances)
+    findings += turn_findings(mission, figures, platform.limits if platform else None)
+    findings += budget_findings(mission, figures, platform)
+    findings += guard_findings(mission, platform)
+    findings += plan_findings(mission, platform)
+    findings += altitude_findings(mission, platform)
+    findings += contingency_findings(mission)
+    for name, ready in mission.contingencies.items():
+        if ready.actions:
+            findings += _check_contingency(part_of(mission, name), circumstances, budget)
+            findings += way_findings(mission, name, figures, budget, platform)
+    findings += silence_findings(mission, figures, platform)
+    if platform is not None:
+        findings += agreement_findings(mission, platform)
+    if circumstances.home_ned_m is not None:
+        problem = home_problem(mission, circumstances.home_ned_m)
+        if problem:
+            findings.append(
+                reading.document.finding(("geofence",), problem, "move the vehicle or the fence", at_key=True)
+            )
+    return Report(file=file, findings=tuple(sorted(set(findings))), mission=mission, estimate=figures, order=order)
+
+
+def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mission: Mission) -> Report:
+    """Checks a mission for several platforms, each part for its own; what is said of a part names its platform."""
+    findings: set[Finding] = set()
+    figures: list[Estimate] = []
+    for name in mission.platforms:
+        known = circumstances.known(name) if circumstances.known is not None else None
+        part = check_text(data, file, replace(circumstances, platform=known, part=name))
+        findings.update(part.findings)
+        figures += [part.estimate] if part.estimate is not None else []
+    return Report(
+        file=file,
+        findings=tuple(sorted(findings)),
+        mission=mission,
+        estimate=together(figures),
+        order=PartialOrder.of(mission),
+    )
+
+
+def _space(mission: Mission, figures: Estimate, circumstances: Circumstances) -> list[Finding]:
+    """What is wrong with the way; and, as warnings, with that on which guards leave out all that they may."""
+    limits = circumstances.platform.limits if circumstances.platform is not None else None
+    home_ned_m, start_ned_m = circumstances.home_ned_m, circumstances.start_ned_m
+    found = space_findings(mission, figures, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
+    if figures.least is None:
+        return found
+    shorter = space_findings(mission, figures.least, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
+    left_out = "where guards leave out what they may"
+    return found + [
+        structs.replace(one, message=f"{one.message}, {left_out}", is_warning=True)
+        for one in set(shorter).difference(found)
+    ]
+
+
+def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budget) -> Iterator[Finding]:
+    """A contingency for itself: it begins anywhere, in the air."""
+    platform, order = circumstances.platform, PartialOrder.of(part)
+    figures = estimate(part, order, budget.home_ned_m, budget, platform.power if platform else None)
+    limits = platform.limits if platform else None
+    yield from _capabilities(part, circumstances)
+    yield from _resources(part, order, circumstances.capabilities())
+    yield from (one for one in flight_findings(part, order, is_airborne=True) if not one.is_warning)
+    yield from space_findings(part, figures, limits, home_ned_m=None, start_ned_m=None)
+    yield from turn_findings(part, figures, limits)
+    yield from time_findings(part, figures)
+    yield from guard_findings(part, platform)
+    yield from plan_findings(part, platform)
+    yield from altitude_findings(part, platform)
+
+
+def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
+    """Why a mission may not start from this home; empty if it may."""
+    if mission.fence is None:
+        return ""
+    clearance_m = mission.fence.clearance_m(home_ned_m)
+    if clearance_m < 0.0:
+        return f"home is {-clearance_m:.1f} m outside the fence"
+    if clearance_m < HOME_CLEARANCE_M:
+        return f"home is {clearance_m:.2f} m inside the fence; at least {HOME_CLEARANCE_M} m are needed"
+    return ""
+
+
+def _nothing_for(platform: Platform | None, mission: Mission, reading: Reading) -> Iterator[Finding]:
+    """A mission for several platforms has something to do for this one."""
+    if platform is not None and mission.platforms and platform.platform not in mission.platforms:
+        message = f"no task is for {platform.platform}"
+        hint = f"it is for {', '.join(mission.platforms)}"
+        yield reading.document.finding(("tasks",), message, hint, at_key=True)
+
+
+def _capabilities(mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:
+    """What the actions need is there, and the values of their arguments are possible here."""
+    platform, document = circumstances.platform, mission.document
+    if platform is None or document is None:
+        return
+    is_complete = platform.is_complete
+    names = sorted({*platform.topics(), *platform.capabilities, *(row.name for row in platform.components)})
+    components, rows = [row.name for row in platform.components], circumstances.capabilities()
+    for target, action in mission.actions().items():
+        row = rows[action.ability]
+        where = (*where_of(target), action.capability)
+        if row.performed_by and row.performed_by not in components:
+            hint = nearest(row.performed_by, components)
+            message = f"{action.ability} is performed by {row.performed_by!r}, which the platform does not have"
+            yield document.finding(where, message, hint, at_key=True)
+        for need in row.needs:
+            if need not in names:
+                message = f"{action.ability} needs {need!r}, which nothing on {platform.platform} provides"
+                hint = nearest(need, names) if is_complete else "not all components' classes are installed here"
+                yield document.finding(where, message, hint, at_key=True, is_warning=not is_complete)
+        for argument, possible in row.options.items():
+            value = getattr(action.arguments, argument, None)
+            if value is not None and str(value) not in possible:
+                hint = nearest(str(value), possible)
+                message = f"{argument} {value!r} is not possible on {platform.platform}"
+                yield document.finding((*where, argument), message, hint)
+        if isinstance(action.order, SetOff) and not platform.arm:
+            message = f"{platform.platform} does not arm by itself (arm: false)"
+            yield document.finding(where, message, "a pilot has to arm it", at_key=True, is_warning=True)
+
+
+def _resources(mission: Mission, order: PartialOrder, rows: Mapping[str, Capability]) -> Iterator[Finding]:
+    """Two actions that may run at the same time never claim the same resource."""
+    actions = mission.actions()
+    claims = {target: rows[action.ability].claims for target, action in actions.items()}
+    targets = [target for target in order.targets if claims.get(target)]
+    for index, one in enumerate(targets):
+        for other in targets[:index]:
+            shared = [name for name in claims[one] if name in claims[other]]
+            if shared and order.may_overlap(one, other) and mission.document is not None:
+                yield mission.document.finding(
+                    where_of(one),
+                    f"{one} and {other} may run at the same time, and both claim {', '.join(shared)}",
+                    "put one after the other",
+                    at_key=True,
+                )

@@ -1,0 +1,90 @@
+"""Checks the options of tasks and actions: guards and loops, and `flown_by: autopilot`."""
+
+from collections.abc import Iterator
+
+from gloc3.documents.document import Document, Where
+from gloc3.errors import Finding
+from gloc3.mission.model.arguments import FollowWaypointsOrder
+from gloc3.mission.model.conditions import QUANTITIES, Condition
+from gloc3.mission.model.model import FLY_PLAN, Action, ItemFile, Mission, where_of
+from gloc3.platform.platform import Platform
+
+
+def guard_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
+    """Waits without an end, words without a guard, and conditions on what nobody on the platform measures."""
+    document = mission.document
+    if document is None:
+        return
+    topics = None if platform is None or not platform.is_complete else platform.topics()
+    for where, options in _items(mission):
+        yield from _guard(document, where, options)
+        if options.when is not None:
+            yield from _measured(document, (*where, "when"), options.when, platform, topics)
+    for name, task in mission.tasks.items():
+        repeat = task.options.repeat
+        if repeat is not None and repeat.until is not None:
+            yield from _measured(document, (*where_of(name), "repeat", "until"), repeat.until, platform, topics)
+
+
+def _items(mission: Mission) -> Iterator[tuple[Where, ItemFile]]:
+    for name, task in mission.tasks.items():
+        yield where_of(name), task.options
+        for target, action in ((f"{name}.{one.name}", one) for one in task.actions.values()):
+            yield where_of(target), action.options
+
+
+def _guard(document: Document, where: Where, options: ItemFile) -> Iterator[Finding]:
+    if options.when is None and "otherwise" in document.node(where).children:
+        message, hint = "otherwise says what is done where when does not hold, and there is no when", "add when"
+        yield document.finding((*where, "otherwise"), message, hint, at_key=True)
+    elif options.when is not None and options.otherwise == "wait" and options.deadline_s is None:
+        message, hint = "a wait that nothing may ever end", "give it deadline_s, which counts the wait too"
+        yield document.finding((*where, "otherwise"), message, hint)
+
+
+def _measured(
+    document: Document, where: Where, condition: Condition, platform: Platform | None, topics: set[str] | None
+) -> Iterator[Finding]:
+    for name in sorted(condition.quantities):
+        topic = QUANTITIES[name].topic
+        if platform is not None and topics is not None and topic and topic not in topics:
+            message = f"{QUANTITIES[name].words} is not known on {platform.platform}: nothing there tells {topic!r}"
+            yield document.finding(where, message, "ask for something that it measures")
+
+
+def plan_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
+    """What keeps tasks that say `flown_by: autopilot` from being flown so."""
+    document = mission.document
+    if document is None:
+        return
+    for name, task in mission.tasks.items():
+        if task.options.flown_by != "autopilot" or task.is_elsewhere:
+            continue
+        where = (*where_of(name), "flown_by")
+        if platform is not None and FLY_PLAN not in platform.capabilities:
+            message = f"the autopilot of {platform.platform} is given no plans: it has no capability {FLY_PLAN}"
+            yield document.finding(where, message, "leave out flown_by")
+            continue
+        ways = [action for action in task.actions.values() if action.order.moves]
+        for action in ways:
+            problem = _plan_problem(action)
+            if problem:
+                place = (*where_of(f"{name}.{action.name}"), action.capability)
+                message = f"{name}.{action.name} cannot be flown by the autopilot alone: {problem}"
+                yield document.finding(place, message, "put it into a task of its own", at_key=True)
+        if not ways:
+            message = f"{name} moves nothing that the autopilot could fly"
+            yield document.finding(where, message, "leave out flown_by")
+
+
+def _plan_problem(action: Action) -> str:
+    order = action.order
+    if not isinstance(order, FollowWaypointsOrder):
+        return "plans are made of ways through places only"
+    if order.wall_distance_m is not None:
+        return "it does not measure the distance to a wall"
+    if order.altitude_m is not None:
+        return "it keeps no height over the ground"
+    if order.heading.mode not in ("along", "fixed"):
+        return f"a plan says no heading {order.heading.mode.replace('_', ' ')!r}"
+    return ""

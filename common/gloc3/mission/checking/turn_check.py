@@ -1,0 +1,127 @@
+"""Whether what can neither stop nor turn on the spot, such as a plane, can fly the ways of a mission."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import atan2, cos, degrees, dist, pi, tan
+from typing import Final
+
+from msgspec.structs import replace
+
+from gloc3.documents.document import Document, Where
+from gloc3.errors import Finding
+from gloc3.messages.frames import Vector3, wrap_pi
+from gloc3.mission.checking.estimate import Estimate
+from gloc3.mission.checking.space_check import name_of, place_of
+from gloc3.mission.model.arguments import FollowWaypointsOrder, Hold, LandOrder, ReturnHome, TakeOff
+from gloc3.mission.model.legs import Leg
+from gloc3.mission.model.model import GEO, Action, Mission, where_of
+from gloc3.platform.limits import Limits
+
+_WIDEST_RAD: Final = 2.2
+"""Wider turns need no more room: they are flown as a circle."""
+_SHORT_M: Final = 1.0
+"""A leg that is no longer leads nowhere else."""
+
+
+def turn_findings(mission: Mission, figures: Estimate, limits: Limits | None) -> Iterator[Finding]:
+    """Legs too short for the turns at their ends, too slow, too steep; places to circle at the fence; and what needs a stop."""
+    document = mission.document
+    if document is None or limits is None or limits.turn_radius_m <= 0.0:
+        return
+    actions = mission.actions()
+    for target, part in figures.actions.items():
+        action = actions[target]
+        where = (*where_of(target), action.capability)
+        yield from _impossible(action, where, limits, document)
+        ways = [leg for leg in part.legs if dist(leg.start[:2], leg.end[:2]) > _SHORT_M]
+        if isinstance(action.order, FollowWaypointsOrder):
+            yield from _ways(action, where, ways, limits, document)
+        if not isinstance(action.order, LandOrder):
+            yield from _circles(mission, action, where, ways or part.legs, limits, document)
+    if mission.fence is not None and mission.frame != GEO:
+        message = "the autopilot, which flies its ways, is given no fence in a local frame: a breach is only noticed"
+        yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True, is_warning=True)
+
+
+def _impossible(action: Action, where: Where, limits: Limits, document: Document) -> Iterator[Finding]:
+    """What only a vehicle can do that stops, or points elsewhere than it flies."""
+    order = action.order
+    if isinstance(order, LandOrder) and order.at_ned_m is not None:
+        message = "the autopilot chooses where this vehicle lands: at home, along its runway"
+        yield document.finding(where, message, "leave the place out", at_key=True)
+    if isinstance(order, TakeOff) and order.height_m < limits.height_min_m:
+        message = f"it takes off to {order.height_m:g} m, less than the platform's {limits.height_min_m:g} m"
+        yield document.finding(where, message, "take off higher", at_key=True)
+    speed_m_s = order.speed_m_s if isinstance(order, FollowWaypointsOrder | ReturnHome) else None
+    if speed_m_s is not None and speed_m_s < limits.speed_min_m_s:
+        message = f"{speed_m_s:g} m/s are less than the {limits.speed_min_m_s:g} m/s that keep it in the air"
+        yield document.finding((*where, "speed_m_s"), message, "fly faster")
+    if isinstance(order, FollowWaypointsOrder):
+        if order.heading.mode not in ("along", "hold"):
+            message = "what flies on wings points where it flies"
+            yield document.finding((*where, "heading"), message, "leave heading out")
+        if order.wall_distance_m is not None:
+            message = "what flies on wings keeps no distance from a wall"
+            yield document.finding((*where, "wall_distance_m"), message, "leave it out")
+
+
+def _ways(action: Action, where: Where, legs: Sequence[Leg], limits: Limits, document: Document) -> Iterator[Finding]:
+    """The first leg that is too short for its turns, and the first that is too steep."""
+    order, radius_m = action.order, limits.turn_radius_m
+    assert isinstance(order, FollowWaypointsOrder)
+    turns = [_turn_rad(one, other) for one, other in pairwise(legs)]
+    for number, (leg, before, after) in enumerate(zip(legs[1:], turns, [*turns, 0.0][1:], strict=True), 2):
+        needed_m = radius_m * (_share(before) + _share(after))
+        flat_m = dist(leg.start[:2], leg.end[:2])
+        if flat_m < needed_m - _SHORT_M:
+            place = place_of(where, action, leg, document)
+            message = (
+                f"leg {number} is {flat_m:.0f} m long; to turn by {degrees(before):.0f} and {degrees(after):.0f} "
+                f"degrees at its ends with a radius of {radius_m:g} m takes {needed_m:.0f} m"
+            )
+            yield document.finding(place, message, "make the area wider, or move its places apart")
+            break
+    for leg in legs:
+        rise_m, flat_m = leg.start[2] - leg.end[2], dist(leg.start[:2], leg.end[:2])
+        possible_m = limits.climb_m_s * flat_m / order.speed_m_s
+        if abs(rise_m) > possible_m + _SHORT_M and leg is not legs[0]:
+            place = place_of(where, action, leg, document)
+            message = f"{abs(rise_m):.0f} m up or down on the {flat_m:.0f} m to {name_of(place)}: it manages {possible_m:.0f} m"
+            yield document.finding(place, message, "fly slower, or farther")
+            break
+
+
+def _circles(
+    mission: Mission, action: Action, where: Where, legs: Sequence[Leg], limits: Limits, document: Document
+) -> Iterator[Finding]:
+    """Places where it circles, or swings out, too near to the fence."""
+    order = action.order
+    if mission.fence is None or not legs:
+        return
+    fence = replace(mission.fence, ceiling_m=None)  # it turns level
+    waits = isinstance(order, Hold) or (isinstance(order, FollowWaypointsOrder) and order.hold_s > 0.0)
+    for leg, after in zip(legs, [*legs[1:], None], strict=True):
+        turn = pi / 2.0 if after is None or waits else min(_turn_rad(leg, after), pi / 2.0)
+        needed_m = limits.turn_radius_m * (1.0 - cos(turn))
+        clearance_m = fence.clearance_m(leg.end)
+        if limits.fence_margin_m <= clearance_m < needed_m:
+            place = place_of(where, action, leg, document)
+            does = "circles there" if after is None or waits else "turns there"
+            message = (
+                f"{name_of(place)} is {clearance_m:.0f} m inside the fence, and it {does}: that takes {needed_m:.0f} m"
+            )
+            yield document.finding(place, message, "move it inwards")
+            return
+
+
+def _turn_rad(one: Leg, other: Leg) -> float:
+    return abs(wrap_pi(_course_rad(other.start, other.end) - _course_rad(one.start, one.end)))
+
+
+def _course_rad(start: Vector3, end: Vector3) -> float:
+    return atan2(end[1] - start[1], end[0] - start[0])
+
+
+def _share(turn_rad: float) -> float:
+    """Of a radius: how far before its corner a turn begins, and how far behind it ends."""
+    return tan(0.5 * min(turn_rad, _WIDEST_RAD))

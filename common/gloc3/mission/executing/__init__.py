@@ -1,0 +1,4 @@
+"""The mission executor: a pure machine that is given facts and the time, and returns requests.
+
+`executor` is its face; everything else is a part of it.
+"""

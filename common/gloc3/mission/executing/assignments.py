@@ -1,0 +1,188 @@
+"""Actions in the hands of components: who holds which resource, what was asked, and what has not been answered."""
+
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Any, Final
+
+import msgspec
+
+from gloc3.mission.executing.items import ActionRun
+from gloc3.mission.executing.requests import Cancel, Grant, Pause, Request, Resume, Start
+from gloc3.mission.model.arguments import Arguments
+from gloc3.platform.platform import Capability
+
+MOTION: Final = "motion"
+ANSWER_S: Final = 1.0
+"""A component that has not answered within this time is taken for one that cannot do it."""
+SILENT_S: Final = 5.0
+"""An action under way whose component has reported nothing for so long has failed."""
+
+
+class Phase(StrEnum):
+    """How far an assignment is."""
+
+    STARTING = "starting"
+    ACTIVE = "active"
+    PAUSED = "paused"
+
+
+class Assignment:
+    """One start of an action at a component."""
+
+    __slots__ = (
+        "action_id",
+        "asked_s",
+        "capability",
+        "claims",
+        "component",
+        "heard_s",
+        "label",
+        "phase",
+        "run",
+        "verb",
+    )
+
+    def __init__(
+        self, action_id: str, label: str, capability: str, row: Capability, run: ActionRun | None, now_s: float
+    ) -> None:
+        self.action_id = action_id
+        self.label = label
+        """What operators call it."""
+        self.capability = capability
+        self.component = row.performed_by
+        self.claims = row.claims
+        self.run = run
+        """The action of a program; None for a policy's manoeuvre."""
+        self.phase = Phase.STARTING
+        self.verb = "start"
+        """What was asked last."""
+        self.asked_s: float | None = now_s
+        """When; None once it is answered."""
+        self.heard_s = now_s
+
+    def accept(self) -> None:
+        """The component has accepted what it was asked."""
+        if self.verb in ("start", "resume"):
+            self.phase = Phase.ACTIVE
+
+    def due_s(self) -> float | None:
+        """When it counts as lost, if nothing more is heard."""
+        if self.asked_s is not None:
+            return self.asked_s + ANSWER_S
+        return self.heard_s + SILENT_S if self.phase is Phase.ACTIVE else None
+
+
+class Assignments:
+    """All assignments, and the requests that they lead to."""
+
+    def __init__(self, hold_component: str) -> None:
+        self.by_id: dict[str, Assignment] = {}
+        self.claims: dict[str, Assignment] = {}
+        """Resource to its holder."""
+        self.count = 0
+        self._hold = Grant(action_id="hold", component=hold_component)
+        self._granted = Grant(action_id="", component="")
+        self._stops: list[Request] = []
+        self._starts: list[Request] = []
+
+    @property
+    def granted(self) -> Grant:
+        """The owner of motion, as last told."""
+        return self._granted
+
+    def holder(self, row: Capability) -> Assignment | None:
+        """Who holds a resource that a capability claims."""
+        return next((self.claims[name] for name in row.claims if name in self.claims), None)
+
+    def start(
+        self, label: str, capability: str, row: Capability, order: Arguments, run: ActionRun | None, now_s: float
+    ) -> Assignment:
+        """Hands an action to its component; its resources must be free."""
+        for other in [o for o in self.by_id.values() if o.component == row.performed_by and o.phase is Phase.PAUSED]:
+            self.drop(other)
+        self.count += 1
+        assignment = Assignment(f"{label}#{self.count}", label, capability, row, run, now_s)
+        self.by_id[assignment.action_id] = assignment
+        self.claims |= dict.fromkeys(row.claims, assignment)
+        arguments: dict[str, Any] = msgspec.to_builtins(order)
+        self._starts.append(
+            Start(
+                action_id=assignment.action_id,
+                component=assignment.component,
+                capability=row.performed_as or capability,
+                arguments=arguments,
+                progress=run.progress if run is not None else 0.0,
+            )
+        )
+        if run is not None:
+            run.action_id = assignment.action_id
+        return assignment
+
+    def pause(self, assignment: Assignment, now_s: float) -> None:
+        """Has the component rest; its resources are free from now on."""
+        self._release(assignment)
+        request = self._queued(assignment.action_id)
+        if isinstance(request, Start):
+            self._forget(assignment)
+            self._starts.remove(request)
+            return
+        assignment.phase, assignment.verb, assignment.asked_s = Phase.PAUSED, "pause", now_s
+        if request is not None:
+            self._starts.remove(request)
+            assignment.asked_s = None
+        else:
+            self._stops.append(Pause(action_id=assignment.action_id, component=assignment.component))
+
+    def resume(self, assignment: Assignment, now_s: float) -> None:
+        """Has the component go on; its resources must be free."""
+        self.claims |= dict.fromkeys(assignment.claims, assignment)
+        assignment.phase, assignment.verb, assignment.asked_s = Phase.ACTIVE, "resume", now_s
+        assignment.heard_s = now_s
+        self._starts.append(Resume(action_id=assignment.action_id, component=assignment.component))
+
+    def drop(self, assignment: Assignment, *, is_over: bool = False) -> None:
+        """Ends it; the component is told, unless it has said itself that the action is over."""
+        self._release(assignment)
+        self._forget(assignment)
+        request = self._queued(assignment.action_id)
+        if request is not None:
+            self._starts.remove(request)
+        if not is_over and not isinstance(request, Start):
+            self._stops.append(Cancel(action_id=assignment.action_id, component=assignment.component))
+
+    def of(self, component: str) -> Iterator[Assignment]:
+        """Those of a component."""
+        return iter([one for one in self.by_id.values() if one.component == component])
+
+    def take(self, *, is_held: bool) -> list[Request]:
+        """The requests since the last time: what stops, the new owner of motion, what starts.
+
+        Args:
+            is_held: whether the hold controller owns motion when no action does.
+        """
+        owner = self.claims.get(MOTION)
+        if owner is not None:
+            grant = Grant(action_id=owner.action_id, component=owner.component)
+        else:
+            grant = self._hold if is_held else Grant(action_id="", component="")
+        requests = self._stops
+        if grant != self._granted:
+            self._granted = grant
+            requests.append(grant)
+        requests += self._starts
+        self._stops, self._starts = [], []
+        return requests
+
+    def _queued(self, action_id: str) -> Start | Resume | None:
+        found = (r for r in self._starts if isinstance(r, Start | Resume) and r.action_id == action_id)
+        return next(found, None)
+
+    def _release(self, assignment: Assignment) -> None:
+        for name in assignment.claims:
+            if self.claims.get(name) is assignment:
+                del self.claims[name]
+
+    def _forget(self, assignment: Assignment) -> None:
+        self.by_id.pop(assignment.action_id, None)
+        if assignment.run is not None and assignment.run.action_id == assignment.action_id:
+            assignment.run.action_id = ""

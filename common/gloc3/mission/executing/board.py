@@ -1,0 +1,221 @@
+"""What the executor knows at one moment: programs, assignments, the vehicle, conditions, and the policy under way."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Final
+
+from gloc3.errors import Misuse
+from gloc3.messages.envelope import Severity
+from gloc3.mission.executing.assignments import Assignment, Assignments
+from gloc3.mission.executing.items import MISSION, ActionRun, Item, Program, TaskRun
+from gloc3.mission.executing.requests import Told
+from gloc3.mission.executing.snapshot import PlannedSilence, Snapshot
+from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.conditions import Readings
+from gloc3.mission.model.model import Contingency, Mission, Policies
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.platform.platform import Capability, Platform
+
+
+class Condition(StrEnum):
+    """What can befall the vehicle, whatever it is doing."""
+
+    LINK_LOST = "link lost"
+    OVERDUE = "overdue"
+    """A planned silence has lasted longer than stated."""
+    LOW_BATTERY = "low battery"
+    POSE_LOST = "pose lost"
+    FENCE_BREACHED = "fence breached"
+    OBSTACLE = "obstacle"
+    """In the way of the action that moves the vehicle, for too long."""
+    PLATFORM_LOST = "platform lost"
+    """Another platform of the mission, whose tasks are waited for."""
+
+
+class Manoeuvre:
+    """A policy that is being carried out."""
+
+    __slots__ = ("again_s", "assignment", "cause", "contingency", "land_at_s", "policy", "program", "trouble")
+
+    def __init__(self, policy: Policy, cause: str) -> None:
+        self.policy = policy
+        """`hold`, `return` or `land`."""
+        self.cause = cause
+        self.land_at_s: float | None = None
+        """With `hold`: when nobody has acted for too long."""
+        self.assignment: Assignment | None = None
+        """The action that is under way for it."""
+        self.again_s: float | None = None
+        """When its action is tried again."""
+        self.trouble = ""
+        """Why it could not be begun last; told once."""
+        self.contingency: Contingency | None = None
+        """The task that runs in its place first."""
+        self.program: Program | None = None
+        """With a contingency: its run."""
+
+
+class OtherPlatform:
+    """What is known of another platform of the mission."""
+
+    __slots__ = ("heard_s", "state")
+
+    def __init__(self, heard_s: float) -> None:
+        self.heard_s = heard_s
+        """When something was told of it last; the start of the mission until then."""
+        self.state: ActionState | None = None
+        """Of the mission there; None while nothing was told."""
+
+
+class Board:
+    """The state that the executor's parts share."""
+
+    def __init__(self, platform: Platform) -> None:
+        self.rows: Final[dict[str, Capability]] = dict(abilities(platform))
+        hold = platform.capabilities.get("hold")
+        self.assignments: Final = Assignments(hold.performed_by if hold is not None else "")
+        self.programs: Final[dict[str, Program]] = {}
+        """The loaded mission, and single tasks and actions, by name."""
+        self.policies = Policies()
+        """Those of the last mission that was started."""
+        self.manoeuvre: Manoeuvre | None = None
+        self.has_pilot = False
+        """A pilot has control, and no operator has said resume since."""
+        self.is_taking_back = False
+        """An operator has just said resume; the driver is to be told."""
+        self.pilot_report = False
+        """What the driver says."""
+        self.conditions: Final[dict[Condition, str]] = {}
+        """Those that hold, with the reason."""
+        self.unanswered: Final[dict[Condition, str]] = {}
+        """Those that arose while a pilot had control."""
+        self.others: dict[str, OtherPlatform] = {}
+        """The other platforms of the mission that is under way."""
+        self.silence: PlannedSilence | None = None
+        """The planned silence that has begun, and is not over."""
+        self.kept_s = float("-inf")
+        """When this was put on disk last."""
+        self.missing: Mapping[str, tuple[str, ...]] = {}
+        """Capabilities that are not available, with what they lack."""
+        self.missing_since_s: Final[dict[str, float]] = {}
+        self.readings: Readings = {}
+        """What is measured now."""
+        self.blocked_since_s: float | None = None
+        """When an obstacle came into the way of the action that moves the vehicle; None where none is."""
+        self.is_watching = False
+        """Something waits for its guard."""
+        self.reported_airborne = False
+        self.is_taking_off = False
+        """A take-off was begun, and no report says yet that the vehicle is in the air."""
+        self.has_landed = False
+        """An action landed the vehicle, whatever the last report says."""
+        self.told: list[Told] = []
+        self.is_changed = False
+        """Something that must survive the process has changed."""
+
+    @property
+    def mission(self) -> Program | None:
+        """The loaded mission."""
+        return self.programs.get(MISSION)
+
+    @property
+    def is_airborne(self) -> bool:
+        """Whether the vehicle is in the air."""
+        return (self.reported_airborne or self.is_taking_off) and not self.has_landed
+
+    def program(self, name: str, mission: Mission) -> Program:
+        """A new program, which is on the board from now on."""
+        missing = [action.ability for action in mission.actions().values() if action.ability not in self.rows]
+        if missing:
+            raise Misuse(f"the mission was not checked: no capability {missing[0]!r}")
+        program = Program(name, mission, self.rows)
+        self.programs[name] = program
+        self.is_changed = True
+        return program
+
+    def move(self, item: Item, trigger: Trigger, now_s: float, reason: str = "") -> None:
+        """Moves an item along the table and tells of it.
+
+        Raises:
+            Refused: the table has no such row; nothing has changed.
+        """
+        item.move(trigger, now_s, reason)
+        self.is_changed = True
+        if trigger is Trigger.START and item.starts == 1 and item.options.silence is not None:
+            self._expect_silence(item.target, item.options.silence.expected_s, now_s)
+        severity = Severity.WARNING if item.state is ActionState.FAILED else Severity.INFO
+        label = "mission" if isinstance(item, Program) and item.is_mission else item.target
+        if not isinstance(item, Program) or item.is_mission:
+            self.tell(severity, f"{label} {item.state}" + (f": {reason}" if reason else ""))
+
+    def _expect_silence(self, target: str, expected_s: float, now_s: float) -> None:
+        """A task or action begins that states a silence; of several the one counts that lasts longest."""
+        if self.silence is None or self.silence.until_s < now_s + expected_s:
+            self.silence = PlannedSilence(target=target, began_s=now_s, until_s=now_s + expected_s)
+            self.tell(Severity.NOTICE, f"from {target} on {expected_s:g} s of silence are planned")
+
+    def tell(self, severity: Severity, text: str) -> None:
+        """Notes something for the operators and the log."""
+        self.told.append(Told(severity=severity, text=text))
+
+    def assignment(self, run: ActionRun) -> Assignment | None:
+        """The component's end of an action."""
+        return self.assignments.by_id.get(run.action_id)
+
+    def release(self, run: ActionRun, *, is_over: bool = False) -> None:
+        """Takes an action from its component."""
+        assignment = self.assignment(run)
+        if assignment is not None:
+            self.assignments.drop(assignment, is_over=is_over)
+
+    def end(self, item: TaskRun | ActionRun, trigger: Trigger, now_s: float, reason: str = "") -> None:
+        """Skips or aborts an item and all in it that has not ended."""
+        if isinstance(item, TaskRun):
+            for run in item.actions.values():
+                if not run.has_ended:
+                    self.end(run, trigger, now_s, reason)
+        else:
+            self.release(item)
+        if item.state is ActionState.FAILED and trigger is Trigger.ABORT:
+            item.is_settled = True  # it stays failed
+        elif not item.has_ended:
+            self.move(item, trigger, now_s, reason)
+
+    def end_all(self, program: Program, trigger: Trigger, now_s: float, reason: str = "") -> None:
+        """Skips or aborts all of ours in a program that has not ended, but not the program itself."""
+        for task in program.own_tasks:
+            self.end(task, trigger, now_s, reason)
+
+    def halt(self, item: Item, by: str, now_s: float, reason: str = "") -> None:
+        """Pauses a running item and all that runs in it; `by` is the level whose pause it is."""
+        if isinstance(item, Program):
+            for task in item.own_tasks:
+                self.halt(task, by, now_s)
+        elif isinstance(item, TaskRun):
+            for run in item.actions.values():
+                self.halt(run, by, now_s)
+        elif isinstance(item, ActionRun):
+            item.unavailable_since_s = None
+        item.rest(now_s)
+        if isinstance(item, ActionRun):
+            assignment = self.assignment(item)
+            if assignment is not None and item.state is ActionState.RUNNING:
+                self.assignments.pause(assignment, now_s)
+        if item.state is ActionState.RUNNING:
+            self.move(item, Trigger.PAUSE, now_s, reason)
+            item.paused_by = by
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """What must survive the process."""
+        return Snapshot(
+            count=self.assignments.count,
+            programs=[program.keep(now_s) for program in self.programs.values()],
+            policy=self.manoeuvre.policy if self.manoeuvre is not None else None,
+            cause=self.manoeuvre.cause if self.manoeuvre is not None else "",
+            land_at_s=self.manoeuvre.land_at_s if self.manoeuvre is not None else None,
+            has_pilot=self.has_pilot,
+            silence=self.silence,
+            contingency=self.manoeuvre.contingency if self.manoeuvre is not None else None,
+            kept_s=now_s,
+        )

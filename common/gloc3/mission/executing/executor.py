@@ -1,0 +1,413 @@
+"""The mission executor: a pure machine that is told facts and the time, and returns requests.
+
+Facts go in by method, each with the time `now_s` in seconds; `take()` then returns what the caller has to do, in the
+order in which it has to be done. There is one executor on a platform, inside its command interface server. Missions,
+and single tasks and actions, are checked before they come here (see `checker`).
+"""
+
+from collections.abc import Mapping
+from math import inf
+from typing import Final, Literal
+
+from gloc3.errors import Refused
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
+from gloc3.mission.executing import elsewhere, flow, manoeuvres, reactions, steering
+from gloc3.mission.executing.assignments import Assignment, Phase
+from gloc3.mission.executing.board import Board, Condition
+from gloc3.mission.executing.items import MISSION, ActionRun, Program
+from gloc3.mission.executing.requests import Grant, Persist, Request, TakeBack
+from gloc3.mission.executing.snapshot import Snapshot
+from gloc3.mission.model.conditions import Readings
+from gloc3.mission.model.messages import ActionStatus
+from gloc3.mission.model.model import Mission
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.states import OURS, ActionState, Trigger
+from gloc3.platform.platform import Platform
+
+PROGRESS_STEP: Final = 0.05
+"""Progress is put on disk each time that an action has come so much further, or has achieved something."""
+
+Verb = Literal["start", "pause", "resume", "cancel"]
+
+
+class MissionExecutor:
+    """Runs the loaded mission, and single tasks and actions, on a platform."""
+
+    def __init__(self, platform: Platform) -> None:
+        self.board: Final = Board(platform)
+        self._due_s = inf
+        self._kept_progress: dict[str, float] = {}
+        """How far each action is on disk."""
+        self._achieved: dict[str, int] = {}
+        self._silent_s = 0.0
+
+    # what operators ask for
+
+    def load(self, mission: Mission, now_s: float) -> None:
+        """Keeps a checked mission, in place of the one before.
+
+        Raises:
+            Refused: the one before is under way.
+        """
+        self.refuse_under_way()
+        self._refuse_taken(mission, [program for name, program in self.board.programs.items() if name != MISSION])
+        self.board.program(MISSION, mission)
+        self.settle(now_s)
+
+    def refuse_under_way(self) -> None:
+        """Refuses what would take the place of a mission that is under way."""
+        loaded = self.board.mission
+        if loaded is not None and loaded.is_open:
+            raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
+
+    def clear(self, now_s: float) -> None:
+        """Forgets the loaded mission.
+
+        Raises:
+            Refused: it is under way.
+        """
+        self.refuse_under_way()
+        if self.board.programs.pop(MISSION, None) is not None:
+            self.board.is_changed = True
+        self.settle(now_s)
+
+    def steer(self, verb: str, target: str, now_s: float, home_ned_m: Vector3 | None = None) -> None:
+        """Starts, pauses, resumes, skips, aborts or retries the mission, a task or an action.
+
+        Args:
+            verb: `start`, `pause`, `resume`, `skip`, `abort` or `retry`.
+            target: empty for the mission, `TASK`, or `TASK.ACTION`.
+            now_s: the time.
+            home_ned_m: with `start`: where the vehicle stands; it must be inside the fence.
+
+        Raises:
+            Refused: it cannot be done now; nothing has changed.
+        """
+        commands = [str(t) for t in Trigger if t not in OURS]
+        if verb not in commands:
+            raise Refused(f"no command {verb!r}; known: {', '.join(commands)}")
+        steering.steer(self.board, Trigger(verb), target, now_s, home_ned_m)
+        self.settle(now_s)
+
+    def command(self, mission: Mission, now_s: float) -> str:
+        """Runs a single task or action, given as a checked mission, at once; the loaded mission stays as it is.
+
+        Returns:
+            Its name, under which it can be steered: that of its first task.
+
+        Raises:
+            Refused: something that it needs is claimed or missing, or its tasks' names are taken.
+        """
+        board = self.board
+        steering.refuse_while_unfit(board)
+        self._refuse_taken(mission, list(board.programs.values()))
+        steering.check_readiness(board, mission)
+        manoeuvres.dismiss(board, now_s)
+        name = next(iter(mission.tasks))
+        program = board.program(name, mission)
+        if board.mission is None or not board.mission.is_open:
+            board.policies = mission.policies
+        board.move(program, Trigger.START, now_s)
+        self.settle(now_s)
+        return name
+
+    def emergency(self, kind: Literal["hold", "land"], author: str, now_s: float) -> None:
+        """The emergency key: goes before any policy and any mission."""
+        policy = Policy.HOLD if kind == "hold" else Policy.LAND
+        self.board.tell(Severity.ALERT, f"emergency {kind} by {author}")
+        if self.board.has_pilot:
+            self.board.tell(Severity.WARNING, "the pilot has control: nothing is done")
+            return
+        manoeuvres.apply(self.board, policy, f"emergency {kind} by {author}", now_s, Trigger.ABORT, is_ordered=True)
+        self.settle(now_s)
+
+    def free_name(self) -> str:
+        """A name for a single command's task that is not taken."""
+        self.board.assignments.count += 1
+        return f"command-{self.board.assignments.count}"
+
+    # facts
+
+    def replied(self, action_id: str, verb: Verb, is_accepted: bool, reason: str, now_s: float) -> None:
+        """A component has answered a function message."""
+        assignment = self.board.assignments.by_id.get(action_id)
+        if assignment is None or (verb != assignment.verb and is_accepted):
+            return
+        if is_accepted:
+            assignment.asked_s = None
+            assignment.heard_s = now_s
+            assignment.accept()
+        else:
+            what = f"{assignment.component} refused to {verb}: {reason}"
+            flow.lose(self.board, assignment, what, now_s, is_over=verb in ("start", "resume"))
+        self.settle(now_s)
+
+    def reported(self, status: ActionStatus, now_s: float) -> None:
+        """A component has reported on an action."""
+        assignment = self.board.assignments.by_id.get(status.action_id)
+        if assignment is None:
+            return
+        assignment.heard_s = now_s
+        if status.state in (ActionState.RUNNING, ActionState.PAUSED):
+            if assignment.verb == "start" and assignment.asked_s is not None:
+                assignment.asked_s = None
+                assignment.accept()
+            if assignment.run is not None and assignment.run.is_motion:
+                self._see_obstacle(status, now_s)
+            if assignment.run is None or status.progress == assignment.run.progress:
+                return
+            self._note_progress(assignment.run, status)
+        elif status.state is ActionState.DONE and assignment.run is not None:
+            flow.finish_action(self.board, assignment.run, now_s)
+        elif status.state in (ActionState.DONE, ActionState.FAILED, ActionState.ABORTED):
+            self._ended(assignment, status, now_s)
+        self.settle(now_s)
+
+    def available(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
+        """Which capabilities are not available now, with what each lacks; all others are."""
+        if missing == self.board.missing:
+            return
+        since_s = self.board.missing_since_s
+        for name in [name for name in since_s if name not in missing]:
+            del since_s[name]
+        for name in missing:
+            since_s.setdefault(name, now_s)
+        self.board.missing = dict(missing)
+        self.settle(now_s)
+
+    def component_failed(self, component: str, reason: str, now_s: float) -> None:
+        """A component has turned faulty, has left, or is taken away: its actions fail.
+
+        What it performs is not available until `available` says otherwise, so that no retry is wasted on it.
+        """
+        lost = list(self.board.assignments.of(component))
+        if not lost:
+            return
+        rows = self.board.rows
+        performed = {name: (component,) for name, row in rows.items() if row.performed_by == component}
+        self.board.missing = performed | dict(self.board.missing)
+        for name in performed:
+            self.board.missing_since_s.setdefault(name, now_s)
+        for assignment in lost:
+            flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
+        self.settle(now_s)
+
+    def taken_away(self, component: str, provides: tuple[str, ...], reason: str, now_s: float) -> None:
+        """An operator takes a component away by force: the actions that need it fail; see `in_use`."""
+        self.component_failed(component, reason, now_s)
+        for assignment in self._users(component, provides):
+            if assignment.action_id in self.board.assignments.by_id:
+                flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
+        self.settle(now_s)
+
+    def component_lost(self, component: str, policy: Policy, reason: str, now_s: float) -> None:
+        """A component's function is lost for good: neither a standby nor another attempt is left.
+
+        Args:
+            component: its name.
+            policy: what its row says is to be done: `hold`, `return`, `land` or `abort`.
+            reason: why it is lost.
+            now_s: the time.
+        """
+        board = self.board
+        if board.has_pilot:
+            board.tell(Severity.ERROR, f"{component} is lost ({reason}); the pilot has control")
+            return
+        reactions.lose_component(board, component, policy, reason, now_s)
+        self.settle(now_s)
+
+    def vehicle(self, is_airborne: bool, now_s: float) -> None:
+        """Whether the vehicle is in the air (also while it takes off or lands)."""
+        board = self.board
+        if is_airborne == board.reported_airborne and (is_airborne or not board.has_landed):
+            return
+        board.reported_airborne = is_airborne
+        if is_airborne:
+            board.is_taking_off = False
+        else:
+            board.has_landed = False
+        self.settle(now_s)
+
+    def pilot(self, has_control: bool, reason: str, now_s: float) -> None:
+        """Whether a human pilot (or the autopilot by itself) has taken over, as the driver reports it."""
+        board = self.board
+        if has_control == board.pilot_report:
+            return
+        board.pilot_report = has_control
+        if has_control:
+            board.has_pilot, board.is_changed = True, True
+            board.tell(Severity.WARNING, f"the pilot has control: {reason}")
+            manoeuvres.forget(board, now_s)
+            for program in board.programs.values():
+                if program.is_mission:
+                    board.halt(program, program.level, now_s, f"pilot: {reason}")
+                elif program.is_open:
+                    board.end_all(program, Trigger.ABORT, now_s, "pilot")
+                    board.move(program, Trigger.ABORT, now_s, "pilot")
+        self.settle(now_s)
+
+    def condition(self, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
+        """Whether a condition holds; its policy is carried out once, when it arises."""
+        if is_on != (condition in self.board.conditions):
+            reactions.set_condition(self.board, condition, is_on, reason, now_s)
+            self.settle(now_s)
+
+    def sensed(self, readings: Readings, now_s: float) -> None:
+        """What is measured now of what conditions ask for; see `conditions.QUANTITIES`."""
+        board = self.board
+        board.readings = readings
+        if board.is_watching:
+            self.settle(now_s)
+
+    def link(self, silent_s: float, now_s: float) -> None:
+        """For how long nothing was heard from the holder of control; see `reactions.watch_link`."""
+        before = set(self.board.conditions)
+        reactions.watch_link(self.board, silent_s, now_s)
+        if set(self.board.conditions) != before:
+            self.settle(now_s)
+
+    def elsewhere(self, platform: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
+        """What is told of another platform's part of the mission.
+
+        Args:
+            platform: the other one.
+            state: of its mission.
+            tasks: its tasks' states.
+            now_s: the time.
+        """
+        elsewhere.told(self.board, platform, state, tasks, now_s)
+        self.settle(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Lets the time pass."""
+        if now_s >= self._due_s:
+            self.settle(now_s)
+
+    # what follows
+
+    def next_tick_s(self) -> float | None:
+        """When `tick` has something to do; None if only facts can bring something."""
+        return None if self._due_s == inf else self._due_s
+
+    def take(self, now_s: float) -> list[Request]:
+        """What the caller has to do since the last time, in this order."""
+        board = self.board
+        requests: list[Request] = []
+        if board.is_changed:
+            board.is_changed, board.kept_s = False, now_s
+            requests.append(Persist(snapshot=board.snapshot(now_s)))
+            runs = (run for program in board.programs.values() for run in program.actions())
+            self._kept_progress = {run.target: run.progress for run in runs}
+        if board.is_taking_back:
+            board.is_taking_back = False
+            requests.append(TakeBack())
+        requests += board.assignments.take(is_held=board.is_airborne and not board.has_pilot)
+        requests += board.told
+        board.told = []
+        return requests
+
+    # what is going on
+
+    @property
+    def mission(self) -> Program | None:
+        """The loaded mission with its state."""
+        return self.board.mission
+
+    @property
+    def policy(self) -> str:
+        """The policy that is being carried out, or `pilot` while a pilot has control; empty in normal flight."""
+        if self.board.has_pilot:
+            return "pilot"
+        manoeuvre = self.board.manoeuvre
+        if manoeuvre is None:
+            return ""
+        return str(manoeuvre.policy) if manoeuvre.contingency is None else manoeuvre.contingency.task
+
+    @property
+    def granted(self) -> Grant:
+        """The owner of motion, as of the last `take()`."""
+        return self.board.assignments.granted
+
+    def states(self) -> dict[str, ActionState]:
+        """The states of all tasks and actions, by `TASK` and `TASK.ACTION`, single commands included."""
+        return {item.target: item.state for program in self.board.programs.values() for item in program.items()}
+
+    def progress(self) -> dict[str, float]:
+        """How far the actions are that are under way, 0 to 1, by `TASK.ACTION`."""
+        runs = [run for program in self.board.programs.values() for run in program.actions()]
+        return {run.target: run.progress for run in runs if run.is_open}
+
+    def claims(self) -> dict[str, str]:
+        """Resource to the `TASK.ACTION` that holds it."""
+        return {name: assignment.label for name, assignment in self.board.assignments.claims.items()}
+
+    def knows(self, action_id: str) -> bool:
+        """Whether an action is in the hands of a component by this executor's leave."""
+        return action_id in self.board.assignments.by_id
+
+    def in_use(self, component: str, provides: tuple[str, ...] = ()) -> list[str]:
+        """The running actions that would lose something without a component, those of a policy included.
+
+        Args:
+            component: its name.
+            provides: the topics that only it publishes, and the component whose part it plays.
+        """
+        return [assignment.label for assignment in self._users(component, provides)]
+
+    def _users(self, component: str, provides: tuple[str, ...]) -> list[Assignment]:
+        names = {component, *provides}
+        return [
+            assignment
+            for assignment in self.board.assignments.by_id.values()
+            if assignment.phase is not Phase.PAUSED
+            and (assignment.component in names or names & {*self.board.rows[assignment.capability].needs})
+        ]
+
+    def _refuse_taken(self, mission: Mission, programs: list[Program]) -> None:
+        """Makes room for new tasks: single commands that have ended go."""
+        board = self.board
+        for name in [name for name, old in board.programs.items() if name != MISSION and not old.is_open]:
+            del board.programs[name]
+        taken = {task for program in programs if program.name in board.programs for task in program.tasks}
+        for task in mission.tasks:
+            if task in taken:
+                raise Refused(f"a task {task!r} is there already")
+
+    def settle(self, now_s: float) -> None:
+        """Does everything that can be done now."""
+        flow.advance(self.board, now_s)
+        while reactions.has_contingency_ended(self.board):
+            if reactions.end_contingency(self.board, now_s):
+                steering.resume_mission(self.board, now_s)
+            flow.advance(self.board, now_s)
+        self._due_s = flow.due_s(self.board)
+
+    def _see_obstacle(self, status: ActionStatus, now_s: float) -> None:
+        """Notes since when something is in the way; `flow` judges when that is too long."""
+        board = self.board
+        if status.is_blocked and board.blocked_since_s is None:
+            board.blocked_since_s = now_s
+            self.settle(now_s)
+        elif not status.is_blocked and board.blocked_since_s is not None:
+            board.blocked_since_s = None
+            self.settle(now_s)
+
+    def _note_progress(self, run: ActionRun, status: ActionStatus) -> None:
+        run.progress = status.progress
+        is_far = abs(status.progress - self._kept_progress.get(run.target, 0.0)) >= PROGRESS_STEP
+        if is_far or status.achieved != self._achieved.get(run.target, 0):
+            self._achieved[run.target] = status.achieved
+            self.board.is_changed = True
+
+    def _ended(self, assignment: Assignment, status: ActionStatus, now_s: float) -> None:
+        if assignment.run is None:
+            self.board.assignments.drop(assignment, is_over=True)
+            manoeuvres.ended(self.board, assignment, status.state, status.reason, now_s)
+        else:
+            reason = status.reason or f"ended by {assignment.component}"
+            flow.lose(self.board, assignment, reason, now_s, is_over=True)
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """What survives the process; `restore.restore` brings it back."""
+        return self.board.snapshot(now_s)

@@ -1,0 +1,338 @@
+"""Moves programs on: ends what has ended, starts what may start, watches guards, loops, deadlines and availability."""
+
+from enum import Enum, auto
+from math import inf
+from typing import Final
+
+from gloc3.messages.envelope import Severity
+from gloc3.mission.executing import elsewhere, manoeuvres, reactions
+from gloc3.mission.executing.assignments import MOTION, Assignment, Phase
+from gloc3.mission.executing.board import Board, Condition
+from gloc3.mission.executing.failures import fail_action, fail_program, fail_task
+from gloc3.mission.executing.items import ActionRun, Program, TaskRun
+from gloc3.mission.model.arguments import LandOrder, SetOff, Wait
+from gloc3.mission.model.states import ActionState, Trigger
+
+GRACE_S: Final = 0.5
+"""A running action outlives the loss of what it needs for this long: a standby may take over."""
+WAIT_STEP: Final = 0.05
+WAIT_STEP_S: Final = 1.0
+"""How far a wait has come is put on disk after so much of it, but not more often than this."""
+PATIENCE_S: Final = 2.0
+"""An action that is to start waits this long for what it needs."""
+
+
+def advance(board: Board, now_s: float) -> None:
+    """Does everything that can be done now."""
+    for assignment in list(board.assignments.by_id.values()):
+        due_s = assignment.due_s()
+        if due_s is not None and now_s >= due_s:
+            lose(board, assignment, _silence(assignment), now_s)
+    for program in list(board.programs.values()):
+        if program.is_open:
+            _watch(board, program, now_s)
+    elsewhere.watch(board, now_s)
+    _watch_obstacle(board, now_s)
+    is_moving = True
+    while is_moving:
+        is_moving = False
+        for program in list(board.programs.values()):
+            is_moving |= _go_on(board, program, now_s)
+    manoeuvres.advance(board, now_s)
+
+
+def _silence(assignment: Assignment) -> str:
+    if assignment.asked_s is not None:
+        return f"{assignment.component} does not answer"
+    return f"{assignment.component} has gone silent"
+
+
+def lose(board: Board, assignment: Assignment, reason: str, now_s: float, *, is_over: bool = False) -> None:
+    """A component cannot do what it was asked, or has gone.
+
+    Args:
+        board: the executor's state.
+        assignment: what it was at.
+        reason: why.
+        now_s: the time.
+        is_over: whether it knows that the action has ended.
+    """
+    verb, run = assignment.verb, assignment.run
+    was_asked = assignment.asked_s is not None
+    board.assignments.drop(assignment, is_over=is_over)
+    if run is None:
+        manoeuvres.ended(board, assignment, ActionState.FAILED, reason, now_s)
+    elif verb == "resume" and was_asked and run.state is ActionState.RUNNING:
+        _assign(board, run, now_s)  # it has forgotten the action: once more from where it was
+    elif verb != "pause" and run.is_open:
+        fail_action(board, run, reason, now_s, is_over=is_over)
+
+
+def _watch(board: Board, program: Program, now_s: float) -> None:
+    """Deadlines, and what running actions need."""
+    if now_s >= program.due_s():
+        fail_program(board, program, f"deadline of {program.deadline_s:g} s passed", now_s)
+        return
+    for task in program.own_tasks:
+        if now_s >= task.due_s():
+            fail_task(board, task, f"deadline of {task.deadline_s:g} s passed", now_s, is_late=True)
+        for run in task.actions.values():
+            if run.state is not ActionState.RUNNING:
+                continue
+            if now_s >= run.due_s():
+                fail_action(board, run, f"deadline of {run.deadline_s:g} s passed", now_s)
+            elif now_s >= lost_at_s(board, run):
+                missing = ", ".join(board.missing[run.action.ability])
+                fail_action(board, run, f"{run.action.ability} is no longer available ({missing})", now_s)
+            elif isinstance(run.action.order, Wait):
+                _wait(board, run, run.action.order.duration_s, now_s)
+
+
+def _watch_obstacle(board: Board, now_s: float) -> None:
+    """An obstacle has been in the way for too long, or is not any more."""
+    if MOTION not in board.assignments.claims:
+        board.blocked_since_s = None
+    is_on = now_s >= obstacle_due_s(board)
+    if is_on != (Condition.OBSTACLE in board.conditions):
+        reason = f"in the way for {board.policies.obstacle_after_s:g} s" if is_on else ""
+        reactions.set_condition(board, Condition.OBSTACLE, is_on, reason, now_s)
+
+
+def obstacle_due_s(board: Board) -> float:
+    """When the obstacle that is in the way has been there for too long; infinite where there is none."""
+    return inf if board.blocked_since_s is None else board.blocked_since_s + board.policies.obstacle_after_s
+
+
+def _wait(board: Board, run: ActionRun, duration_s: float, now_s: float) -> None:
+    """A wait is over, or has come so far that it is worth keeping."""
+    if now_s >= run.reaches_s(duration_s):
+        run.progress = 1.0
+        board.move(run, Trigger.FINISH, now_s)
+    elif now_s >= _wait_due_s(run, duration_s):
+        run.progress = run.ran_s(now_s) / duration_s
+        board.is_changed = True
+
+
+def _wait_due_s(run: ActionRun, duration_s: float) -> float:
+    """When something is to be done about a wait."""
+    next_s = run.progress * duration_s + max(WAIT_STEP * duration_s, WAIT_STEP_S)
+    return run.reaches_s(min(next_s, duration_s))
+
+
+def lost_at_s(board: Board, run: ActionRun) -> float:
+    """When a running action fails for the want of something; never, where a lost pose has a policy of its own."""
+    name = run.action.ability
+    missing = board.missing.get(name)
+    if missing is None or (missing == ("pose",) and Condition.POSE_LOST in board.conditions):
+        return inf
+    return board.missing_since_s[name] + GRACE_S
+
+
+def _go_on(board: Board, program: Program, now_s: float) -> bool:
+    """One pass over a program; whether anything has changed."""
+    if not program.is_open:
+        return False
+    has_moved = False
+    for task in program.own_tasks:
+        for run in task.actions.values():
+            has_moved |= _end_companion(board, run, now_s)
+        is_next = program.state is ActionState.RUNNING and task.state is ActionState.WAITING
+        if is_next and all(program.tasks[name].has_ended for name in task.options.after):
+            leave = guard_says(board, task, now_s)
+            if leave is Leave.BEGIN:
+                board.move(task, Trigger.START, now_s)
+            has_moved |= leave is not Leave.WAIT
+        if program.state is ActionState.RUNNING and task.state is ActionState.RUNNING:
+            for run in task.actions.values():
+                if task.state is ActionState.RUNNING:  # the guard of one before may have failed it
+                    has_moved |= _start(board, run, now_s)
+        if not task.is_open or not all(run.has_ended for run in task.actions.values()):
+            pass
+        elif is_to_repeat(board, task):
+            has_moved |= begin_repetition(board, task, now_s)
+        else:
+            board.move(task, Trigger.FAIL if task.blemish else Trigger.FINISH, now_s, task.blemish)
+            task.is_settled = True
+            has_moved = True
+        if not program.is_open:
+            return True
+    if all(task.has_ended for task in program.own_tasks):
+        failed = [task for task in program.own_tasks if task.state is ActionState.FAILED]
+        if failed and not program.is_mission:
+            board.move(program, Trigger.FAIL, now_s, failed[0].reason)
+        else:
+            board.move(program, Trigger.FINISH, now_s)
+        return True
+    return has_moved
+
+
+def _end_companion(board: Board, run: ActionRun, now_s: float) -> bool:
+    """Ends an action whose `until` has ended."""
+    companion = run.task.actions.get(run.until) if run.until is not None else None
+    if companion is None or not companion.has_ended or run.has_ended or run.state is ActionState.FAILED:
+        return False
+    if run.state is ActionState.WAITING:
+        board.move(run, Trigger.SKIP, now_s, f"{run.until} had ended before it began")
+    else:
+        board.release(run)
+        board.move(run, Trigger.FINISH, now_s, f"{run.until} ended")
+    return True
+
+
+def _start(board: Board, run: ActionRun, now_s: float) -> bool:
+    """Starts an action that may start now; whether anything has changed."""
+    siblings = run.task.actions
+    since_s, run.unavailable_since_s = run.unavailable_since_s, None
+    if run.state is not ActionState.WAITING or not all(siblings[name].has_ended for name in run.options.after):
+        return False
+    if board.has_pilot or (run.is_motion and not _may_move(board, run)):
+        return False
+    leave = guard_says(board, run, now_s)
+    if leave is not Leave.BEGIN:
+        return leave is Leave.ENDED
+    holder = board.assignments.holder(run.row)
+    if holder is not None:
+        run.reason = f"waits for {holder.label}"
+        return False
+    if run.action.ability in board.missing:
+        since_s = now_s if since_s is None else since_s
+        missing = run.reason = f"waits for {', '.join(board.missing[run.action.ability])}"
+        if now_s < since_s + PATIENCE_S:
+            run.unavailable_since_s = since_s
+            return False
+        board.move(run, Trigger.START, now_s)
+        fail_action(board, run, f"{run.action.ability} is not available: it {missing}", now_s)
+        return True
+    board.move(run, Trigger.START, now_s)
+    _assign(board, run, now_s)
+    return True
+
+
+def _may_move(board: Board, run: ActionRun) -> bool:
+    """Whether no policy moves the vehicle instead; a contingency's own actions do so for one."""
+    return board.manoeuvre is None or board.manoeuvre.program is run.task.program
+
+
+def _assign(board: Board, run: ActionRun, now_s: float) -> None:
+    """Hands a running action to its component, unless it needs none."""
+    if not run.row.performed_by:
+        return
+    if isinstance(run.action.order, SetOff):
+        board.is_taking_off = not board.reported_airborne
+        board.has_landed = False
+    board.is_changed = True
+    board.assignments.start(run.target, run.action.ability, run.row, run.action.order, run, now_s)
+
+
+def go_on_after_pause(board: Board, run: ActionRun, now_s: float) -> None:
+    """Resumes a paused action at its component, or there anew where the component no longer has it."""
+    board.move(run, Trigger.RESUME, now_s)
+    assignment = board.assignment(run)
+    if assignment is not None and assignment.phase is Phase.PAUSED:
+        board.assignments.resume(assignment, now_s)
+    else:
+        _assign(board, run, now_s)
+
+
+def finish_action(board: Board, run: ActionRun, now_s: float) -> None:
+    """An action's component says that it is done."""
+    board.release(run, is_over=True)
+    run.progress = 1.0
+    if isinstance(run.action.order, LandOrder):
+        board.has_landed = True
+    board.move(run, Trigger.FINISH, now_s)
+
+
+def due_s(board: Board) -> float:
+    """When something happens next by the passing of time alone; infinite if nothing does."""
+    board.is_watching = False
+    times = [at_s for one in board.assignments.by_id.values() if (at_s := one.due_s()) is not None]
+    for program in board.programs.values():
+        if not program.is_open:
+            continue
+        times += [program.due_s(), *(item.due_s() for item in program.items())]
+        waits = [at_s for item in program.items() if (at_s := guard_due_s(item)) < inf]
+        board.is_watching = board.is_watching or bool(waits)
+        times += waits
+        for run in program.actions():
+            if run.state is ActionState.RUNNING:
+                times.append(lost_at_s(board, run))
+                if isinstance(run.action.order, Wait):
+                    times.append(_wait_due_s(run, run.action.order.duration_s))
+            elif run.state is ActionState.WAITING and run.unavailable_since_s is not None:
+                times.append(run.unavailable_since_s + PATIENCE_S)
+    times += [manoeuvres.lost_at_s(board), elsewhere.due_s(board)]
+    if Condition.OBSTACLE not in board.conditions:
+        times.append(obstacle_due_s(board))
+    manoeuvre = board.manoeuvre
+    if manoeuvre is not None:
+        times += [at_s for at_s in (manoeuvre.land_at_s, manoeuvre.again_s) if at_s is not None]
+    return min(times, default=inf)
+
+
+GUARD_PATIENCE_S: Final = 2.0
+"""So long a guard waits for what is not measured at the moment; then it counts as not met."""
+
+
+class Leave(Enum):
+    """What a guard says."""
+
+    BEGIN = auto()
+    WAIT = auto()
+    ENDED = auto()
+    """The item was skipped, or has failed."""
+
+
+def guard_says(board: Board, item: TaskRun | ActionRun, now_s: float) -> Leave:
+    """Whether an item whose turn it is may begin; where it may not, it is skipped, waits or fails as its guard says."""
+    guard = item.options.when
+    if guard is None:
+        return Leave.BEGIN
+    holds = guard.holds(board.readings)
+    if holds:
+        item.rest(now_s)
+        return Leave.BEGIN
+    is_waited_for = item.options.otherwise == "wait" or holds is None
+    if is_waited_for and now_s < item.gives_up_s(GUARD_PATIENCE_S):
+        item.await_leave(now_s, f"waits for {guard}")
+        return Leave.WAIT
+    item.rest(now_s)
+    lacking = f"{guard} is not known" if holds is None else f"not {guard}"
+    if item.options.otherwise == "skip":
+        board.end(item, Trigger.SKIP, now_s, lacking)
+        return Leave.ENDED
+    board.move(item, Trigger.START, now_s)
+    reason = lacking if item.options.otherwise == "fail" else f"deadline passed: it waited for {guard}"
+    if isinstance(item, TaskRun):
+        fail_task(board, item, reason, now_s)
+    else:
+        fail_action(board, item, reason, now_s)
+    return Leave.ENDED
+
+
+def guard_due_s(item: TaskRun | ActionRun) -> float:
+    """When an item that waits for its guard gives up; infinite where it does not wait."""
+    return item.gives_up_s(GUARD_PATIENCE_S)
+
+
+def is_to_repeat(board: Board, task: TaskRun) -> bool:
+    """Whether a task whose actions have all ended is to be done once more."""
+    repeat = task.repeat if task.is_open else None
+    if repeat is None or task.repetition >= repeat.times:
+        return False
+    return repeat.until is None or not repeat.until.holds(board.readings)
+
+
+def begin_repetition(board: Board, task: TaskRun, now_s: float) -> bool:
+    """Has all actions of a task wait for their turn again; whether that was done: a paused task does not begin anew."""
+    assert task.repeat is not None
+    if task.state is not ActionState.RUNNING:
+        return False
+    task.repetition += 1
+    for run in task.actions.values():
+        if run.state is not ActionState.ABORTED:
+            run.move(Trigger.RETRY if run.state is ActionState.FAILED else Trigger.REPEAT, now_s)
+            run.forget()
+    board.is_changed = True
+    board.tell(Severity.INFO, f"{task.target}: {task.repetition} of {task.repeat.times}")
+    return any(run.state is ActionState.WAITING for run in task.actions.values())

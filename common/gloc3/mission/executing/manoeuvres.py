@@ -1,0 +1,183 @@
+"""Carries out the policies that move the vehicle: hold, return, land; the most severe of several wins."""
+
+from math import inf
+from typing import Final
+
+from gloc3.messages.envelope import Severity
+from gloc3.mission.executing.assignments import Assignment
+from gloc3.mission.executing.board import Board, Manoeuvre
+from gloc3.mission.executing.items import Program
+from gloc3.mission.model.arguments import Arguments, LandOrder, ReturnHome
+from gloc3.mission.model.policy import SEVERITY, Policy
+from gloc3.mission.model.states import ENDED, ActionState, Trigger
+
+AGAIN_S: Final = 1.0
+"""A landing that cannot be begun is tried again after this time, for as long as it takes."""
+PATIENCE_S: Final = 2.0
+"""A return outlives the loss of what it needs for this long; then it becomes a landing here."""
+
+_CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
+    Policy.RETURN: ("return_home", ReturnHome()),
+    Policy.LAND: ("land", LandOrder()),
+}
+
+
+def apply(
+    board: Board, policy: Policy, cause: str, now_s: float, trigger: Trigger = Trigger.FAIL, *, is_ordered: bool = False
+) -> None:
+    """Carries out `hold`, `return` or `land`, unless a more severe policy is being carried out already.
+
+    Args:
+        board: the executor's state.
+        policy: what is to be done.
+        cause: why.
+        now_s: the time.
+        trigger: what becomes of a mission that a return or landing ends: failed or aborted.
+        is_ordered: an operator wants it: it goes before any policy, and holds for as long as he likes.
+    """
+    current = board.manoeuvre
+    if current is not None and not is_ordered and SEVERITY[current.policy] >= SEVERITY[policy]:
+        return
+    stop(board, now_s)
+    reason = f"{cause}: {policy}"
+    if policy is Policy.HOLD:
+        for program in board.programs.values():
+            if program.is_mission:
+                board.halt(program, "mission", now_s, reason)
+            elif _is_stopped_by_hold(program):
+                end_program(board, program, Trigger.ABORT, now_s, reason)
+    else:
+        for program in board.programs.values():
+            end_program(board, program, trigger if program.is_mission else Trigger.ABORT, now_s, reason)
+    if not board.is_airborne:
+        return
+    board.manoeuvre = Manoeuvre(policy, cause)
+    board.is_changed = True
+    board.tell(Severity.WARNING, f"policy {policy}: {cause}")
+    if policy is Policy.HOLD:
+        board.manoeuvre.land_at_s = None if is_ordered else now_s + board.policies.hold_s
+    else:
+        board.manoeuvre.again_s = now_s
+
+
+def take_up(board: Board, policy: Policy, cause: str, land_at_s: float | None, now_s: float) -> None:
+    """Carries on with what was being carried out before a restart; a hold lasts no longer for it.
+
+    Args:
+        board: the executor's state.
+        policy: what was being done.
+        cause: why.
+        land_at_s: of a hold, when it was to end in a landing, by a clock that may have begun anew since; None where an
+            operator ordered it.
+        now_s: the time.
+    """
+    apply(board, policy, cause, now_s)
+    if policy is Policy.HOLD and board.manoeuvre is not None:
+        limit_s = now_s + board.policies.hold_s
+        board.manoeuvre.land_at_s = None if land_at_s is None else min(land_at_s, limit_s)
+
+
+def _is_stopped_by_hold(program: Program) -> bool:
+    """Whether a single command moves the vehicle, or has failed."""
+    return any(
+        (run.is_motion and not run.has_ended) or (run.state is ActionState.FAILED and not run.is_settled)
+        for run in program.actions()
+    )
+
+
+def end_program(board: Board, program: Program, trigger: Trigger, now_s: float, reason: str) -> None:
+    """Ends a program with all that is in it, if it is under way."""
+    if program.is_open:
+        board.end_all(program, Trigger.ABORT, now_s, reason)
+        board.move(program, trigger, now_s, reason)
+
+
+def stop(board: Board, now_s: float) -> None:
+    """Ends the policy that is being carried out, or the contingency."""
+    if board.manoeuvre is not None:
+        if board.manoeuvre.program is not None:
+            end_program(board, board.manoeuvre.program, Trigger.ABORT, now_s, "something else is done")
+        if board.manoeuvre.assignment is not None:
+            board.assignments.drop(board.manoeuvre.assignment)
+        board.manoeuvre = None
+        board.is_changed = True
+
+
+def dismiss(board: Board, now_s: float) -> None:
+    """Ends a policy's hold because an operator acts; the hold controller keeps the vehicle until he goes on."""
+    manoeuvre = board.manoeuvre
+    if manoeuvre is not None and manoeuvre.policy is Policy.HOLD and manoeuvre.program is None:
+        stop(board, now_s)
+
+
+def forget(board: Board, now_s: float) -> None:
+    """Ends whatever policy is being carried out, because a pilot has control."""
+    stop(board, now_s)
+
+
+def advance(board: Board, now_s: float) -> None:
+    """Begins the manoeuvre's next action, or lands after a hold in which nobody has acted."""
+    manoeuvre = board.manoeuvre
+    if manoeuvre is None or manoeuvre.program is not None:
+        return
+    if not board.is_airborne and manoeuvre.assignment is None:
+        board.tell(Severity.INFO, f"policy {manoeuvre.policy} ended: the vehicle is on the ground")
+        stop(board, now_s)
+    elif manoeuvre.land_at_s is not None and now_s >= manoeuvre.land_at_s:
+        cause = f"{manoeuvre.cause}; nobody acted for {board.policies.hold_s:g} s"
+        apply(board, Policy.LAND, cause, now_s)
+        advance(board, now_s)
+    elif manoeuvre.assignment is not None and now_s >= lost_at_s(board):
+        board.assignments.drop(manoeuvre.assignment)
+        manoeuvre.assignment = None
+        lacking = ", ".join(board.missing["return_home"])
+        _fall_back(board, manoeuvre, f"return_home is no longer available ({lacking})", now_s)
+    elif manoeuvre.again_s is not None and now_s >= manoeuvre.again_s and manoeuvre.assignment is None:
+        manoeuvre.again_s = None
+        name, order = _CAPABILITY[manoeuvre.policy]
+        row = board.rows.get(name)
+        if row is None or name in board.missing:
+            lacking = ", ".join(board.missing.get(name, ())) or "the platform cannot do it"
+            _fall_back(board, manoeuvre, f"{name} is not available ({lacking})", now_s)
+            return
+        board.is_changed = True
+        manoeuvre.assignment = board.assignments.start(f"policy.{name}", name, row, order, None, now_s)
+
+
+def lost_at_s(board: Board) -> float:
+    """When the return that is under way is given up for the want of something; never, if it lacks nothing."""
+    manoeuvre = board.manoeuvre
+    if manoeuvre is None or manoeuvre.assignment is None or manoeuvre.policy is not Policy.RETURN:
+        return inf
+    return board.missing_since_s.get("return_home", inf) + PATIENCE_S
+
+
+def ended(board: Board, assignment: Assignment, state: ActionState, reason: str, now_s: float) -> None:
+    """A manoeuvre's action has ended, or failed in any way."""
+    manoeuvre = board.manoeuvre
+    if manoeuvre is None or manoeuvre.assignment is not assignment or state not in ENDED:
+        return
+    manoeuvre.assignment = None
+    board.is_changed = True
+    if state is not ActionState.DONE:
+        _fall_back(board, manoeuvre, f"{assignment.label} {state}: {reason}", now_s)
+    elif manoeuvre.policy is Policy.RETURN:
+        board.tell(Severity.INFO, "policy return: at home, landing")
+        manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
+    else:
+        board.has_landed = True
+        board.tell(Severity.INFO, "policy land: landed")
+        board.manoeuvre = None
+
+
+def _fall_back(board: Board, manoeuvre: Manoeuvre, reason: str, now_s: float) -> None:
+    """From return to landing here; from landing to landing again."""
+    if manoeuvre.policy is Policy.RETURN:
+        board.tell(Severity.ERROR, f"{reason}; landing here")
+        manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
+        advance(board, now_s)
+    else:
+        if reason != manoeuvre.trouble:
+            manoeuvre.trouble = reason
+            board.tell(Severity.ERROR, f"{reason}; trying again")
+        manoeuvre.again_s = now_s + AGAIN_S

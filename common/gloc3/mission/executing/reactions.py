@@ -1,0 +1,188 @@
+"""Reactions to conditions of the vehicle and its link: policies, contingencies, planned silences.
+
+A contingency is a task that a mission has ready for a condition. It runs in the place of a policy's manoeuvre: the mission
+is paused meanwhile, and no less severe policy interrupts it. From the start of a task or action that plans a silence, a
+lost link is no fault until the stated time has passed.
+"""
+
+from typing import Final
+
+from gloc3.messages.envelope import Severity
+from gloc3.mission.executing import manoeuvres
+from gloc3.mission.executing.board import Board, Condition, Manoeuvre
+from gloc3.mission.executing.items import Program
+from gloc3.mission.executing.snapshot import PlannedSilence
+from gloc3.mission.model.model import Contingency, answer, part_of
+from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
+from gloc3.mission.model.states import ActionState, Trigger
+
+
+def set_condition(board: Board, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
+    """Notes whether a condition holds; its policy is carried out once, when it arises."""
+    if is_on == (condition in board.conditions):
+        return
+    if is_on:
+        board.conditions[condition] = reason
+        meet(board, condition, reason, now_s)
+    else:
+        del board.conditions[condition]
+        board.unanswered.pop(condition, None)
+        board.tell(Severity.INFO, f"{condition}: over")
+
+
+def meet(board: Board, condition: Condition, reason: str, now_s: float) -> None:
+    """Answers a condition that has just arisen with the governing policies."""
+    if board.has_pilot:
+        board.unanswered[condition] = reason
+        board.tell(Severity.WARNING, f"{condition}: {reason}; the pilot has control")
+        return
+    wanted = _wanted(board, condition)
+    if isinstance(wanted, Contingency) and begin_contingency(board, wanted, str(condition), now_s):
+        return
+    policy = resolved(answer(wanted), board.policies.on_failure)
+    board.tell(Severity.WARNING, f"{condition}{': ' + reason if reason else ''}; policy: {policy}")
+    if policy in MANOEUVRES:
+        manoeuvres.apply(board, policy, str(condition), now_s)
+
+
+def lose_component(board: Board, component: str, policy: Policy, reason: str, now_s: float) -> None:
+    """A component's function is lost for good, and its row says what is to be done; the mission may say more."""
+    cause, wanted = f"{component} is lost ({reason})", board.policies.on_component_fault
+    if isinstance(wanted, Contingency) and resolved(policy, board.policies.on_failure) is not Policy.LAND:
+        board.tell(Severity.ERROR, f"{cause}; contingency: {wanted.task}")
+        if begin_contingency(board, wanted, cause, now_s):
+            return
+    on_failure = board.policies.on_failure
+    both = resolved(policy, on_failure), resolved(answer(wanted), on_failure)
+    worst = max(both, key=lambda one: SEVERITY[one])
+    board.tell(Severity.ERROR, f"{cause}; policy: {worst}")
+    manoeuvres.apply(board, worst, cause, now_s)
+
+
+def _wanted(board: Board, condition: Condition) -> str | Contingency:
+    policies = board.policies
+    match condition:
+        case Condition.LINK_LOST:
+            return policies.on_link_loss
+        case Condition.OVERDUE:
+            return policies.on_overdue or policies.on_link_loss
+        case Condition.LOW_BATTERY:
+            return policies.on_low_battery
+        case Condition.POSE_LOST:
+            return policies.on_pose_lost
+        case Condition.OBSTACLE:
+            return policies.on_obstacle
+        case Condition.PLATFORM_LOST:
+            return policies.on_platform_loss
+        case Condition.FENCE_BREACHED:
+            return Policy.ABORT
+
+
+CONTINGENCY: Final = "contingency"
+"""The name of the program that is a contingency under way."""
+
+
+def begin_contingency(board: Board, wanted: Contingency, cause: str, now_s: float) -> bool:
+    """Has a contingency run.
+
+    Returns:
+        Whether it was answered: it runs, or something more severe is under way. If not, its `then` is to be done.
+    """
+    mission = board.mission
+    task = mission.mission.contingencies.get(wanted.task) if mission is not None else None
+    if mission is None or task is None or not task.actions or not board.is_airborne:
+        return False
+    policy, current = answer(wanted), board.manoeuvre
+    if current is not None and SEVERITY[current.policy] >= SEVERITY[policy]:
+        return True
+    manoeuvres.stop(board, now_s)
+    reason = f"{cause}: {wanted.task}"
+    for program in list(board.programs.values()):
+        if program.is_mission:
+            board.halt(program, "mission", now_s, reason)
+        else:
+            manoeuvres.end_program(board, program, Trigger.ABORT, now_s, reason)
+    program = board.program(CONTINGENCY, part_of(mission.mission, wanted.task))
+    board.manoeuvre = contingency_manoeuvre(program, wanted, cause)
+    board.tell(Severity.WARNING, f"contingency {wanted.task}: {cause}")
+    board.move(program, Trigger.START, now_s)
+    return True
+
+
+def contingency_manoeuvre(program: Program, wanted: Contingency, cause: str) -> Manoeuvre:
+    """The contingency as what is being carried out."""
+    manoeuvre = Manoeuvre(answer(wanted), cause)
+    manoeuvre.contingency, manoeuvre.program = wanted, program
+    return manoeuvre
+
+
+def has_contingency_ended(board: Board) -> bool:
+    """Whether the contingency that was under way has ended."""
+    manoeuvre = board.manoeuvre
+    return manoeuvre is not None and manoeuvre.program is not None and not manoeuvre.program.is_open
+
+
+def end_contingency(board: Board, now_s: float) -> bool:
+    """Does what comes after a contingency that has ended; whether the mission is to go on where it was paused."""
+    manoeuvre = board.manoeuvre
+    assert manoeuvre is not None
+    assert manoeuvre.contingency is not None
+    assert manoeuvre.program is not None
+    wanted, is_done = manoeuvre.contingency, manoeuvre.program.state is ActionState.DONE
+    board.manoeuvre, board.is_changed = None, True
+    cause = f"{manoeuvre.cause}, after {wanted.task}"
+    board.tell(Severity.INFO, f"contingency {wanted.task} {manoeuvre.program.state}; then {wanted.then}")
+    mission = board.mission
+    if wanted.then == "resume" and is_done and mission is not None and mission.state is ActionState.PAUSED:
+        return True
+    policy = answer(wanted)
+    manoeuvres.apply(board, policy, cause, now_s)
+    return False
+
+
+KEEP_SILENCE_S: Final = 30.0
+"""While a silence is planned it is kept on disk so often how far it has come, for restarts of the computer."""
+
+
+def watch_link(board: Board, silent_s: float, now_s: float) -> None:
+    """Judges for how long nothing was heard from the holder of control: as planned, overdue, or a lost link.
+
+    The silence lasts until its time, also where the holder is heard meanwhile: he may be heard only for a moment. It ends
+    before when he is heard after the mission has ended. Who is silent at its time is overdue until he is heard.
+    """
+    after_s = board.policies.link_loss_after_s
+    is_silent, planned = silent_s >= after_s, board.silence
+    if planned is not None and now_s - board.kept_s >= KEEP_SILENCE_S:
+        board.is_changed = True
+    if planned is None:
+        set_condition(board, Condition.LINK_LOST, is_silent, f"nothing heard for {after_s:g} s", now_s)
+    elif not is_silent:
+        set_condition(board, Condition.OVERDUE, False, "", now_s)
+        set_condition(board, Condition.LINK_LOST, False, "", now_s)
+        if now_s >= planned.until_s or not _is_silence_going_on(board, planned):
+            _end_silence(board)
+    elif now_s >= planned.until_s:
+        reason = f"contact was due {planned.until_s - planned.began_s:g} s after {planned.target} began"
+        set_condition(board, Condition.OVERDUE, True, reason, now_s)
+
+
+def _end_silence(board: Board) -> None:
+    """From now on a lost link is a fault again."""
+    if board.silence is not None:
+        board.silence = None
+        board.is_changed = True
+        board.tell(Severity.INFO, "the planned silence is over")
+
+
+def restored_silence(kept: PlannedSilence | None, now_s: float) -> PlannedSilence | None:
+    """What was kept, after a restart: never longer than it was stated, even where the clock has begun anew."""
+    if kept is None:
+        return None
+    stated_s = kept.until_s - kept.began_s
+    until_s = min(kept.until_s, now_s + stated_s)
+    return PlannedSilence(target=kept.target, began_s=until_s - stated_s, until_s=until_s)
+
+
+def _is_silence_going_on(board: Board, planned: PlannedSilence) -> bool:
+    """Whether the mission, or the single command, that stated it goes on."""
+    return any(program.is_open and program.find(planned.target) is not None for program in board.programs.values())

@@ -1,0 +1,451 @@
+"""What the actions of a mission take: typed arguments as written in the file, and as ordered from a component in NED.
+
+An action's arguments are written in the mission's frame (`FollowWaypoints`) and handed to the component in NED
+(`FollowWaypointsOrder`). Where nothing is a position, both are the same structure. Every package, ours too, brings its
+kinds through the entry points `gloc3.capabilities`, which are subclasses of `Arguments`; see docs/add-a-capability.md.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import EntryPoint
+from math import radians
+from typing import Annotated, Any, ClassVar, Final, Literal
+
+import msgspec
+from msgspec.structs import replace
+
+from gloc3.errors import Gloc3Error, Misuse, Refused
+from gloc3.installed import installed_points
+from gloc3.messages.frames import Vector3
+from gloc3.mission.model.legs import Budget, Leg, climb, fly
+from gloc3.mission.model.placement import Placement, written_for
+from gloc3.platform.limits import Limits
+
+Metres = Annotated[float, msgspec.Meta(ge=-100_000.0, le=100_000.0)]
+Height = Annotated[float, msgspec.Meta(ge=-11_000.0, le=20_000.0)]
+Latitude = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
+Longitude = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
+LocalPosition = tuple[Metres, Metres, Height]
+"""`[x, y, height]` in metres in a local frame."""
+GeoPosition = tuple[Latitude, Longitude, Height]
+"""`[latitude, longitude, height]` in degrees and metres."""
+Speed = Annotated[float, msgspec.Meta(gt=0.0, le=50.0)]
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
+Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
+WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
+"""No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
+Altitude = Annotated[float, msgspec.Meta(ge=0.3, le=200.0)]
+"""Over the ground or the floor of the water; as far as range finders see."""
+
+
+DEFAULT_SPEED_M_S: Final = 1.0
+"""Where neither the mission nor the platform says one."""
+
+
+def speed_of(limits: Limits | None) -> float:
+    """The speed of ways that say none."""
+    if limits is None:
+        return DEFAULT_SPEED_M_S
+    return limits.survey_speed_m_s or min(DEFAULT_SPEED_M_S, limits.speed_m_s)
+
+
+class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The base of the arguments of an action: what it takes, and what it costs in resources, way, time and energy."""
+
+    moves: ClassVar[bool] = False
+    """Whether the action moves the vehicle, or keeps it in place on purpose."""
+    resources: ClassVar[tuple[str, ...]] = ()
+    """What it always needs for itself while it runs; a platform's row must claim them. `motion`, where it moves."""
+    power_w: ClassVar[float] = 0.0
+    """What its device draws while it runs, beside what the vehicle takes, in watts."""
+
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Groups of arguments of which exactly one must be given."""
+    example: ClassVar[str] = "{}"
+    """What may stand for it in a mission file, in YAML, in a local frame."""
+
+    def __post_init__(self) -> None:
+        for group in self.one_of:
+            given = sum(getattr(self, name) is not None for name in group)
+            if given > 1:
+                raise ValueError(f"only one of {' and '.join(group)} may be given")
+            if not given:
+                raise ValueError(f"{' or '.join(group)} must be given")
+
+    @classmethod
+    def claims(cls) -> tuple[str, ...]:
+        """The resources, `motion` among them where it moves the vehicle."""
+        return (*(("motion",) if cls.moves and "motion" not in cls.resources else ()), *cls.resources)
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether the action goes on until it is told to end."""
+        return False
+
+    def filled(self, limits: Limits | None) -> "Arguments":
+        """With what is left to the platform; None where that is not known.
+
+        Raises:
+            Refused: the platform's file does not say it.
+        """
+        del limits
+        return self
+
+    def order(self, placement: Placement) -> "Arguments":
+        """The same in NED, as the component gets it.
+
+        Raises:
+            Refused: a position is written for another kind of frame.
+        """
+        del placement
+        return self
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """The way that the vehicle makes, of an order; none for actions that do not move it."""
+        del start_ned_m, budget
+        return ()
+
+    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
+        """How long an order takes, as far as it ends by itself."""
+        return sum(leg.duration_s for leg in self.legs(start_ned_m, budget))
+
+
+class LookAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A point to keep in front of the vehicle."""
+
+    look_at: tuple[float, float, Height]
+    """`[x, y, height]`, or `[latitude, longitude, height]` in frame geo."""
+
+
+Degrees = Annotated[float, msgspec.Meta(ge=-360.0, le=360.0)]
+Heading = Literal["along", "hold"] | Degrees | LookAt
+"""Along the way, as it is, degrees clockwise from north (in every frame), or towards a point."""
+
+
+class HeadingOrder(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Where the vehicle's nose points, as a component gets it."""
+
+    mode: Literal["along", "hold", "fixed", "look_at"] = "along"
+    heading_rad: float = 0.0
+    """With `fixed`: clockwise from north."""
+    look_at_ned_m: Vector3 | None = None
+    """With `look_at`: the point."""
+
+
+def heading_order(heading: Heading, placement: Placement) -> HeadingOrder:
+    """A heading as written, in NED."""
+    match heading:
+        case "along" | "hold":
+            return HeadingOrder(mode=heading)
+        case LookAt(look_at=point):
+            return HeadingOrder(mode="look_at", look_at_ned_m=placement.ned_from(point))
+        case _:
+            return HeadingOrder(mode="fixed", heading_rad=radians(heading))
+
+
+class SetOff(Arguments, frozen=True, kw_only=True):
+    """What every kind of setting off is: arm (where that is allowed), and be ready to move."""
+
+    moves = True
+
+
+class TakeOff(SetOff, frozen=True, kw_only=True):
+    """Arm (where that is allowed) and climb straight up."""
+
+    example = "{height_m: 1.5}"
+
+    height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
+    """Height above the place where the vehicle stands."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Straight up, and the seconds that arming takes."""
+        north, east, _ = start_ned_m
+        top = (north, east, budget.home_ned_m[2] - self.height_m)
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s), climb(start_ned_m, top, budget))
+
+
+class DriveOff(SetOff, frozen=True, kw_only=True):
+    """Arm (where that is allowed), on the ground or on the water, and wait to be led."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """The seconds that arming takes."""
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s),)
+
+
+class Dive(SetOff, frozen=True, kw_only=True):
+    """Arm (where that is allowed) at the surface, and go straight down."""
+
+    example = "{depth_m: 3}"
+
+    depth_m: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)]
+    """Depth below the place where the vehicle floats."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """The seconds that arming takes, then straight down."""
+        north, east, _ = start_ned_m
+        deep = (north, east, budget.home_ned_m[2] + self.depth_m)
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s), climb(start_ned_m, deep, budget))
+
+
+class LandOrder(Arguments, frozen=True, kw_only=True):
+    """End the motion and disarm: come down, come up, or stop, whichever the vehicle does."""
+
+    moves = True
+
+    at_ned_m: Vector3 | None = None
+    """The place to land at, whose height is ignored; None for right here."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """To above the place, then down to the height of home."""
+        at = self.at_ned_m or start_ned_m
+        above = (at[0], at[1], start_ned_m[2])
+        return (*fly(start_ned_m, [above], budget.speed_m_s, 0.0, budget), _down(above, budget))
+
+
+class Land(Arguments, frozen=True, kw_only=True):
+    """End the motion and disarm, here or at a place: come down, come up, or stop, whichever the vehicle does."""
+
+    moves = True
+
+    at_m: tuple[Metres, Metres] | None = None
+    """`[x, y]` of the place, in a local frame."""
+    at: tuple[Latitude, Longitude] | None = None
+    """`[latitude, longitude]` of the place, in frame geo."""
+
+    def order(self, placement: Placement) -> LandOrder:
+        """The place in NED."""
+        at = written_for(placement, self.at_m, self.at, "at")
+        return LandOrder(at_ned_m=None if at is None else placement.ned_from((*at, 0.0)))
+
+
+class Hold(Arguments, frozen=True, kw_only=True):
+    """Keep position."""
+
+    moves = True
+    example = "{duration_s: 10}"
+
+    duration_s: Seconds | None = None
+    """How long; None for until it is told to end."""
+
+    @property
+    def is_endless(self) -> bool:
+        """Without a duration it is."""
+        return self.duration_s is None
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Staying where it is."""
+        del budget
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s or 0.0),)
+
+
+LONGEST_BY_HAND_S: Final = 1800.0
+"""Steering by hand without a stated duration ends after so long."""
+COUNTED_BY_HAND_S: Final = 60.0
+"""So much of it is counted in the estimate."""
+
+
+class Teleoperate(Arguments, frozen=True, kw_only=True):
+    """Have an operator steer by hand: velocities from the station, each good for half a second, then it keeps its place."""
+
+    moves = True
+    example = "{duration_s: 60}"
+
+    duration_s: Seconds | None = None
+    """Afterwards it is done, and the vehicle keeps its place; None for half an hour at most, of which a minute is counted before: an
+    operator ends it, or a low battery does."""
+    speed_m_s: Speed | None = None
+    """No faster than that in any direction; None for the platform's limits."""
+    yaw_rate_deg_s: Annotated[float, msgspec.Meta(gt=0.0, le=90.0)] = 20.0
+    """No faster turning than that."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Where it goes is not known before: it is counted as staying where it is."""
+        del budget
+        duration_s = COUNTED_BY_HAND_S if self.duration_s is None else self.duration_s
+        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=duration_s),)
+
+
+class ReturnHome(Arguments, frozen=True, kw_only=True):
+    """Fly to above the place where the vehicle was armed, and stay there."""
+
+    moves = True
+
+    height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)] | None = None
+    """Height above home to fly at, reached first; None for the present height."""
+    speed_m_s: Speed | None = None
+    """None for the platform's limit."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Up or down to the height, then straight home."""
+        north, east, down = start_ned_m
+        home = budget.home_ned_m
+        height_down = down if self.height_m is None else home[2] - self.height_m
+        way = [(north, east, height_down), (home[0], home[1], height_down)]
+        return fly(start_ned_m, way, self.speed_m_s or budget.speed_m_s, 0.0, budget)
+
+
+class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
+    """Fly through positions in their order."""
+
+    moves = True
+
+    waypoints_ned_m: tuple[Vector3, ...]
+    speed_m_s: float
+    heading: HeadingOrder = HeadingOrder()
+    acceptance_m: float = 0.25
+    """A waypoint counts as passed within this distance."""
+    hold_s: float = 0.0
+    """Stay so long at each waypoint."""
+    wall_distance_m: float | None = None
+    """Keep so far from the wall ahead."""
+    altitude_m: float | None = None
+    """Keep so high over what the range finder sees below."""
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+        """Straight from waypoint to waypoint."""
+        return fly(start_ned_m, self.waypoints_ned_m, self.speed_m_s, self.hold_s, budget)
+
+
+class _Flight(Arguments, frozen=True, kw_only=True):
+    """What every flight to positions takes."""
+
+    moves = True
+
+    speed_m_s: Speed | None = None
+    """None: the platform's `survey_speed_m_s`."""
+    heading: Heading = "along"
+    """`along`, `hold`, degrees clockwise from north, or `{look_at: POSITION}`."""
+    acceptance_m: Distance = 0.25
+    """A waypoint counts as passed within this distance."""
+    hold_s: Seconds = 0.0
+    """Stay so long at each waypoint."""
+    altitude_m: Altitude | None = None
+    """Keep so high over the ground or the floor of the water, by the range finder that looks down. The height of the first
+    waypoint counts until that sees something; the others are not flown."""
+
+    def filled(self, limits: Limits | None) -> Arguments:
+        """With the platform's speed where the mission says none."""
+        return self if self.speed_m_s is not None else replace(self, speed_m_s=speed_of(limits))
+
+    def _order(self, waypoints: tuple[Vector3, ...] | None, placement: Placement, name: str) -> FollowWaypointsOrder:
+        if waypoints is None:
+            raise Refused(f"{name if placement.is_geo else name + '_m'} is missing")
+        return FollowWaypointsOrder(
+            waypoints_ned_m=tuple(placement.ned_from(waypoint) for waypoint in waypoints),
+            speed_m_s=self.speed_m_s or DEFAULT_SPEED_M_S,
+            heading=heading_order(self.heading, placement),
+            acceptance_m=self.acceptance_m,
+            hold_s=self.hold_s,
+            altitude_m=self.altitude_m,
+        )
+
+
+class FollowWaypoints(_Flight, frozen=True, kw_only=True):
+    """Fly through positions in their order."""
+
+    one_of = (("waypoints_m", "waypoints"),)
+    example = "{waypoints_m: [[2, 1, 2], [8, 1, 2]], speed_m_s: 0.5}"
+
+    waypoints_m: Annotated[tuple[LocalPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
+    """`[x, y, height]` each, in a local frame."""
+    waypoints: Annotated[tuple[GeoPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
+    """`[latitude, longitude, height]` each, in frame geo."""
+    wall_distance_m: WallDistance | None = None
+    """Keep so far from the wall that the vehicle looks at: the way is moved to and fro by up to 1.5 m. Its heading should
+    be across the way (degrees, or `look_at`); it needs a laser scanner."""
+
+    def order(self, placement: Placement) -> FollowWaypointsOrder:
+        """The waypoints in NED."""
+        waypoints = written_for(placement, self.waypoints_m, self.waypoints, "waypoints")
+        order = self._order(waypoints, placement, "waypoints")
+        return replace(order, wall_distance_m=self.wall_distance_m)
+
+
+class GoTo(_Flight, frozen=True, kw_only=True):
+    """Fly straight to a position; the component gets it as `FollowWaypointsOrder` with one waypoint."""
+
+    one_of = (("position_m", "position"),)
+    example = "{position_m: [2, 1, 2]}"
+
+    position_m: LocalPosition | None = None
+    """`[x, y, height]`, in a local frame."""
+    position: GeoPosition | None = None
+    """`[latitude, longitude, height]`, in frame geo."""
+
+    def order(self, placement: Placement) -> FollowWaypointsOrder:
+        """The position in NED, as a way of one waypoint."""
+        position = written_for(placement, self.position_m, self.position, "position")
+        return self._order(None if position is None else (position,), placement, "position")
+
+
+class RecordImages(Arguments, frozen=True, kw_only=True):
+    """Take pictures by distance flown or by time, until told to end or so many are taken."""
+
+    one_of = (("every_m", "every_s"),)
+    example = "{camera: ground, every_m: 0.5}"
+
+    camera: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+    every_m: Distance | None = None
+    """A picture each time that the vehicle has moved so far."""
+    every_s: Annotated[float, msgspec.Meta(ge=0.02, le=3_600.0)] | None = None
+    """A picture each time that so many seconds have passed."""
+    count: Annotated[int, msgspec.Meta(ge=1, le=100_000)] | None = None
+    """The action is done after so many; None for until it is told to end."""
+
+    @property
+    def is_endless(self) -> bool:
+        """Without a count it is."""
+        return self.count is None
+
+    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
+        """Known with a count and a time between pictures."""
+        del start_ned_m, budget
+        return (self.count or 0) * (self.every_s or 0.0)
+
+
+class Wait(Arguments, frozen=True, kw_only=True):
+    """Let time pass; carried out by the executor itself, without a component."""
+
+    example = "{duration_s: 5}"
+
+    duration_s: Seconds
+
+    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
+        """What is asked for."""
+        del start_ned_m, budget
+        return self.duration_s
+
+
+def _down(start_ned_m: Vector3, budget: Budget) -> Leg:
+    """Straight down to the height of home, at the landing speed."""
+    end = (start_ned_m[0], start_ned_m[1], budget.home_ned_m[2])
+    duration_s = abs(end[2] - start_ned_m[2]) / budget.landing_m_s + budget.disarming_s
+    return Leg(start=start_ned_m, end=end, duration_s=duration_s)
+
+
+@cache
+def argument_kinds() -> Mapping[str, type[Arguments]]:
+    """All kinds of arguments by name, of all installed packages (entry points `gloc3.capabilities`).
+
+    Raises:
+        Gloc3Error: a package's entry point cannot be loaded.
+        Misuse: one is no subclass of `Arguments`, two packages use one name, or ours are not there.
+    """
+    kinds: dict[str, type[Arguments]] = {}
+    for point in installed_points("gloc3.capabilities"):
+        found = _loaded(point)
+        if kinds.setdefault(point.name, found) is not found:
+            raise Misuse(f"two packages bring arguments called {point.name!r}")
+    if "wait" not in kinds:
+        raise Misuse("the installed gloc3 is older than its source and brings no capabilities: install it again")
+    return kinds
+
+
+def _loaded(point: EntryPoint) -> type[Arguments]:
+    try:
+        found: Any = point.load()
+    except (ImportError, AttributeError) as error:
+        raise Gloc3Error(f"entry point {point.name} of gloc3.capabilities cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Arguments)):
+        raise Misuse(f"entry point {point.name} of gloc3.capabilities is no subclass of Arguments")
+    return found

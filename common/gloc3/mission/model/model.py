@@ -1,0 +1,370 @@
+"""A mission: what its file may hold, and what is made of it, a partial order of tasks and of their actions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from hashlib import blake2s
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+from msgspec import structs
+
+from gloc3.documents.document import Document, Where
+from gloc3.mission.model.arguments import Arguments, Latitude, Longitude, Metres, Seconds
+from gloc3.mission.model.conditions import Condition
+from gloc3.mission.model.fence import Fence
+from gloc3.mission.model.placement import HeightAbove
+from gloc3.mission.model.policy import Policy
+
+GEO: Final = "geo"
+"""The name of the frame in which positions are latitude, longitude and height."""
+
+Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+Retries = Annotated[int, msgspec.Meta(ge=0, le=100)]
+ConditionPolicy = Literal["continue", "hold", "return", "land", "abort"]
+PlatformLossPolicy = Literal["continue", "skip", "hold", "return", "land", "abort"]
+PlatformName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+RestartPolicy = Literal["continue", "hold", "land"]
+FlownBy = Literal["companion", "autopilot"]
+FLY_PLAN: Final = "fly_plan"
+"""The capability of a platform that has its autopilot fly a way as a plan."""
+Corners = Annotated[tuple[tuple[Metres, Metres], ...], msgspec.Meta(min_length=3, max_length=200)]
+GeoCorners = Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(min_length=3, max_length=200)]
+Radius = Annotated[float, msgspec.Meta(gt=0.0, le=100_000.0)]
+
+
+class _Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The base of the parts of a mission file."""
+
+
+class Circle(_Part, frozen=True, kw_only=True):
+    """A circle in a local frame."""
+
+    center_m: tuple[Metres, Metres]
+    """`[x, y]`."""
+    radius_m: Radius
+
+
+class GeoCircle(_Part, frozen=True, kw_only=True):
+    """A circle in frame geo."""
+
+    center: tuple[Latitude, Longitude]
+    radius_m: Radius
+
+
+class AreaFile(_Part, frozen=True, kw_only=True):
+    """A horizontal area as written: one of the four, in the form that the mission's frame takes."""
+
+    polygon_m: Corners | None = None
+    """Corners `[x, y]` in a local frame."""
+    polygon: GeoCorners | None = None
+    """Corners `[latitude, longitude]` in frame geo."""
+    circle_m: Circle | None = None
+    circle: GeoCircle | None = None
+
+
+class GeofenceFile(AreaFile, frozen=True, kw_only=True):
+    """Where the vehicle may be, as written."""
+
+    ceiling_m: Annotated[float, msgspec.Meta(gt=-11_000.0, le=20_000.0)] | None = None
+    """Greatest height, counted like the heights of the positions."""
+    keep_out: Annotated[tuple[AreaFile, ...], msgspec.Meta(max_length=100)] = ()
+    """Areas where it may not be."""
+
+
+class Contingency(_Part, frozen=True, kw_only=True):
+    """The answer to a condition that is a task of its own, from `contingencies`."""
+
+    task: Name
+    then: Literal["resume", "hold", "return", "land"] = "hold"
+    """What follows it: `resume` has the mission go on where it was paused, or holds where the task has failed."""
+
+    def __str__(self) -> str:
+        return f"{self.task} then {self.then}"
+
+
+def answer(wanted: "str | Contingency") -> Policy:
+    """The policy that an answer to a condition is, or ends in."""
+    if isinstance(wanted, Contingency):
+        return Policy.HOLD if wanted.then == "resume" else Policy(wanted.then)
+    return Policy(wanted)
+
+
+class Policies(_Part, frozen=True, kw_only=True):
+    """What is done when something goes wrong."""
+
+    on_failure: Policy = Policy.HOLD
+    """When a task fails that says nothing itself."""
+    on_link_loss: ConditionPolicy | Contingency = "hold"
+    """When nothing was heard from the holder of control for `link_loss_after_s`."""
+    link_loss_after_s: Annotated[float, msgspec.Meta(ge=0.5, le=86_400.0)] = 5.0
+    on_overdue: ConditionPolicy | Contingency | None = None
+    """When a planned silence has lasted longer than stated; None: `on_link_loss`."""
+    on_low_battery: ConditionPolicy | Contingency = "return"
+    on_pose_lost: ConditionPolicy | Contingency = "land"
+    on_obstacle: ConditionPolicy | Contingency = "continue"
+    """When an obstacle has been in the way of an action for `obstacle_after_s`."""
+    obstacle_after_s: Annotated[float, msgspec.Meta(ge=0.0, le=3_600.0)] = 5.0
+    on_component_fault: ConditionPolicy | Contingency = "continue"
+    """When a component is lost for good whose row has a policy; the more severe of both wins, and `land` any task."""
+    on_platform_loss: PlatformLossPolicy = "hold"
+    """When another platform, whose tasks are waited for, is silent or has given the mission up. `continue`: wait on;
+    `skip`: its tasks count as skipped, and what comes after them runs."""
+    platform_loss_after_s: Annotated[float, msgspec.Meta(ge=1.0, le=86_400.0)] = 10.0
+    on_restart: RestartPolicy = "hold"
+    """When the onboard process came back in flight."""
+    hold_s: Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)] = 60.0
+    """How long a policy's hold waits for an operator before it lands."""
+
+
+class Silence(_Part, frozen=True, kw_only=True):
+    """A time without contact that is planned, such as a dive's."""
+
+    expected_s: Annotated[float, msgspec.Meta(gt=0.0, le=864_000.0)]
+    """From the start of the task or action until contact is due."""
+
+
+class ItemFile(_Part, frozen=True, kw_only=True):
+    """What tasks and actions both take."""
+
+    after: tuple[Name, ...] = ()
+    """Siblings that must have ended before it begins."""
+    deadline_s: Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)] | None = None
+    """It fails when it runs longer; pauses are not counted."""
+    on_failure: Policy | None = None
+    """None: the next level's."""
+    silence: Silence | None = None
+    """From its start a lost link is no fault until the stated time has passed; then it is overdue: `on_overdue`."""
+    retries: Retries = 0
+    """Attempts after the first before `on_failure` applies; `on_failure: retry` alone means one."""
+    when: Condition | None = None
+    """It begins only where this holds when its turn has come."""
+    otherwise: Literal["skip", "wait", "fail"] = "skip"
+    """Where `when` does not hold: `wait` until it does, but no longer than `deadline_s`, which then counts from its turn."""
+
+
+class RepeatFile(_Part, frozen=True, kw_only=True):
+    """How often a task is done."""
+
+    times: Annotated[int, msgspec.Meta(ge=1, le=1_000)]
+    """At most."""
+    until: Condition | None = None
+    """Looked at after each time: no further one where it holds."""
+
+
+class ActionFile(ItemFile, frozen=True, kw_only=True):
+    """What an action takes beside its capability."""
+
+    until: Name | None = None
+    """A sibling; when it has ended, this action is ended as done."""
+
+
+class TaskOptions(ItemFile, frozen=True, kw_only=True):
+    """What a task takes beside its actions."""
+
+    platform: PlatformName | None = None
+    """The platform that performs it; in a mission for several each task names its own."""
+    repeat: RepeatFile | None = None
+    """Done several times, all its actions each time."""
+    flown_by: FlownBy = "companion"
+    """Who leads the vehicle along its ways; with `autopilot` each is uploaded as a plan that needs no companion."""
+
+
+Actions = Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
+"""By name: each holds one capability with its arguments, and `ActionFile`'s keys."""
+
+
+class TaskFile(TaskOptions, frozen=True, kw_only=True):
+    """A task as written: its actions, or the use of a definition that has them."""
+
+    actions: Actions | None = None
+    use: Name | None = None
+    """A definition of this file, or of a library that it includes; what else the task says goes before that."""
+    with_: dict[Name, Any] = msgspec.field(name="with", default={})
+    """With `use`: the values of the definition's parameters."""
+
+
+class ParameterFile(_Part, frozen=True, kw_only=True):
+    """What a definition leaves open: `$NAME` stands for it there, as a whole value."""
+
+    kind: Literal["number", "whole", "text", "flag", "choice", "point", "points", "any"]
+    default: Any = None
+    """Where a use says nothing; without one it must."""
+    unit: str = ""
+    about: str = ""
+    at_least: float | None = None
+    at_most: float | None = None
+    of: tuple[str | int | float, ...] = ()
+    """With `choice`: what is possible."""
+
+    def __post_init__(self) -> None:
+        if (self.kind == "choice") != bool(self.of):
+            raise ValueError("'of' lists what is possible, and goes with kind: choice")
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        words = {
+            "number": "a number",
+            "whole": "a whole number",
+            "flag": "true or false",
+            "choice": "one of " + ", ".join(str(one) for one in self.of),
+            "point": "a point: [x, y] or [x, y, height]",
+            "points": "a list of points",
+            "any": "a value",
+        }
+        return words.get(self.kind, "text") + (f" in {self.unit}" if self.unit else "")
+
+
+Open = Annotated[str, msgspec.Meta(pattern=r"^\$")]
+"""A parameter in place of a value."""
+
+
+class DefinitionFile(_Part, frozen=True, kw_only=True):
+    """A task that is defined once and used often."""
+
+    about: str = ""
+    parameters: dict[Name, ParameterFile] = {}
+    actions: Actions
+    deadline_s: float | Open | None = None
+    on_failure: str | None = None
+    silence: dict[str, Any] | None = None
+    retries: int | Open = 0
+    when: dict[str, Any] | None = None
+    otherwise: str | None = None
+    repeat: dict[str, Any] | None = None
+    flown_by: FlownBy | None = None
+    platform: PlatformName | None = None
+
+
+class LibraryFile(_Part, frozen=True, kw_only=True):
+    """A file of definitions, for missions to include."""
+
+    about: str = ""
+    define: dict[Name, DefinitionFile]
+
+
+class MissionFile(Policies, frozen=True, kw_only=True):
+    """A mission as written."""
+
+    mission: Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
+    """Its name."""
+    frame: Annotated[str, msgspec.Meta(min_length=1, max_length=32)]
+    """A local frame of the world or platform, or `geo`."""
+    platform: Annotated[str, msgspec.Meta(min_length=1, max_length=200)] | None = None
+    """The platform file, or the name of an installed one, that it is flown with in simulation where none is named."""
+    height_above: HeightAbove = HeightAbove.HOME
+    """What heights are counted from in frame geo."""
+    deadline_s: Seconds | None = None
+    """It fails when it runs longer; pauses are not counted."""
+    geofence: GeofenceFile | None = None
+    include: tuple[str, ...] | dict[str, str] = ()
+    """Libraries of definitions, relative to this file; a mission that is on its way carries their content."""
+    define: dict[Name, DefinitionFile] = {}
+    """Tasks to be used by name."""
+    tasks: Annotated[dict[Name, TaskFile], msgspec.Meta(min_length=1)]
+    contingencies: dict[Name, TaskFile] = {}
+    """Tasks that policies name: `on_low_battery: {task: NAME, then: land}`."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Action:
+    """A step of a task: a capability with its arguments."""
+
+    name: str
+    capability: str
+    arguments: Arguments
+    """As written."""
+    filled: Arguments
+    """With what is left to the platform."""
+    order: Arguments
+    """As the component gets it: positions in NED."""
+    options: ActionFile = field(default_factory=ActionFile)
+    is_planned: bool = False
+    """Whether the autopilot flies it as a plan."""
+
+    @property
+    def ability(self) -> str:
+        """The platform's capability by which it is done."""
+        return FLY_PLAN if self.is_planned else self.capability
+
+    @property
+    def attempts(self) -> int:
+        """How often it is started at most."""
+        return attempts(self.options)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Task:
+    """A partially ordered set of actions."""
+
+    name: str
+    actions: Mapping[str, Action]
+    """Empty for a task of another platform."""
+    options: TaskOptions = field(default_factory=TaskOptions)
+    is_elsewhere: bool = False
+    """Another platform performs it: what comes after it here waits for what is told of it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mission:
+    """A partially ordered set of tasks."""
+
+    name: str
+    frame: str
+    platform: str | None = None
+    height_above: HeightAbove = HeightAbove.HOME
+    geofence: GeofenceFile | None = None
+    """As written."""
+    fence: Fence | None = None
+    """In NED."""
+    policies: Policies = field(default_factory=Policies)
+    deadline_s: float | None = None
+    tasks: Mapping[str, Task]
+    contingencies: Mapping[str, Task] = field(default_factory=dict)
+    text: str = field(default="", compare=False)
+    """The file's content, from which the same mission can be read again."""
+    document: Document | None = field(default=None, compare=False, repr=False)
+    """Where everything stands in the file."""
+
+    def actions(self) -> dict[str, Action]:
+        """All actions by `TASK.ACTION`, in the order of the file."""
+        return {
+            f"{task.name}.{action.name}": action for task in self.tasks.values() for action in task.actions.values()
+        }
+
+    @property
+    def platforms(self) -> tuple[str, ...]:
+        """The platforms that its tasks name, in the order of the file; empty for a mission of one."""
+        named = (task.options.platform for task in self.tasks.values())
+        return tuple(dict.fromkeys(name for name in named if name is not None))
+
+
+def attempts(options: ItemFile) -> int:
+    """How often an item is started at most: once, and its retries."""
+    return 1 + (options.retries or (1 if options.on_failure is Policy.RETRY else 0))
+
+
+@lru_cache(maxsize=16)
+def digest_of(text: str) -> str:
+    """A short digest of a mission's text, by which a station tells whether the platform holds the one it knows."""
+    return blake2s(text.encode(), digest_size=6).hexdigest()
+
+
+def where_of(target: str) -> Where:
+    """The path in the mission file of the mission (empty), a `TASK`, or a `TASK.ACTION`."""
+    task, _, action = target.partition(".")
+    return ("tasks", task, "actions", action) if action else ("tasks", task) if task else ()
+
+
+def part_of(mission: Mission, name: str) -> Mission:
+    """One contingency of a mission as a mission of its own, in which a failure ends nothing but the action."""
+    task = mission.contingencies[name]
+    return replace(
+        mission,
+        tasks={name: replace(task, options=structs.replace(task.options, after=()))},
+        contingencies={},
+        deadline_s=None,
+        policies=structs.replace(mission.policies, on_failure=Policy.CONTINUE),
+        document=mission.document.seen_as("tasks", "contingencies") if mission.document is not None else None,
+    )

@@ -1,0 +1,379 @@
+"""Reads mission files: YAML in, a mission in NED with its fence out, or all errors in the file."""
+
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeVar
+
+from gloc3.documents import schema
+from gloc3.documents.document import Document, Where, load_bytes, parse
+from gloc3.documents.yaml_nodes import Node
+from gloc3.errors import Finding, InputError, Refused, nearest
+from gloc3.messages.frames import GeoPoint, LocalFrame
+from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.arguments import Arguments, FollowWaypointsOrder, argument_kinds
+from gloc3.mission.model.fence import Area, Fence, polygon_problem
+from gloc3.mission.model.model import (
+    FLY_PLAN,
+    GEO,
+    Action,
+    ActionFile,
+    AreaFile,
+    GeofenceFile,
+    ItemFile,
+    Mission,
+    MissionFile,
+    Policies,
+    Task,
+    TaskOptions,
+    where_of,
+)
+from gloc3.mission.model.patterns import MAX_WAYPOINTS, height_is_known
+from gloc3.mission.model.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement, Point
+from gloc3.mission.model.structure import Tasks, structure_findings
+from gloc3.mission.reading.definitions import expanded
+from gloc3.mission.reading.library import bundled
+from gloc3.platform.limits import Limits
+from gloc3.platform.platform import Platform
+
+Item = TypeVar("Item", bound=ItemFile)
+
+_ACTION_KEYS: Final = ActionFile.__struct_fields__
+_POSITION_KEYS: Final = ("polygon", "waypoints", "position", "at", "center", "area", "wall", "to")
+_EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surroundings:
+    """What a mission file refers to without saying it."""
+
+    platform: str | None = None
+    """Whose tasks are read; those of others are known by name only. None for everybody's."""
+    frames: Mapping[str, LocalFrame] | None = None
+    """Local frames by name; None where they are not known, and any name is taken."""
+    origin: GeoPoint | None = None
+    """Origin of NED; None for that of the mission's frame, or (frame geo) the first position of the mission."""
+    home_altitude_m: float | None = None
+    """Altitude above the sea at which the vehicle stands; None for that of the origin."""
+    capabilities: Mapping[str, str] | None = None
+    """Capability to kind of arguments; None where they are not known, and each kind is a capability."""
+    limits: Limits | None = None
+    """The platform's; None where they are not known."""
+
+    @classmethod
+    def of(
+        cls,
+        platform: Platform | None,
+        *,
+        frames: Mapping[str, LocalFrame] | None = None,
+        origin: GeoPoint | None = None,
+        home_altitude_m: float | None = None,
+    ) -> "Surroundings":
+        """Those of a platform (if it is known), with the frames of a world beside its own."""
+        capabilities = None
+        if platform is not None:
+            frames = {**(frames or {}), **platform.local_frames()}
+            capabilities = {name: row.arguments for name, row in abilities(platform).items()}
+        return cls(
+            platform=platform.platform if platform is not None else None,
+            frames=frames,
+            origin=origin,
+            home_altitude_m=home_altitude_m,
+            capabilities=capabilities,
+            limits=platform.limits if platform is not None else None,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reading:
+    """What was found in a mission file, usable or not."""
+
+    document: Document
+    findings: list[Finding]
+    mission: Mission | None
+    """None where the frame of the file is not usable at all; lacks the actions that are not."""
+    tasks: Tasks
+    contingencies: Tasks
+
+
+def read_mission(data: bytes | str, file: str, surroundings: Surroundings | None = None) -> Mission:
+    """Reads a mission; does not check it against a platform (see `checker`).
+
+    Raises:
+        InputError: with everything that is wrong in the file by itself.
+    """
+    reading = inspect_mission(data, file, surroundings or Surroundings())
+    findings = [*reading.findings, *structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
+    if reading.mission is None or any(not finding.is_warning for finding in findings):
+        raise InputError(sorted(findings))
+    return reading.mission
+
+
+def load_mission(name: str, surroundings: Surroundings | None = None) -> Mission:
+    """Reads a mission from a file, or an example by its name.
+
+    Raises:
+        InputError: with everything that is wrong in the file by itself.
+    """
+    from gloc3.mission.examples import find_mission
+
+    path = find_mission(name)
+    text = load_bytes(path).decode("utf-8-sig", "surrogateescape")
+    return read_mission(bundled(text, path), str(path), surroundings)
+
+
+def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) -> Reading:
+    """Reads as much of a mission as can be read.
+
+    Raises:
+        InputError: it is not YAML, or no mapping.
+    """
+    document = parse(data, file)
+    findings: list[Finding] = []
+    if not isinstance(document.value, dict):
+        raise InputError([document.finding((), "a mission file is a mapping", "begin with 'mission: NAME'")])
+    document = expanded(document, findings)
+    written = schema.check(document.root, MissionFile, file, findings)
+    placement = _placement(document, surroundings, findings)
+    tasks = _tasks(document, surroundings, placement, findings)
+    ready = _tasks(document.seen_as("tasks", "contingencies"), surroundings, placement, findings)
+    geofence = fence = None
+    fence_node = document.root.children.get("geofence")
+    if fence_node is not None and fence_node.value is not None:
+        geofence = schema.check(fence_node, GeofenceFile, file, [])
+    if geofence is not None and placement is not None:
+        fence = read_fence(geofence, placement, document, findings)
+    mission = None
+    if written is not None:
+        mission = Mission(
+            name=written.mission,
+            frame=written.frame,
+            platform=written.platform,
+            height_above=written.height_above,
+            geofence=geofence,
+            fence=fence,
+            policies=Policies(**{name: getattr(written, name) for name in Policies.__struct_fields__}),
+            deadline_s=written.deadline_s,
+            tasks=tasks.read,
+            contingencies=ready.read,
+            text=data if isinstance(data, str) else data.decode("utf-8-sig"),
+            document=document,
+        )
+    return Reading(document=document, findings=findings, mission=mission, tasks=tasks, contingencies=ready)
+
+
+def _tasks(
+    document: Document, surroundings: Surroundings, placement: Placement | None, findings: list[Finding]
+) -> Tasks:
+    """The tasks of a document, each with its actions as far as they can be used."""
+    found = Tasks(document=document, read={}, skeleton={}, actions={})
+    waypoints = 0
+    for name, node in _entries(document.root, "tasks"):
+        options = _options(node, TaskOptions, document.file, [], name)
+        platforms = (options.platform, surroundings.platform)
+        is_elsewhere = None not in platforms and options.platform != surroundings.platform
+        if isinstance(node.value, dict) and not {"actions", "use"} & {*node.children}:
+            hint = "give it actions, or use a definition"
+            findings.append(document.finding(("tasks", name), f"'actions' is missing in {name}", hint))
+        actions: dict[str, Action] = {}
+        for action_name, action_node in _entries(node, "actions"):
+            target, where = f"{name}.{action_name}", where_of(f"{name}.{action_name}")
+            if not isinstance(action_node.value, dict):
+                found.actions[target] = ActionFile()
+                continue
+            if is_elsewhere or waypoints > MAX_WAYPOINTS:
+                found.actions[target] = _options(action_node, ActionFile, document.file, findings, action_name)
+                continue
+            action = _action(action_name, action_node, where, document, surroundings, placement, findings)
+            found.actions[target] = action if isinstance(action, ActionFile) else action.options
+            if isinstance(action, Action) and isinstance(action.order, FollowWaypointsOrder):
+                waypoints += len(action.order.waypoints_ned_m)
+                if waypoints > MAX_WAYPOINTS:
+                    message = (
+                        f"up to here the mission has {waypoints:,} waypoints; at most {MAX_WAYPOINTS:,} are possible"
+                    )
+                    findings.append(document.finding(where, message, "make it several missions"))
+            if isinstance(action, Action):
+                is_planned = options.flown_by == "autopilot" and _may_be_planned(
+                    action.order, surroundings.capabilities
+                )
+                actions[action_name] = replace(action, is_planned=is_planned)
+        found.skeleton[name] = options
+        found.read[name] = Task(name=name, actions=actions, options=options, is_elsewhere=is_elsewhere)
+    return found
+
+
+def _may_be_planned(order: Arguments, capabilities: Container[str] | None) -> bool:
+    """Whether an order is flown as a plan on a platform with these capabilities (None: not known)."""
+    return isinstance(order, FollowWaypointsOrder) and capabilities is not None and FLY_PLAN in capabilities
+
+
+def _entries(node: Node, key: str) -> Iterator[tuple[str, Node]]:
+    """The entries of a mapping inside a mapping, as far as they are there and have usable names."""
+    inner = node.children.get(key)
+    if inner is not None and isinstance(inner.value, dict):
+        yield from ((str(name), child) for name, child in inner.children.items() if "." not in str(name))
+
+
+def _placement(document: Document, surroundings: Surroundings, findings: list[Finding]) -> Placement | None:
+    frame = document.value.get("frame")
+    if not isinstance(frame, str):
+        return None
+    if frame != GEO:
+        if surroundings.frames is None:
+            hint = "name a platform or world that declares it"
+            findings.append(
+                document.finding(
+                    ("frame",), f"frame {frame!r} is not known here; x is taken as north", hint, is_warning=True
+                )
+            )
+            return LocalPlacement(LocalFrame(_EARTH))
+        if frame not in surroundings.frames:
+            hint = nearest(frame, [*surroundings.frames, GEO])
+            findings.append(document.finding(("frame",), f"unknown frame {frame!r}", hint))
+            return None
+        return LocalPlacement(surroundings.frames[frame], surroundings.origin)
+    above = document.value.get("height_above", "home")
+    if above not in list(HeightAbove):
+        return None
+    if above == HeightAbove.GROUND:
+        message = "height above ground is taken as height above home: there is no terrain model"
+        findings.append(document.finding(("height_above",), message, is_warning=True))
+    if surroundings.origin is None and above == HeightAbove.SEA:
+        message = "the altitude of home is not known here; it is taken as 0"
+        findings.append(document.finding(("height_above",), message, is_warning=True))
+    return GeoPlacement(
+        surroundings.origin or _first_position(document.value), HeightAbove(above), surroundings.home_altitude_m
+    )
+
+
+def _first_position(value: Any) -> GeoPoint:
+    """The first latitude and longitude in a file, at sea level; the origin of NED where no better one is known."""
+    waiting: list[tuple[str, Any]] = [("", value)]
+    while waiting:
+        key, found = waiting.pop()
+        if isinstance(found, dict):
+            waiting += reversed([(str(name), inner) for name, inner in found.items()])
+        elif isinstance(found, list) and found and key in _POSITION_KEYS:
+            if isinstance(found[0], list):
+                waiting.append((key, found[0]))
+            elif len(found) >= 2 and all(isinstance(part, int | float) for part in found[:2]):
+                return GeoPoint(max(-90.0, min(90.0, float(found[0]))), float(found[1]), 0.0)
+    return _EARTH
+
+
+def _action(
+    name: str,
+    node: Node,
+    where: Where,
+    document: Document,
+    surroundings: Surroundings,
+    placement: Placement | None,
+    findings: list[Finding],
+) -> Action | ActionFile:
+    """An action, or just what it takes beside its capability where that is not usable."""
+    options = _options(node, ActionFile, document.file, findings, name)
+    capability = _capability(node, where, document, surroundings, findings)
+    if capability is None:
+        return options
+    kind_name = capability if surroundings.capabilities is None else surroundings.capabilities[capability]
+    kind = argument_kinds().get(kind_name)
+    if kind is None:
+        findings.append(document.finding((*where, capability), f"unknown kind of arguments {kind_name!r}", at_key=True))
+        return options
+    given = node.children[capability]
+    if given.value is None:
+        given = Node({}, given.line, given.column)
+    arguments: Arguments | None = schema.check(given, kind, document.file, findings, capability)
+    if arguments is None or placement is None:
+        return options
+    try:
+        if not height_is_known(placement, arguments):
+            raise Refused("height_m is missing: the mission's heights count from the sea, the platform's own from home")
+        filled = arguments.filled(surroundings.limits)
+        order = filled.order(placement)
+    except Refused as refusal:
+        findings.append(document.finding((*where, capability), str(refusal)))
+        return options
+    return Action(name=name, capability=capability, arguments=arguments, filled=filled, order=order, options=options)
+
+
+def _options(node: Node, kind: type[Item], file: str, findings: list[Finding], name: str) -> Item:
+    """What a task or action takes beside its content; the defaults where that does not fit."""
+    own = Node({}, node.line, node.column)
+    own.key_places = node.key_places
+    for key, child in node.children.items():
+        if key in kind.__struct_fields__:
+            own.value[key], own.children[key] = child.value, child
+    return schema.check(own, kind, file, findings, name) or kind()
+
+
+def _capability(
+    node: Node, where: Where, document: Document, surroundings: Surroundings, findings: list[Finding]
+) -> str | None:
+    """The one key of an action that names what is to be done."""
+    known = sorted(argument_kinds() if surroundings.capabilities is None else surroundings.capabilities)
+    others = [str(key) for key in node.children if key not in _ACTION_KEYS]
+    named = [key for key in others if key in known]
+    if not others:
+        findings.append(document.finding(where, "no capability is given", "known: " + ", ".join(known)))
+    for key in others:
+        if key not in known:
+            what = "key" if named else "capability"
+            hint = nearest(key, _ACTION_KEYS) if named else nearest(key, known, also=_ACTION_KEYS)
+            findings.append(document.finding((*where, key), f"unknown {what} {key!r}", hint, at_key=True))
+        elif key != named[0]:
+            message = f"a second capability {key!r} beside {named[0]!r}"
+            findings.append(document.finding((*where, key), message, "make it an action of its own", at_key=True))
+    return named[0] if named else None
+
+
+def read_fence(geofence: GeofenceFile, placement: Placement, document: Document, findings: list[Finding]) -> Fence:
+    """The fence in NED; what is wrong with it is appended to the findings."""
+    area = _area(geofence, placement, ("geofence",), document, findings, is_needed=geofence.ceiling_m is None)
+    keep_out = [
+        _area(one, placement, ("geofence", "keep_out", index), document, findings)
+        for index, one in enumerate(geofence.keep_out)
+    ]
+    ceiling_m = None if geofence.ceiling_m is None else placement.height_from(geofence.ceiling_m)
+    return Fence(area=area, keep_out=tuple(one for one in keep_out if one is not None), ceiling_m=ceiling_m)
+
+
+def _area(
+    written: AreaFile,
+    placement: Placement,
+    where: Where,
+    document: Document,
+    findings: list[Finding],
+    *,
+    is_needed: bool = True,
+) -> Area | None:
+    given = [name for name in AreaFile.__struct_fields__ if getattr(written, name) is not None]
+    if len(given) > 1 or (is_needed and not given):
+        wanted = "polygon or circle" if placement.is_geo else "polygon_m or circle_m"
+        findings.append(
+            document.finding(where, f"exactly one area is needed, {len(given)} are given", f"give {wanted}")
+        )
+        return None
+    if given and placement.is_geo != (given[0] in ("polygon", "circle")):
+        wanted = given[0].removesuffix("_m") if placement.is_geo else given[0] + "_m"
+        kind = "frame geo" if placement.is_geo else "a local frame"
+        findings.append(document.finding((*where, given[0]), f"{kind} takes {wanted}, not {given[0]}", at_key=True))
+        return None
+    if written.circle_m is not None:
+        return _round(written.circle_m.center_m, written.circle_m.radius_m, placement)
+    if written.circle is not None:
+        return _round(written.circle.center, written.circle.radius_m, placement)
+    corners = written.polygon_m or written.polygon
+    if corners is None:
+        return None
+    polygon = tuple(placement.ned_from((*corner, 0.0))[:2] for corner in corners)
+    problem = polygon_problem(polygon)
+    if problem:
+        findings.append(document.finding((*where, given[0]), problem))
+        return None
+    return Area(polygon_ne_m=polygon)
+
+
+def _round(center: Point, radius_m: float, placement: Placement) -> Area:
+    north, east, _ = placement.ned_from((*center, 0.0))
+    return Area(center_ne_m=(north, east), radius_m=radius_m)

@@ -1,0 +1,309 @@
+"""`gloc3 mission`: check, show and convert mission files."""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Final
+
+from cyclopts import App, Parameter
+
+from gloc3.cli.counting import counted
+from gloc3.errors import Finding, InputError, NotThere
+from gloc3.installed import installed_points
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.estimate import about
+from gloc3.mission.examples import find_mission
+from gloc3.mission.formats import (
+    MISSION_SUFFIXES,
+    PLAN_SUFFIXES,
+    WPL_SUFFIXES,
+    exported,
+    load_plan,
+    lost_in_waypoints,
+    mission_text,
+    to_mission,
+    write_plan,
+    write_wpl,
+)
+from gloc3.mission.reading.reader import Surroundings, load_mission
+from gloc3.mission.showing.picture import picture
+from gloc3.mission.showing.show import drawing, mermaid
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import load_platform
+
+app = App(
+    name="gloc3 mission",
+    help="""Make, check, show, simulate and convert mission files; tell what they can ask for.
+
+    For example:
+
+    - `gloc3 mission check my.yaml --platform pelican_rtk`: all that is wrong with it, with file, line and column
+    - `gloc3 mission show inspection`: tasks and actions in their order, with estimated times
+    - `gloc3 mission new survey --platform boat`: a mission to begin with, right as it is
+    - `gloc3 mission capabilities go_to --platform pelican`: what an action takes, with units, bounds and an example
+    - `gloc3 mission convert field.plan field.yaml`: from QGroundControl's plan; the other way and waypoints, too
+
+    Exit codes: 0 done; 1 it is not fit to fly, or cannot be converted; 2 wrong use.""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+_BROUGHT: Final = {"simulate": "Fly a mission in simulation, and compare what it took with its estimate."}
+"""What the list of commands says of those of other packages, without loading any of them."""
+
+for _point in installed_points("gloc3.mission_commands"):
+    app.command(_point.value, name=_point.name, help=_BROUGHT.get(_point.name, f"From {_point.value}."))  # loaded late
+
+OK: Final = 0
+FAILED: Final = 1
+WRONG_USE: Final = 2
+
+Mission = Annotated[str, Parameter(help="A mission file, a plan, or the name of an example.")]
+OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name of an installed platform.")]
+OnPlatforms = Annotated[list[str] | None, Parameter(name="--platform", negative=())]
+
+
+@app.command
+def check(
+    mission: Mission,
+    /,
+    *,
+    platforms: OnPlatforms = None,
+    json_output: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
+    """Prove a mission: its order, arguments, claims, space, time, energy and policies.
+
+    Args:
+        mission: What to check.
+        platforms: What it is to fly on, a platform file or the name of an installed one; without it only the file
+            itself is checked. May be given again for a mission whose tasks are for several platforms; then the parts of
+            those that are not given are checked by themselves.
+        json_output: Print the report as JSON.
+    """
+    try:
+        path, on = find_mission(mission), [load_platform(name) for name in platforms or ()]
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    try:
+        report = _report(path, on[0] if len(on) == 1 else None, on)
+    except NotThere as error:
+        return _fail(error, WRONG_USE)
+    except InputError as error:
+        report = Report(file=mission, findings=error.findings)
+    if json_output:
+        _print(json.dumps(report.as_dict(), indent=2))
+    else:
+        for finding in report.findings:
+            _print(str(finding))
+        _print(_verdict(report))
+    return OK if report.is_ok else FAILED
+
+
+@app.command
+def show(
+    mission: Mission,
+    /,
+    *,
+    platform: OnPlatform = None,
+    mermaid_output: Annotated[bool, Parameter(name="--mermaid")] = False,
+    svg: Path | None = None,
+) -> int:
+    """Draw the partial order of a mission, with estimated times.
+
+    Args:
+        mission: What to draw.
+        platform: What it is to fly on, for better estimates.
+        mermaid_output: Draw a Mermaid flowchart instead.
+        svg: Draw its way in plan view and its order over time into this file instead.
+    """
+    try:
+        path, on = find_mission(mission), _platform(platform)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    try:
+        report = _report(path, on)
+        found = report.flyable()
+    except InputError as error:
+        return _fail(error, WRONG_USE if isinstance(error, NotThere) else FAILED)
+    if svg is not None:
+        return _write(svg, picture(report))
+    _print(mermaid(found) if mermaid_output else drawing(report, Circumstances(platform=on).capabilities(), on), end="")
+    return OK
+
+
+@app.command
+def capabilities(
+    name: str | None = None,
+    /,
+    *,
+    platform: OnPlatform = None,
+    json_output: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
+    """Tell what missions can ask for: all capabilities, or one with its arguments, units, bounds and an example.
+
+    Args:
+        name: The capability to explain; all are listed without it.
+        platform: Whose capabilities; without it the kinds that the installed packages bring.
+        json_output: For programs.
+    """
+    from gloc3.cli.tables import print_json
+    from gloc3.mission.model.capability_lines import capability_line, capability_lines, explain, list_capabilities
+
+    try:
+        on = _platform(platform)
+        found = capability_line(name, on) if name is not None else capability_lines(on)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    if json_output:
+        print_json(found)
+    elif isinstance(found, tuple):
+        list_capabilities(found, on)
+    else:
+        explain(found, on)
+    return OK
+
+
+@app.command
+def new(template: str | None = None, /, *, platform: str = "pelican_rtk", file: Path | None = None) -> int:
+    """Make a mission file to begin with, and beside it the schema by which editors complete and check it.
+
+    Args:
+        template: What it is to be like; all are listed without it.
+        platform: What it is to fly on, a platform file or the name of an installed one.
+        file: Where to write; default: TEMPLATE.yaml here. A file that is there is left alone.
+    """
+    from gloc3.documents.json_schema import as_text
+    from gloc3.mission.reading.mission_schema import mission_schema
+    from gloc3.mission.templates import mission_from, templates
+
+    if template is None:
+        for name, purpose in templates().items():
+            _print(f"{name:<12}{purpose}")
+        _print("\nmake one of them: gloc3 mission new survey --platform NAME")
+        return OK
+    try:
+        on = load_platform(platform)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    path = file or Path(f"{template}.yaml")
+    beside = path.with_name(f"{on.platform}.mission.schema.json")
+    text = mission_from(template, on, beside.name)
+    if path.exists():
+        _complain(f"{path} is there already; --file names another, or move it away")
+        return WRONG_USE
+    if (code := _write(path, text)) != OK or (code := _write(beside, as_text(mission_schema(on)))) != OK:
+        return code
+    _print(f"wrote {path}, and {beside} for editors. Correct its places, and check it:")
+    _print(f"  gloc3 mission check {path} --platform {platform}")
+    return OK
+
+
+@app.command
+def schema(*, platform: OnPlatform = None, out: Path | None = None) -> int:
+    """Print the JSON Schema of mission files, by which editors complete, explain and check them.
+
+    Args:
+        platform: Whose capabilities, cameras and frames it knows; without it, the kinds that are installed.
+        out: The file to write it to, instead of printing it.
+    """
+    from gloc3.documents.json_schema import as_text
+    from gloc3.mission.reading.mission_schema import mission_schema
+
+    try:
+        text = as_text(mission_schema(_platform(platform)))
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    if out is None:
+        _print(text, end="")
+        return OK
+    return _write(out, text)
+
+
+@app.command
+def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) -> int:
+    """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
+
+    Args:
+        source: What to convert.
+        target: Where to write it.
+        platform: Whose speed limit a converted plan keeps to; and whose frames have a place on Earth, so that a mission in
+            one of them can become a plan, which the autopilot flies by itself.
+    """
+    known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
+    if target.suffix not in known:
+        _complain(f"{target}: unknown kind of file {target.suffix!r} (known: {', '.join(known)})")
+        return WRONG_USE
+    try:
+        path, on = find_mission(source), _platform(platform)
+    except InputError as error:
+        return _fail(error, WRONG_USE)
+    try:
+        text, warnings = _converted(path, target.suffix, on)
+    except InputError as error:
+        return _fail(error, WRONG_USE if isinstance(error, NotThere) else FAILED)
+    code = _write(target, text)
+    for warning in warnings if code == OK else ():
+        _complain(str(warning))
+    return code
+
+
+def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
+    if source.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        frames = platform.local_frames() if platform is not None else None
+        return exported(load_mission(str(source), Surroundings.of(platform)), suffix, str(source), frames)
+    plan = load_plan(source)
+    if suffix in MISSION_SUFFIXES:
+        limit_m_s = platform.limits.speed_m_s if platform is not None else None
+        return to_mission(plan, source.stem, str(source), limit_m_s)
+    if suffix in PLAN_SUFFIXES:
+        return write_plan(plan), []
+    return write_wpl(plan), lost_in_waypoints(plan, str(source))
+
+
+def _write(file: Path, text: str) -> int:
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        _complain(f"{file}: cannot be written: {(error.strerror or str(error)).lower()}")
+        return WRONG_USE
+    return OK
+
+
+def _platform(name: str | None) -> Platform | None:
+    return load_platform(name) if name is not None else None
+
+
+def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = ()) -> Report:
+    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        file, text, warnings = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
+        report = check_text(text, f"{file} (converted)", Circumstances(platform=platform))
+        findings = (*warnings, *report.findings)
+        return Report(
+            file=file, findings=findings, mission=report.mission, estimate=report.estimate, order=report.order
+        )
+    found = {one.platform: one for one in known}
+    file, text, _ = mission_text(str(path))
+    return check_text(text, file, Circumstances(platform=platform, known=found.get if found else None))
+
+
+def _verdict(report: Report) -> str:
+    numbers = f": {about(report.estimate)}" if report.estimate is not None else ""
+    errors = sum(not finding.is_warning for finding in report.findings)
+    warnings = len(report.findings) - errors
+    if report.is_ok:
+        return f"{report.file} is fit to fly{numbers}" + (f" ({counted(warnings, 'warning')})" if warnings else "")
+    return f"{report.file} is not fit to fly: {counted(errors, 'error')}"
+
+
+def _fail(error: InputError, code: int = FAILED) -> int:
+    _complain(str(error))
+    return code
+
+
+def _print(text: str, end: str = "\n") -> None:
+    sys.stdout.write(text + end)
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(text + "\n")

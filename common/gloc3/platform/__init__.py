@@ -1,0 +1,4 @@
+"""The platform file: what a vehicle is, can do and is limited to, and which components make it up.
+
+The reader and the checks give every finding its place in the file.
+"""

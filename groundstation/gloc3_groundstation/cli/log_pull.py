@@ -1,0 +1,209 @@
+"""`gloc3 log pull`: fetches the logs of a platform, over MAVLink FTP or the network of platforms and stations."""
+
+import asyncio
+import secrets
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import msgspec
+from cyclopts import Parameter
+
+from gloc3.cli.counting import counted
+from gloc3.cli.narration import ERROR, narrate
+from gloc3.errors import Gloc3Error, NotHeard, Refused
+from gloc3.messages.command_interface import LogOnboard
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.services.saving import part_of
+from gloc3_groundstation.store.pace import amount
+from gloc3_groundstation.store.pull_progress import PullProgress
+
+if TYPE_CHECKING:
+    from gloc3_groundstation.store.log_pull import LogPuller
+
+TRAFFIC: Final = ".tlog"
+STATION_ID: Final = 254
+"""Another one than that of a ground station which runs at the same time."""
+
+
+def pull(
+    source: str,
+    /,
+    *logs: str,
+    platform: str | None = None,
+    out: Path = Path(),
+    keep: Annotated[bool, Parameter(negative="")] = False,
+    frames: Annotated[bool, Parameter(negative="")] = False,
+    no_cut: Annotated[bool, Parameter(negative="")] = False,
+    list_only: Annotated[bool, Parameter(name="--list", negative="")] = False,
+    wait: float = 60.0,
+    station_id: int = STATION_ID,
+    signing_key: Path | None = None,
+) -> int:
+    """Fetch logs from a vehicle; what has come is kept, and the same command goes on after a break or Ctrl-C.
+
+    The vehicle calculates the SHA-256 digest of each log. When what has come has the same, the log takes its name in
+    OUT/PLATFORM, and is deleted on the vehicle; until then it is OUT/PLATFORM/LOG.BYTES.part. While the link is lost the
+    command waits, and goes on by itself when the vehicle is heard again. A station that may only look fetches, and
+    deletes nothing.
+
+    For example:
+
+    - `gloc3 log pull udpin://0.0.0.0:14550 --list`: which logs the vehicle has, and how much of them is here
+    - `gloc3 log pull udpin://0.0.0.0:14550`: all logs of the first vehicle that is heard, over MAVLink FTP
+    - `gloc3 log pull network-ops.yaml --platform auv`: over the network, as the station of that file
+    - `gloc3 log pull serial:///dev/ttyUSB0:57600 log-3.mcap --keep`: one log, by radio, and it stays there
+
+    Args:
+        source: The MAVLink URL of a link to the vehicle, or the network file of a station.
+        logs: Their names; none for all.
+        platform: The vehicle's name; otherwise the first that is heard.
+        out: The folder for the folder PLATFORM with the logs.
+        keep: Leave them on the vehicle.
+        frames: Fetch the MAVLink frames of the runs (.tlog), too.
+        no_cut: Leave the log alone that is being written; otherwise it is ended, and the next begun.
+        list_only: List the logs and fetch none.
+        wait: Give up when the vehicle is not heard within so many seconds.
+        station_id: The MAVLink system of this station.
+        signing_key: A file with the MAVLink signing key of the link.
+    """
+    if not 0.0 < wait < float("inf"):
+        raise Refused("--wait must be above 0 seconds")
+    if not 200 <= station_id <= 255:
+        raise Refused("--station-id must be from 200 to 255")
+    if "://" not in source and not Path(source).expanduser().is_file():
+        raise Refused(
+            f"{source!r} is no link, such as udpin://0.0.0.0:14550 or serial:///dev/ttyUSB0:57600, and no network file"
+        )
+    if out.exists() and not out.is_dir():
+        raise Refused(f"--out {out} is a file, not a folder")
+    if list_only and (logs or keep):
+        raise Refused("--list names all logs and fetches none; leave it out to fetch")
+    wanted = Wanted(
+        names=logs, is_kept=keep, has_frames=frames, is_uncut=no_cut or list_only, is_list=list_only, out=out
+    )
+    return asyncio.run(_pull(source, platform, wanted, wait, station_id, signing_key))
+
+
+class Wanted(msgspec.Struct, frozen=True, kw_only=True):
+    """What is to be done with the logs."""
+
+    names: tuple[str, ...] = ()
+    """Which; none for all."""
+    is_kept: bool = False
+    """Onboard, when they are here."""
+    has_frames: bool = False
+    """The MAVLink frames, too."""
+    is_uncut: bool = False
+    """The log that is being written goes on."""
+    is_list: bool = False
+    """They are listed, and none is fetched."""
+    out: Path
+
+
+async def _pull(
+    source: str, platform: str | None, wanted: Wanted, wait_s: float, system: int, key_file: Path | None
+) -> int:
+    from gloc3.clock import utc_now
+    from gloc3.mavlink.signing_key import read_signing_key
+    from gloc3.network.file import read_network
+    from gloc3_groundstation.assembly import GroundStation, StationSetup
+    from gloc3_groundstation.desk import flights
+    from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller, ftp_carrier
+
+    is_link = "://" in source
+    network = None if is_link else read_network(Path(source).expanduser(), utc_now())
+    key = None if key_file is None else read_signing_key(key_file.expanduser())
+    setup = StationSetup(boot=secrets.randbits(32), system=system, signing_key=key, network=network)
+    async with AsyncExitStack() as stack:
+        ground = GroundStation(setup, report=narrate)
+        stack.push_async_callback(ground.close)
+        await ground.open([source] if is_link else [])
+        station, links = ground.station, ground.links
+        try:
+            async with asyncio.timeout(wait_s):
+                name = await flights.await_platform(station, platform)
+        except TimeoutError:
+            who, others = platform or "a vehicle", ", ".join(known.name for known in station.fleet)
+            hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
+            raise NotHeard(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
+        found = [(link, at) for _, link in links.ways() for each, at in link.platforms() if each == name]
+        progress = PullProgress(ground.loop)
+        carrier = (
+            await stack.enter_async_context(ftp_carrier(*found[0]))
+            if found
+            else ChunkCarrier(station, ground.exchange, name)
+        )
+        return await fetch(LogPuller(station, name, carrier, progress.tell, progress.pause), name, wanted, progress)
+
+
+async def fetch(puller: "LogPuller", name: str, wanted: Wanted, progress: PullProgress) -> int:
+    """Fetches what is wanted of a vehicle that is heard."""
+    from gloc3_groundstation.station.command_client import Declined
+
+    if not wanted.is_uncut:
+        try:
+            await puller.cut()
+        except Declined as error:
+            narrate(f"the log that is being written is not ended: {error}", Severity.WARNING)
+    listed, folder = await puller.list(), wanted.out / name
+    if wanted.is_list:
+        for log in listed:
+            print(_listed(log, folder))  # noqa: T201
+        return 0
+    chosen = _chosen(name, listed, wanted)
+    folder.mkdir(parents=True, exist_ok=True)
+    failed = 0
+    for number, log in enumerate(chosen, 1):
+        progress.begin(f"{log.name} ({number} of {len(chosen)})" if len(chosen) > 1 else log.name)
+        if share := _share(log, folder):
+            narrate(f"{log.name}: goes on from {share:.0f} % of {amount(log.size)}")
+        try:
+            pulled = await puller.pull(log, folder, is_kept=wanted.is_kept)
+        except asyncio.CancelledError:
+            share = _share(log, folder)
+            here = f"{share:.0f} % of it is here, and kept; " if share else ""
+            narrate(f"{log.name}: {here}the same command goes on with it")
+            raise
+        except Gloc3Error as error:
+            failed += 1
+            narrate(f"{log.name}: {error}", ERROR)
+            continue
+        drops = f", the way was lost {counted(pulled.drops, 'time')}" if pulled.drops else ""
+        left = "deleted onboard" if pulled.is_deleted else "left onboard"
+        narrate(f"{log.name}: {amount(pulled.size)}, digest equal, {left}{drops}")
+        print(pulled.path)  # noqa: T201
+    if not chosen:
+        narrate(f"{name} has no finished logs")
+    return 1 if failed else 0
+
+
+def _chosen(platform: str, listed: list[LogOnboard], wanted: Wanted) -> list[LogOnboard]:
+    """The logs that are fetched.
+
+    Raises:
+        Gloc3Error: one was named that is not there, or still being written.
+    """
+    known = {log.name: log for log in listed}
+    for name in wanted.names:
+        if name not in known:
+            raise Gloc3Error(f"{platform} has no log {name!r}; it has {', '.join(known) or 'none'}")
+        if known[name].is_open:
+            raise Gloc3Error(f"{name} is still being written; without --no-cut it is ended first")
+    finished = [log for log in listed if not log.is_open]
+    if wanted.names:
+        return [log for log in finished if log.name in wanted.names]
+    return [log for log in finished if wanted.has_frames or not log.name.endswith(TRAFFIC)]
+
+
+def _listed(log: LogOnboard, folder: Path) -> str:
+    """A line of the list."""
+    share = _share(log, folder)
+    state = "is being written" if log.is_open else f"{share:.0f} % here" if share else ""
+    return f"{log.name:24} {amount(log.size):>10}  {state}".rstrip()
+
+
+def _share(log: LogOnboard, folder: Path) -> float:
+    """How much of a log an attempt has left here, in percent."""
+    part = part_of(folder / log.name, log.size)
+    return 100.0 * part.stat().st_size / log.size if log.size and part.exists() else 0.0

@@ -1,0 +1,269 @@
+"""One run of the station in wall time: opens the links, shows or narrates, and closes everything in order."""
+
+import asyncio
+import gc
+import getpass
+import os
+import signal
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from gloc3.cli.narration import narrate
+from gloc3.clock import Clock
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.assembly import GroundStation, StationSetup
+from gloc3_groundstation.cli.headless import Headless
+from gloc3_groundstation.cli.narration import Line
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.store.configuration import Configuration, unsaved_folder
+from gloc3_groundstation.web.live_view import LiveView
+from gloc3_groundstation.web.server import Told, WebOptions, WebServer, Window, exposure
+
+if TYPE_CHECKING:
+    from gloc3_groundstation.desk.desk import Desk
+
+INTERRUPTED: Final = 128 + signal.SIGINT
+
+
+class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What was asked for on the command line."""
+
+    urls: tuple[str, ...] = ()
+    """The links."""
+    modems: tuple[tuple[str, str], ...] = ()
+    """Acoustic modems: the platform that each leads to, and its URL."""
+    platform: str | None = None
+    """The one to command; None for the first that is heard."""
+    plan: Plan | None = None
+    """The selected mission."""
+    configuration: Configuration = Configuration()
+    """How the terminal looks, and where it was left."""
+    problem: str = ""
+    """Why the configuration file could not be used; empty where it could."""
+    foxglove_port: int | None = None
+    """Where Foxglove is served; None for nowhere."""
+
+
+class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """How a session without a terminal goes."""
+
+    wait_s: float = 60.0
+    """How long the platform may take to be heard."""
+    override: str = ""
+    """Why the mission shall start although checks are red; empty to have it refused then."""
+    is_at_contact: bool = False
+    """Brings the mission over at the next contact, however long that takes, and starts nothing."""
+
+
+class TerminalOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """How a session in the terminal goes."""
+
+    is_starting: bool = False
+    """Starts the selected mission without waiting for the key."""
+    is_closing: bool = False
+    """Closes when that mission has ended."""
+    web: WebOptions | None = None
+    """Where it is shown to a browser; None for the terminal that it was started in."""
+    opens: str = ""
+    """A mission file with errors, which is shown at the first of them."""
+
+
+class Session:
+    """A run of the station, ready to be run once.
+
+    Args:
+        setup: what the station is.
+        options: what was asked for.
+    """
+
+    def __init__(self, setup: StationSetup, options: SessionOptions) -> None:
+        self._setup, self._options = setup, options
+
+    async def narrate(self, options: HeadlessOptions, data: Callable[[Line], None] | None = None) -> int:
+        """Flies the selected mission, or watches; narrates on stderr.
+
+        Args:
+            options: how.
+            data: receives the same as data.
+
+        Returns:
+            The exit code.
+        """
+
+        def tell(line: Line) -> None:
+            narrate(str(line))
+            if data is not None:
+                data(line)
+
+        asked = self._options
+        async with self._ground() as ground:
+            run = Headless(ground.station, tell, platform=asked.platform)
+            if asked.problem:
+                run.say(f"warning: {asked.problem}")
+            run.say(f"listening on {ground.links.describe()}")
+            work = asyncio.ensure_future(
+                run.watch()
+                if asked.plan is None
+                else self._leave(run, asked.plan, ground)
+                if options.is_at_contact
+                else self._fly(run, asked.plan, options)
+            )
+            loop = asyncio.get_running_loop()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, work.cancel)
+            try:
+                return await work or 0
+            except asyncio.CancelledError:
+                run.say(wording.farewell(ground.station.fleet))
+                return 0 if asked.plan is None else INTERRUPTED
+
+    async def show(self, options: TerminalOptions, keep: Callable[[Configuration], bool]) -> int:
+        """Opens the terminal.
+
+        Args:
+            options: how.
+            keep: receives the configuration when the terminal closes; returns whether it could be kept.
+
+        Returns:
+            The exit code.
+        """
+        if options.web is not None:
+            os.environ.setdefault("TEXTUAL_COLOR_SYSTEM", "truecolor")  # read by Textual when it is loaded
+        from gloc3_groundstation.tui.app import StationApp
+
+        asked = self._options
+        async with self._ground() as ground:
+            station = ground.station
+            app = StationApp(
+                self._desk(ground),
+                asked.configuration,
+                platform=asked.platform,
+                waiting_for=ground.links.describe,
+                is_starting=options.is_starting,
+                is_closing=options.is_closing,
+                is_in_browser=options.web is not None,
+                opens=options.opens,
+            )
+            loop = asyncio.get_running_loop()
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                loop.add_signal_handler(number, app.interrupt)
+            if asked.problem:
+                station.note("", Severity.WARNING, asked.problem)
+            gc.freeze()  # what is loaded stays: a search for garbage among it would hold keys up for a tenth of a second
+            if options.web is None:
+                end = await app.run_async()
+            else:
+                async with _served(app.desk, options.web, lambda: app.window):
+                    end = await app.run_async()
+            if not keep(app.configuration()) and not asked.problem:
+                narrate("warning: the configuration file cannot be written: this session is not kept")
+            kept = app.desk.missions.keep_unsaved(unsaved_folder())
+            if kept is not None:
+                narrate(f"the changes that were not saved are in {kept}")
+            for line in _summary(station):
+                narrate(line)
+            if end is None:
+                narrate(wording.farewell(station.fleet))
+                return app.return_code or int(options.is_closing)
+            return 0 if end.is_done else 1
+
+    def _desk(self, ground: GroundStation) -> "Desk":
+        from gloc3_groundstation.desk.desk import Desk
+
+        return Desk(
+            ground.station,
+            self._options.plan,
+            events=ground.events,
+            services=ground.services,
+            links=ground.links,
+            queue=ground.begin_queue(is_kept=True),
+            author=operator(),
+        )
+
+    async def _leave(self, run: Headless, plan: Plan, ground: GroundStation) -> int:
+        """Queues a mission, and waits until it is there or refused."""
+        name = self._options.platform or next(iter(plan.platforms), "")
+        if not name or len(plan.platforms) > 1:
+            raise Refused("--at-contact needs --platform, and a mission for one")
+        queue = ground.begin_queue(is_kept=False)
+        async with run.narrating():
+            return 1 if await queue.ended(queue.add(name, plan)) else 0
+
+    @staticmethod
+    async def _fly(run: Headless, plan: Plan, options: HeadlessOptions) -> int:
+        author = operator() if options.override else ""
+        try:
+            return 0 if (await run.fly(plan, options.wait_s, options.override, author)).is_done else 1
+        except Gloc3Error as error:
+            run.say(f"error: {error}")
+            return 1
+
+    @asynccontextmanager
+    async def _ground(self) -> AsyncIterator[GroundStation]:
+        """The station with its links, and with Foxglove's view of it, if that was asked for."""
+        ground, view = GroundStation(self._setup), None
+        try:
+            await ground.open(self._options.urls, self._options.modems)
+            if self._options.foxglove_port is not None:
+                offset_s = Clock(ground.loop).utc_offset_s
+                view = LiveView(ground.station, ground.exchange, ground.loop, ground.topics, offset_s)
+                url = view.open(self._options.foxglove_port)
+                ground.station.note("", Severity.NOTICE, f"Foxglove is served, view only: {url}")
+            yield ground
+        finally:
+            if view is not None:
+                view.close()
+            await ground.close()
+
+
+@asynccontextmanager
+async def _served(desk: "Desk", options: WebOptions, window: Callable[[], Window | None]) -> AsyncIterator[None]:
+    """The page for a browser, and what is said of it in the terminal that the station was started in."""
+    async with WebServer(window, options, teller(desk)).serving() as url:
+        if options.is_exposed:
+            narrate(exposure(url, operator()))
+        narrate(f"the station is at {url} (Ctrl-C here ends it)")
+        yield
+
+
+def teller(desk: "Desk") -> Told:
+    """Tells in the terminal, and among the events, who looks; that nobody does is a warning while a vehicle needs it."""
+
+    def told(text: str, is_watched: bool) -> None:
+        armed = [] if is_watched else desk.armed_in_our_control()
+        if armed:
+            text = f"{text}; {', '.join(armed)}: armed and in this station's control, on_link_loss does not begin"
+        desk.station.note("", Severity.WARNING if armed else Severity.NOTICE, text)
+        narrate(text)
+
+    return told
+
+
+def operator() -> str:
+    """Who is at this station, for what is logged with a name; empty where the system does not tell."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a user without a name, as in a container
+        return ""
+
+
+def _summary(station: Station) -> list[str]:
+    """What is worth reading after the terminal has closed."""
+    lines = []
+    for event in station.fleet.events:
+        if event.severity <= Severity.WARNING:
+            who = ": ".join(part for part in (event.platform, event.source) if part)
+            clock = wording.clock(event.heard_s - station.started_s)
+            lines.append(f"{clock}  {event.severity.name.lower()}: {who + ': ' if who else ''}{event.text}")
+    for platform in station.fleet:
+        if platform.mission is not None and platform.mission.value.state:
+            mission = platform.mission.value
+            reason = f" ({mission.reason})" if mission.reason else ""
+            lines.append(f"{platform.name}: {mission.name!r} is {mission.state}{reason}")
+    return lines

@@ -1,0 +1,258 @@
+"""The operator's desk: what can be asked of a platform now, and doing it with the outcome noted as an event."""
+
+from collections.abc import Awaitable
+from enum import StrEnum
+from typing import Final
+
+from gloc3.errors import Gloc3Error
+from gloc3.messages.command_interface import EmergencyVerb, Verb
+from gloc3.messages.envelope import Severity
+from gloc3.mission.model.states import ENDED, ActionState, allowed
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.component_desk import ComponentDesk
+from gloc3_groundstation.desk.events_desk import EventsDesk
+from gloc3_groundstation.desk.fleet_desk import FleetDesk, LinkKeeper
+from gloc3_groundstation.desk.flights import End, Follower
+from gloc3_groundstation.desk.mission_desk import MissionDesk
+from gloc3_groundstation.desk.preflight_desk import PreflightDesk
+from gloc3_groundstation.desk.services_desk import ServicesDesk
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station import alerts
+from gloc3_groundstation.station.alerts import Alerts
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.store.contact_queue import ContactQueue
+
+PRESSED_AGAIN_S: Final = 20.0
+"""A second press of the emergency key within this time offers more than hold."""
+
+
+class Move(StrEnum):
+    """What the operator can ask for."""
+
+    STREAM = "stream"
+    CONTROL = "control"
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    ABORT = "abort"
+
+
+class Desk:
+    """Asks one platform at a time for what an operator wants; refusals become events, never exceptions."""
+
+    def __init__(
+        self,
+        station: Station,
+        plan: Plan | None = None,
+        *,
+        events: EventsDesk | None = None,
+        services: ServicesDesk | None = None,
+        links: LinkKeeper | None = None,
+        queue: ContactQueue | None = None,
+        author: str = "",
+    ) -> None:
+        """A desk.
+
+        Args:
+            station: hears and commands the platforms.
+            plan: the mission at hand, checked; None without one.
+            events: keeps the station's events; None for one that forgets them with the process.
+            services: what is done with the vehicles' autopilots; None for a station without links.
+            links: holds the station's links; None where there are none.
+            queue: keeps missions for the next contact; None for one that forgets them with the process.
+            author: the operator's name, for what is logged with it.
+        """
+        self.station: Final = station
+        self.events: Final = events or EventsDesk(station)
+        self.fleet: Final = FleetDesk(self, links)
+        self.missions: Final = MissionDesk(station, plan)
+        self.components: Final = ComponentDesk(self)
+        self.services: Final = services or ServicesDesk(station)
+        self.preflight: Final = PreflightDesk(station)
+        self.queue: Final = queue or ContactQueue(station)
+        """Missions that wait for the next contact."""
+        self._author = author
+        self.gamepad = ""
+        """The device of a gamepad; empty for none."""
+        self._streamed: dict[str, tuple[int, str]] = {}
+        self._held_s: dict[str, float] = {}
+        self._alerts = Alerts()
+
+    @property
+    def plan(self) -> Plan | None:
+        """The mission at hand; None without one, or while it may not fly."""
+        return self.missions.plan
+
+    def alerts(self) -> Alerts:
+        """What the operator has to take note of, as it is now."""
+        before, self._alerts = self._alerts, alerts.update(self._alerts, self.station.fleet, self.station.now_s())
+        for alert in alerts.began(self._alerts, before, alerts.LINK):  # of all else the vehicle itself tells an event
+            self.station.note(alert.platform, Severity.NOTICE, alert.text)
+        return self._alerts
+
+    def acknowledge(self, key: tuple[str, str] | None = None) -> None:
+        """Takes note of one alert, or of all."""
+        self._alerts = alerts.acknowledge(self._alerts, key)
+
+    def moves(self, platform: PlatformSnapshot) -> frozenset[Move]:
+        """What makes sense to ask of a platform in its present state; nothing of a vehicle without our companion."""
+        if not platform.has_companion:
+            return frozenset()
+        holds_control = platform.control is not None and platform.control.value.holder == self.station.id
+        found = set() if holds_control else {Move.CONTROL}
+        mission = platform.mission.value if platform.mission is not None else None
+        state = mission.state if mission is not None else ""
+        is_under_way = state in (ActionState.RUNNING, ActionState.PAUSED)
+        if self.plan is not None and not is_under_way:
+            found |= {Move.STREAM, Move.START}
+        if self.plan is not None and self._is_silent(platform.name):  # it waits for contact
+            found.add(Move.STREAM)
+        if state in list(ActionState):
+            found |= {Move(verb.value) for verb in allowed(ActionState(state)) if verb.value in list(Move)}
+        return frozenset(found)
+
+    def has_streamed(self, platform: PlatformSnapshot) -> bool:
+        """Whether the mission at hand was brought to this life of the platform."""
+        return self.plan is not None and self._streamed.get(platform.name) == (platform.boot, self.plan.text)
+
+    def mission_to_start(self, platform: PlatformSnapshot) -> str:
+        """What the mission calls itself that a start would fly: the one at hand, else, and that is said, the one aboard."""
+        if self.plan is not None:
+            return self.plan.title
+        name = platform.mission.value.name if platform.mission is not None else ""
+        return name if self.missions.draft is None else f"{name}, as it is aboard (the one at hand has errors),"
+
+    async def make(self, name: str, move: Move) -> None:
+        """Asks a platform for something."""
+        match move:
+            case Move.STREAM:
+                await self.stream(name)
+            case Move.CONTROL:
+                await self.take_control(name)
+            case Move.START:
+                await self.start(name)
+            case Move.PAUSE | Move.RESUME | Move.ABORT:
+                await self.steer(name, Verb(move.value))
+
+    async def stream(self, name: str) -> bool:
+        """Takes control and brings the mission at hand over."""
+        plan = self.plan
+        if plan is None:
+            return False
+        for one in self._crew(name):
+            if self._is_silent(one):
+                self.queue.add(one, plan)
+                continue
+            if not await self._do(one, "stream", flights.stream(self.station, one, plan)):
+                return False
+            platform = self.station.fleet.get(one)
+            if platform is not None:
+                self._streamed[one] = platform.boot, plan.text
+        return True
+
+    def _is_silent(self, name: str) -> bool:
+        """Whether nothing is heard of a platform that has been heard."""
+        platform = self.station.fleet.get(name)
+        return platform is not None and platform.is_quiet_link(self.station.now_s())
+
+    def _crew(self, name: str) -> tuple[str, ...]:
+        """The platforms that the mission at hand is for: those that it names, or the one that the operator looks at."""
+        return (self.plan.platforms if self.plan is not None else ()) or (name,)
+
+    async def start(self, name: str, override: str = "") -> dict[str, Follower]:
+        """Starts the mission; the one at hand is streamed first if that has not been done, or it has been flown.
+
+        Args:
+            name: the platform.
+            override: why it shall start although checks are red; empty to have it refused then.
+        """
+        crew = self._crew(name)
+        for one in filter(self._is_silent, crew):
+            text = (
+                "start: nothing is heard of it, and a start is never kept for later; u queues the mission for contact"
+            )
+            self.station.note(one, Severity.ERROR, text)
+            return {}
+        if self.plan is not None and any(self._needs_streaming(one) for one in crew):
+            if not await self.stream(name):
+                return {}
+        else:
+            for one in crew:
+                if not await self.take_control(one):
+                    return {}
+        followers: dict[str, Follower] = {}
+
+        async def begin() -> None:
+            followers.update(await flights.start_all(self.station, crew, override, self._author if override else ""))
+
+        await self._do(name, "start", begin())
+        for one in crew:
+            self.preflight.forget(one)
+        return followers
+
+    def _needs_streaming(self, name: str) -> bool:
+        platform = self.station.fleet.get(name)
+        state = platform.mission.value.state if platform is not None and platform.mission is not None else ""
+        return platform is not None and (state in ENDED or not self.has_streamed(platform))
+
+    async def bring(self, name: str) -> bool:
+        """Streams the mission at hand as soon as the platform is ready for one."""
+        for one in self._crew(name):
+            lacks = await flights.await_ready(self.station, one)
+            if lacks:
+                self.station.note(one, Severity.WARNING, f"it still lacks {', '.join(lacks)}")
+        return await self.stream(name)
+
+    async def fly(self, name: str) -> End | None:
+        """Brings the mission at hand, starts it and follows it to its end; None where it did not come to that."""
+        if not await self.bring(name):
+            return None
+        followers = await self.start(name)
+        return await flights.follow_all(self.station, followers) if followers else None
+
+    async def take_control(self, name: str) -> bool:
+        """Asks for control."""
+        return await self._do(name, "control", flights.take_control(self.station, name))
+
+    async def steer(self, name: str, verb: Verb) -> bool:
+        """Pauses, resumes or aborts the mission."""
+
+        async def ask() -> None:
+            await flights.take_control(self.station, name)
+            await self.station.client.steer(name, verb)
+            self.station.note(name, Severity.INFO, f"{verb}: accepted")
+
+        return await self._do(name, verb.value, ask())
+
+    def armed_in_our_control(self) -> list[str]:
+        """The platforms that would miss this station."""
+        return [
+            platform.name
+            for platform in self.station.fleet
+            if platform.is_armed and platform.control is not None and platform.control.value.holder == self.station.id
+        ]
+
+    def was_just_held(self, name: str) -> bool:
+        """Whether the emergency key has just been pressed for this platform, so that a further press means more."""
+        return self.station.now_s() - self._held_s.get(name, float("-inf")) < PRESSED_AGAIN_S
+
+    async def emergency(self, name: str, verb: EmergencyVerb, confirmation: str = "") -> bool:
+        """Hold, land or disarm, without asking who is in control."""
+        platform = self.station.fleet.get(name)
+        if platform is not None and not platform.has_companion:
+            text = f"emergency {verb}: {name} has no companion of ours to do it; use its remote control"
+            self.station.note(name, Severity.ALERT, text)
+            return False
+        self._held_s[name] = self.station.now_s()
+        self.station.note(name, Severity.NOTICE, f"emergency {verb}")
+        work = self.station.client.emergency(name, verb, confirmation)
+        return await self._do(name, f"emergency {verb}", work)
+
+    async def _do(self, name: str, what: str, work: Awaitable[None]) -> bool:
+        try:
+            await work
+        except Gloc3Error as error:
+            self.station.note(name, Severity.ERROR, f"{what}: {error}")
+            return False
+        return True

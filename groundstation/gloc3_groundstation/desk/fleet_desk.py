@@ -1,0 +1,176 @@
+"""What can be asked of several vehicles at once, and of the links that lead to them."""
+
+import asyncio
+from collections.abc import Awaitable, Iterable, Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, Protocol
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages.command_interface import Control, ControlVerb, EmergencyVerb, Verb
+from gloc3.messages.envelope import Severity
+from gloc3.messages.software import own_software
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.links.link_snapshot import LinkSnapshot
+from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
+
+if TYPE_CHECKING:
+    from gloc3_groundstation.desk.desk import Desk
+
+
+class Order(StrEnum):
+    """What is asked of a selection of vehicles."""
+
+    HOLD = "hold"
+    PAUSE = "pause"
+    RESUME = "resume"
+    LAND = "land"
+    START = "start"
+
+
+class LinkKeeper(Protocol):
+    """Whoever holds the station's links."""
+
+    def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
+        """All links, with those of these platforms that are behind each."""
+
+    async def add(self, url: str) -> None:
+        """Opens one more link; raises `Refused` where that cannot be."""
+
+    async def remove(self, url: str) -> None:
+        """Closes a link; raises `Refused` where there is none of that name."""
+
+
+class NoLinks:
+    """A station without links of its own, as in tests."""
+
+    def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
+        """None."""
+        return ()
+
+    async def add(self, url: str) -> None:
+        """Refuses."""
+        raise Refused(f"{url}: this station opens no links")
+
+    async def remove(self, url: str) -> None:
+        """Refuses."""
+        raise Refused(f"there is no link {url}")
+
+
+class FleetDesk:
+    """Orders for a selection, control of a vehicle, and links; refusals become events, never exceptions."""
+
+    def __init__(self, desk: "Desk", links: LinkKeeper | None = None) -> None:
+        """A desk.
+
+        Args:
+            desk: asks one vehicle at a time.
+            links: holds the links.
+        """
+        self._desk = desk
+        self._station = desk.station
+        self._links: LinkKeeper = NoLinks() if links is None else links
+        self._station.listen(self._watch_control)
+
+    # --- several vehicles ---
+
+    def named(self, names: Iterable[str]) -> list[str]:
+        """Those of some names that are vehicles of the fleet, in its order."""
+        wanted = set(names)
+        return [platform.name for platform in self._station.fleet if platform.name in wanted]
+
+    async def order(self, names: Sequence[str], order: Order) -> list[str]:
+        """Asks the same of several vehicles at once; returns those that accepted it."""
+
+        async def one(name: str) -> bool:
+            match order:
+                case Order.HOLD | Order.LAND:
+                    return await self._desk.emergency(name, EmergencyVerb(order.value))
+                case Order.PAUSE | Order.RESUME:
+                    return await self._desk.steer(name, Verb(order.value))
+                case Order.START:
+                    return bool(await self._desk.start(name))
+
+        done = await asyncio.gather(*(one(name) for name in names))
+        accepted = [name for name, is_done in zip(names, done, strict=True) if is_done]
+        if len(names) > 1:
+            others = [name for name in names if name not in accepted]
+            text = f"{order}: accepted by {len(accepted)} of {len(names)}" + (
+                f", not {', '.join(others)}" * bool(others)
+            )
+            self._station.note("", Severity.WARNING if others else Severity.INFO, text)
+        return accepted
+
+    # --- control of one vehicle ---
+
+    def control_verbs(self, platform: PlatformSnapshot) -> frozenset[ControlVerb]:
+        """What can be asked about control of a vehicle now; nothing of one without a companion of ours."""
+        if not platform.has_companion:
+            return frozenset()
+        state = platform.control.value if platform.control is not None else None
+        if state is None or state.holder != self._station.id:
+            taken = {ControlVerb.TAKE_OVER} if state is not None and state.holder else set()
+            return frozenset({ControlVerb.REQUEST, *taken})
+        asked = {ControlVerb.GRANT, ControlVerb.REFUSE} if state.requested_by else set()
+        return frozenset({ControlVerb.RELEASE, *asked})
+
+    async def control(self, name: str, verb: ControlVerb) -> bool:
+        """Requests, takes over, releases, grants or refuses control of a vehicle."""
+        if verb is ControlVerb.REQUEST:
+            return await self._desk.take_control(name)
+        platform = self._station.fleet.get(name)
+        asks = platform.control.value.requested_by if platform is not None and platform.control is not None else ""
+
+        async def ask() -> None:
+            if verb is ControlVerb.TAKE_OVER:
+                await self._station.client.take_control(name, is_take_over=True)
+                await flights.take_control(self._station, name)
+                return
+            station = asks if verb in (ControlVerb.GRANT, ControlVerb.REFUSE) else ""
+            reply = await self._station.client.carry_out(
+                name, Control(verb=verb, station=station, **own_software()._asdict())
+            )
+            self._station.note(name, Severity.INFO, f"control: {reply.reason or verb}")
+
+        return await self._do(name, f"control: {verb.replace('_', ' ')}", ask())
+
+    def _watch_control(self, before: Fleet, after: Fleet, now_s: float) -> None:
+        """Tells when another station asks for control that is here, and when it has gone."""
+        own = self._station.id
+        for was, platform in after.changed_since(before):
+            if platform.control is None:
+                continue
+            state, old = platform.control.value, was.control.value if was is not None and was.control else None
+            if state.holder == own and state.requested_by and (old is None or old.requested_by != state.requested_by):
+                asks = f"station {state.requested_by} asks for control; grant or refuse it on the screen Fleet"
+                self._station.note(platform.name, Severity.WARNING, asks)
+            elif old is not None and old.holder == own and state.holder != own:
+                whose = f"station {state.holder} has control now" if state.holder else "nobody has control now"
+                self._station.note(platform.name, Severity.WARNING, whose)
+
+    # --- links ---
+
+    def links(self) -> tuple[LinkSnapshot, ...]:
+        """All links as they are now."""
+        return self._links.snapshots(self._station.fleet.platforms)
+
+    async def add_link(self, url: str) -> bool:
+        """Opens one more link."""
+        return await self._linked(self._links.add(url), f"link {url} is open")
+
+    async def remove_link(self, url: str) -> bool:
+        """Closes a link; its vehicles are left to their policies."""
+        return await self._linked(self._links.remove(url), f"link {url} is closed")
+
+    async def _linked(self, work: Awaitable[None], then: str) -> bool:
+        is_done = await self._do("", "link", work)
+        if is_done:
+            self._station.note("", Severity.INFO, then)
+        return is_done
+
+    async def _do(self, name: str, what: str, work: Awaitable[None]) -> bool:
+        try:
+            await work
+        except Gloc3Error as error:
+            self._station.note(name, Severity.ERROR, f"{what}: {error}")
+            return False
+        return True

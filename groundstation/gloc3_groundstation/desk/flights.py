@@ -1,0 +1,245 @@
+"""A mission from the station's side: wait for the platform, take control, stream, start, follow to the end."""
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import msgspec
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages.command_interface import Verb
+from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import WELL, MissionSummary
+from gloc3.mission.model.states import ENDED, ActionState
+from gloc3_groundstation.missions.plans import Plan, recheck
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.station import Station
+
+READY_WITHIN_S: Final = 90.0
+"""An autopilot that has just been switched on takes up to a minute to find its satellites and to settle."""
+GRANTED_WITHIN_S: Final = 12.0
+"""The holder of control is given 10 s to answer."""
+SETTLED_AFTER_S: Final = 3.0
+"""An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
+LOOK_EVERY_S: Final = 0.5
+
+
+class End(msgspec.Struct, frozen=True, kw_only=True):
+    """How a mission ended."""
+
+    state: str
+    """An `ActionState`, or `lost` where the platform no longer holds the mission."""
+    reason: str = ""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether everything went as asked."""
+        return self.state == ActionState.DONE
+
+
+def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
+    """What a platform still lacks before a start makes sense; empty when it is ready."""
+    lacks = []
+    vehicle, summary = platform.vehicle, platform.summary
+    if vehicle is None or vehicle.is_stale(now_s):
+        lacks.append("the vehicle's state")
+    elif not vehicle.value.is_autopilot_connected:
+        lacks.append("the autopilot")
+    elif not vehicle.value.is_pose_valid:
+        lacks.append("a valid position")
+    elif not vehicle.value.is_armable:
+        lacks.append("readiness to arm")
+    if summary is None or summary.is_stale(now_s):
+        lacks.append("the components' state")
+    elif summary.value.health not in WELL:
+        unwell = [c.name for c in platform.components(now_s) if c.is_required and c.health not in WELL]
+        lacks.append(", ".join(unwell) or "a required component")
+    return lacks
+
+
+async def await_platform(station: Station, name: str | None) -> str:
+    """Waits until a platform is heard; the one called `name`, or the first. Bare vehicles fly no missions of ours."""
+    found: list[str] = []
+
+    def is_heard() -> bool:
+        found[:] = [
+            platform.name
+            for platform in station.fleet
+            if platform.has_companion and platform.is_met and name in (None, platform.name)
+        ]
+        return bool(found)
+
+    await until(station, is_heard)
+    return found[0]
+
+
+async def await_ready(station: Station, platform: str, within_s: float = READY_WITHIN_S) -> list[str]:
+    """Waits until a platform lacks nothing for a start; what it still lacks when the time is up is returned."""
+    lacks: list[str] = []
+
+    def is_ready() -> bool:
+        known = station.fleet.get(platform)
+        lacks[:] = missing(known, station.now_s()) if known else ["any word from it"]
+        return not lacks
+
+    if not is_ready():
+        station.note(platform, Severity.INFO, f"waiting for {', '.join(lacks)}")
+    try:
+        async with asyncio.timeout(within_s):
+            await until(station, is_ready)
+    except TimeoutError:
+        return lacks
+    return []
+
+
+async def take_control(station: Station, platform: str) -> None:
+    """Asks for control and waits until it is here; the station that has it may have to grant it first.
+
+    Raises:
+        Refused: the holder keeps it; otherwise as `CommandClient.carry_out`.
+    """
+    if _holder(station, platform) == station.id:
+        return
+    reply = await station.client.take_control(platform)
+    try:
+        async with asyncio.timeout(GRANTED_WITHIN_S):
+            await until(station, lambda: _holder(station, platform) == station.id)
+    except TimeoutError:
+        holder = _holder(station, platform)
+        whose = f"station {holder} keeps it" if holder else reply.reason or "the platform says nothing more"
+        raise Refused(f"control of {platform} was asked for and not given: {whose}") from None
+    station.note(platform, Severity.INFO, "this station has control")
+
+
+def _holder(station: Station, platform: str) -> str:
+    known = station.fleet.get(platform)
+    return known.control.value.holder if known is not None and known.control is not None else ""
+
+
+async def stream(station: Station, platform: str, plan: Plan) -> None:
+    """Checks the mission for its platform, takes control, and brings it over, read back and compared.
+
+    Raises:
+        InputError: it may not fly there; otherwise as `CommandClient.upload`.
+    """
+    heard = station.fleet.get(platform)
+    plan = recheck(plan, platform, heard.component_names if heard is not None else ())
+    for warning in plan.warnings:
+        station.note(platform, Severity.WARNING, warning)
+    await take_control(station, platform)
+    started_s = station.now_s()
+    await station.client.upload(platform, plan.name, plan.text)
+    size = len(plan.text.encode())
+    took_s = station.now_s() - started_s
+    station.note(platform, Severity.INFO, f"{plan.title!r} is loaded and read back ({size} bytes in {took_s:.1f} s)")
+
+
+async def stream_to_all(station: Station, platforms: Sequence[str], plan: Plan) -> None:
+    """Brings a mission to all platforms that have a part in it; raises as `stream`."""
+    for platform in platforms:
+        await stream(station, platform, plan)
+
+
+async def start_all(
+    station: Station, platforms: Sequence[str], override: str = "", author: str = ""
+) -> "dict[str, Follower]":
+    """Starts the loaded mission on all platforms that have a part in it, or on none; raises as `start`."""
+    followers: dict[str, Follower] = {}
+    try:
+        for platform in platforms:
+            followers[platform] = await start(station, platform, override, author)
+    except Gloc3Error:
+        for platform in followers:
+            station.note(platform, Severity.WARNING, "the mission does not start everywhere: it is aborted here")
+            await station.client.steer(platform, Verb.ABORT)
+        raise
+    return followers
+
+
+async def start(station: Station, platform: str, override: str = "", author: str = "") -> "Follower":
+    """Starts the loaded mission; raises as `CommandClient.carry_out`. For an override see `CommandClient.steer`."""
+    await station.client.steer(platform, Verb.START, override=override, author=author)
+    station.note(platform, Severity.INFO, "the mission is started")
+    return Follower(station.now_s())
+
+
+class Follower:
+    """Tells from the snapshots when a mission that was started has ended, and how."""
+
+    def __init__(self, started_s: float) -> None:
+        self._settled_s = started_s + SETTLED_AFTER_S
+        self._digest = ""
+        self._has_run = False
+
+    def end(self, platform: PlatformSnapshot, now_s: float) -> End | None:
+        """How the mission ended; None while it goes on, or a failure's policy is being carried out."""
+        timed = platform.mission
+        if timed is None:
+            return None
+        mission = timed.value
+        if mission.state in (ActionState.RUNNING, ActionState.PAUSED):
+            self._has_run, self._digest = True, mission.digest
+            return None
+        if self._has_run and mission.digest != self._digest:
+            return self._lost()
+        if mission.state not in ENDED or not (self._has_run or timed.heard_s >= self._settled_s):
+            return None
+        if self._is_carrying_out_policy(platform, mission, now_s):
+            return None
+        return End(state=mission.state, reason=mission.reason)
+
+    @staticmethod
+    def _lost() -> End:
+        return End(state="lost", reason="the platform no longer holds the mission")
+
+    @staticmethod
+    def _is_carrying_out_policy(platform: PlatformSnapshot, mission: MissionSummary, now_s: float) -> bool:
+        vehicle = platform.vehicle
+        return bool(mission.policy) and vehicle is not None and vehicle.value.is_armed and not vehicle.is_stale(now_s)
+
+
+async def follow(station: Station, platform: str, follower: Follower) -> End:
+    """Waits for a mission's end; silence of the platform is no end."""
+    ends: list[End] = []
+
+    def has_ended() -> bool:
+        known = station.fleet.get(platform)
+        end = None if known is None else follower.end(known, station.now_s())
+        if end is not None:
+            ends.append(end)
+        return bool(ends)
+
+    await until(station, has_ended)
+    return ends[0]
+
+
+async def follow_all(station: Station, followers: "Mapping[str, Follower]") -> End:
+    """Waits until the mission has ended on all platforms; the end of the first that did not do its part, if there is one."""
+    ends = await asyncio.gather(*(follow(station, platform, one) for platform, one in followers.items()))
+    for platform, end in zip(followers, ends, strict=True):
+        if not end.is_done:
+            whose = f"{platform}: " if len(followers) > 1 else ""
+            return End(state=end.state, reason=f"{whose}{end.reason}" if end.reason else whose.removesuffix(": "))
+    return ends[0]
+
+
+async def passed(station: Station, seconds: float) -> None:
+    """Waits so long on the station's clock."""
+    until_s = station.now_s() + seconds
+    await until(station, lambda: station.now_s() >= until_s)
+
+
+async def until(station: Station, is_so: Callable[[], bool]) -> None:
+    """Waits until something is so, looking again at each change of the fleet, and now and then."""
+    changed = asyncio.Event()
+    unlisten = station.listen(lambda *_: changed.set())
+    try:
+        while not is_so():
+            changed.clear()
+            try:
+                async with asyncio.timeout(LOOK_EVERY_S):
+                    await changed.wait()
+            except TimeoutError:
+                continue
+    finally:
+        unlisten()

@@ -1,0 +1,148 @@
+"""What an operator does with a vehicle's parameters: fetch, edit, compare with a file, write what differs, save."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from gloc3.cli.counting import counted
+from gloc3.errors import Refused
+from gloc3_groundstation.desk.service_jobs import Begin, Service
+from gloc3_groundstation.services.parameter_table import DiffKind, ParameterDiff, ParameterTable
+from gloc3_groundstation.services.parameters import ParameterService, WriteReport
+from gloc3_groundstation.services.progress import OnProgress
+
+FORCE = "!"
+"""Behind a value: it is set beyond the bounds that the firmware describes."""
+
+
+class Judged(NamedTuple):
+    """What is to be thought of a value that was typed."""
+
+    value: float = 0.0
+    is_forced: bool = False
+    reason: str = ""
+    """Why it is not taken; empty where it is."""
+
+
+class ParameterDesk:
+    """See the module.
+
+    Args:
+        begin: begins what takes time.
+        service: of the vehicle.
+    """
+
+    def __init__(self, begin: Begin, service: ParameterService) -> None:
+        self.diff: ParameterDiff | None = None
+        """The comparison with a file that is looked at; None while there is none."""
+        self.left_out: frozenset[str] = frozenset()
+        """Parameters of that file that shall stay as they are on the vehicle."""
+        self._begin = begin
+        self._service = service
+
+    @property
+    def table(self) -> ParameterTable:
+        """The parameters as they are known now."""
+        return self._service.table
+
+    def fetch(self) -> None:
+        """Fetches the whole list."""
+
+        async def work(tell: OnProgress) -> str:
+            table = await self._service.fetch(tell)
+            return counted(len(table), "parameter")
+
+        self._begin(Service.PARAMETERS, "listing the parameters", work)
+
+    def set(self, name: str, value: float, *, force: bool = False) -> None:
+        """Sets one parameter and reads it back."""
+
+        async def work(tell: OnProgress) -> str:
+            del tell
+            before = self.table[name].text
+            row = await self._service.set(name, value, force=force)
+            restart = "; it holds after the vehicle was restarted" if row.info.needs_restart else ""
+            return f"{name} is {row.text} now (was {before}){restart}"
+
+        self._begin(Service.PARAMETERS, f"setting {name}", work, is_change=True)
+
+    def compare(self, file: Path) -> None:
+        """Compares with a file; nothing is written before the operator has seen the differences."""
+
+        async def work(tell: OnProgress) -> str:
+            if not self.table.is_complete:
+                await self._service.fetch(tell)
+            self.diff, self.left_out = self._service.compare(file), frozenset()
+            counts = [(len(self.diff.of(kind)), str(kind)) for kind in DiffKind if kind is not DiffKind.ONLY_ON_VEHICLE]
+            return f"{file.name}: " + ", ".join(f"{count} {kind}" for count, kind in counts if count)
+
+        self._begin(Service.PARAMETERS, f"comparing with {file.name}", work)
+
+    def leave_out(self, name: str) -> None:
+        """Leaves a parameter of the file as it is on the vehicle, or not any more."""
+        self.left_out ^= {name}
+
+    def write(self) -> None:
+        """Writes what differs and is not left out; what could not be written stays in the comparison."""
+        diff = self.diff
+        if diff is None:
+            return
+        changes = diff.changes(self.left_out)
+
+        async def work(tell: OnProgress) -> str:
+            report = await self._service.write(changes, tell)
+            if self.diff is diff:
+                self.diff = None
+            words = told(report, Path(diff.file).name)
+            if report.refused:
+                raise Refused(words)
+            return words
+
+        self._begin(Service.PARAMETERS, f"writing {counted(len(changes), 'parameter')}", work, is_change=True)
+
+    def close_comparison(self) -> None:
+        """Looks at the parameters again; nothing is written."""
+        self.diff = None
+
+    def save(self, file: Path) -> None:
+        """Saves all parameters in the format of the file's suffix."""
+
+        async def work(tell: OnProgress) -> str:
+            del tell
+            return f"{self._service.save(file)} parameters are in {file}"
+
+        self._begin(Service.PARAMETERS, f"saving {file.name}", work)
+
+    def describe(self, file: Path | None) -> None:
+        """Takes titles, units and bounds from the firmware's description in a file, or from the vehicle."""
+
+        async def work(tell: OnProgress) -> str:
+            count = await self._service.fetch_infos(tell) if file is None else self._service.load_infos(file)
+            return f"{count} of {len(self.table)} parameters are described"
+
+        self._begin(Service.PARAMETERS, "reading the description of the parameters", work)
+
+
+def told(report: WriteReport, file: str) -> str:
+    """What became of a file's values, in a sentence."""
+    words = f"{file}: {counted(len(report.written), 'parameter')} set and read back"
+    if report.needs_restart:
+        words += f"; restart the vehicle for {', '.join(report.needs_restart)}"
+    if report.refused:
+        words += f"; {len(report.refused)} not: " + "; ".join(report.refused.values())
+    return words
+
+
+def judge(table: ParameterTable, name: str, typed: str) -> Judged:
+    """What was typed for a parameter; one beyond its bounds is taken with an exclamation mark behind it."""
+    text = typed.strip()
+    is_forced = text.endswith(FORCE)
+    try:
+        value = table.parse(name, text.removesuffix(FORCE))
+        table.check(name, value, force=True)
+    except Refused as error:
+        return Judged(reason=str(error))
+    try:
+        table.check(name, value, force=is_forced)
+    except Refused as error:
+        return Judged(reason=f"{error}; {text}{FORCE} sets it all the same")
+    return Judged(value=value, is_forced=is_forced)

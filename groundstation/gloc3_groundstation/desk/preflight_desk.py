@@ -1,0 +1,144 @@
+"""The pre-flight lists of the platforms: asked for, kept with their age, and completed by what only the station knows."""
+
+import asyncio
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import msgspec
+
+from gloc3.clock import Clock
+from gloc3.errors import Gloc3Error
+from gloc3.messages.command_interface import Preflight
+from gloc3.messages.preflight import Check, Group, PreflightReport, Verdict, in_order
+from gloc3.messages.software import Software, compared
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.station.wording import duration
+
+AGAIN_S: Final = 15.0
+"""A list that is looked at is asked for again when it is so old."""
+LITTLE_LOSS: Final = 0.1
+MUCH_LOSS: Final = 0.4
+SLOW_S: Final = 1.5
+"""A round trip that is longer makes commands feel late."""
+CLOCKS_AGREE_S: Final = 2.0
+
+
+class Told(NamedTuple):
+    """A platform's list, as it came."""
+
+    report: PreflightReport
+    boot: int
+    """The life of the platform that it is of."""
+    heard_s: float
+    """On the station's clock."""
+    utc_s: float
+    """The station's UTC then."""
+
+
+class CheckList(NamedTuple):
+    """What is known of a platform's readiness now."""
+
+    checks: tuple[Check, ...]
+    """The platform's lines and the station's; empty while the platform has told none."""
+    age_s: float | None
+    """Of the platform's; None while there are none."""
+    is_asking: bool
+    problem: str
+    """Why the last list that was asked for did not come; empty where it did."""
+
+
+class PreflightDesk:
+    """One for a station."""
+
+    def __init__(self, station: Station) -> None:
+        self._station = station
+        self._told: dict[str, Told] = {}
+        self._asked_s: dict[str, float] = {}
+        self._asking: set[str] = set()
+        self._problems: dict[str, str] = {}
+
+    async def refresh(self, name: str) -> bool:
+        """Asks a platform for its list; a second time while the first has not come does nothing."""
+        if name in self._asking:
+            return False
+        station = self._station
+        self._asking.add(name)
+        self._asked_s[name] = station.now_s()
+        try:
+            reply = await station.client.carry_out(name, Preflight())
+            report = msgspec.convert(reply.result, PreflightReport)
+        except Gloc3Error as error:
+            self._problems[name] = str(error)
+            return False
+        except msgspec.ValidationError as error:
+            self._problems[name] = f"its list cannot be read, versions differ: {error}"
+            return False
+        finally:
+            self._asking.discard(name)
+        known = station.fleet.get(name)
+        utc_s = Clock(asyncio.get_running_loop()).utc_s()
+        self._told[name] = Told(report, known.boot if known is not None else 0, station.now_s(), utc_s)
+        self._problems.pop(name, None)
+        return True
+
+    def is_due(self, name: str) -> bool:
+        """Whether a list that is looked at should be asked for again."""
+        return name not in self._asking and self._station.now_s() - self._asked_s.get(name, float("-inf")) >= AGAIN_S
+
+    def forget(self, name: str) -> None:
+        """The next look asks again."""
+        self._asked_s.pop(name, None)
+
+    def list_of(self, platform: PlatformSnapshot) -> CheckList:
+        """Everything that is known; a list of a former life of the platform counts no more."""
+        station, name = self._station, platform.name
+        told, now_s = self._told.get(name), station.now_s()
+        if told is not None and told.boot != platform.boot:
+            told = None
+        own = station_checks(platform, told, station.round_trip_s(name), now_s)
+        checks = in_order([*told.report.checks, *own]) if told is not None else []
+        age_s = now_s - told.heard_s if told is not None else None
+        return CheckList(tuple(checks), age_s, name in self._asking, self._problems.get(name, ""))
+
+
+def station_checks(
+    platform: PlatformSnapshot, told: Told | None, round_trip_s: float | None, now_s: float
+) -> Iterator[Check]:
+    """What only this end can tell: how good the link is, and whether both ends fit together."""
+    yield _loss(platform, now_s)
+    if round_trip_s is None:
+        yield Check(Group.LINK, "round trip", Verdict.UNKNOWN, "not measured yet")
+    elif round_trip_s > SLOW_S:
+        advice = "commands come late: take a faster link, or show less of the vehicle"
+        yield Check(Group.LINK, "round trip", Verdict.WARNING, f"{round_trip_s:.1f} s", advice)
+    else:
+        yield Check(Group.LINK, "round trip", Verdict.OK, f"{1000.0 * round_trip_s:.0f} ms")
+    if told is None:
+        return
+    yield compared("versions", Software(told.report.version, told.report.protocol), "onboard")
+    if told.report.utc_s is None:
+        yield Check(Group.LINK, "clocks", Verdict.UNKNOWN, "the platform has not told its time of day")
+        return
+    offset_s = told.report.utc_s + (round_trip_s or 0.0) / 2.0 - told.utc_s
+    if abs(offset_s) > CLOCKS_AGREE_S:
+        finding = f"the platform's is {duration(abs(offset_s))} {'ahead' if offset_s > 0.0 else 'behind'}"
+        advice = "set both by NTP or GPS, or logs cannot be compared"
+        yield Check(Group.LINK, "clocks", Verdict.WARNING, finding, advice)
+    else:
+        yield Check(Group.LINK, "clocks", Verdict.OK, f"agree within {abs(offset_s):.1f} s")
+
+
+def _loss(platform: PlatformSnapshot, now_s: float) -> Check:
+    if platform.is_quiet_link(now_s):
+        finding = f"nothing heard for {duration(platform.age_s(now_s))}"
+        return Check(Group.LINK, "loss", Verdict.RED, finding, "find out why before anything takes off")
+    loss = platform.link.loss
+    finding = f"{100.0 * loss:.0f} % of the status is lost"
+    if loss > MUCH_LOSS:
+        advice = "move the antenna, or another station's transmitter"
+        return Check(Group.LINK, "loss", Verdict.WARNING, finding, advice)
+    if loss > LITTLE_LOSS:
+        advice = "it will be worse farther away"
+        return Check(Group.LINK, "loss", Verdict.WARNING, finding, advice)
+    return Check(Group.LINK, "loss", Verdict.OK, finding)

@@ -1,0 +1,68 @@
+"""The desk of the vehicle services: finds the vehicle that an operator means, and keeps what is at hand of each."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Never, TypeAlias
+
+from gloc3.errors import Refused
+from gloc3.mavlink.message import Address
+from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
+from gloc3_groundstation.services.machines import Wire
+from gloc3_groundstation.services.vehicle import Garage, VehicleServices
+from gloc3_groundstation.station.station import Station
+
+Reach: TypeAlias = Callable[[str], tuple[Wire, Address]]
+"""Gives the link and the autopilot's address of a vehicle by its name, or refuses."""
+
+
+def nowhere(name: str) -> Never:
+    """Where a station has no links."""
+    raise Refused(f"this station has no link to {name}")
+
+
+class ServicesDesk:
+    """See the module."""
+
+    def __init__(self, station: Station, reach: Reach = nowhere, folder: Path = Path()) -> None:
+        """A desk.
+
+        Args:
+            station: is told what was changed on vehicles.
+            reach: finds a vehicle.
+            folder: for what is downloaded, and where file names that are typed begin.
+        """
+        self.folder: Final = folder
+        self._station = station
+        self._reach = reach
+        self._garage = Garage()
+        self._desks: dict[VehicleServices, VehicleDesk] = {}
+
+    def vehicle(self, name: str) -> VehicleDesk:
+        """What is at hand of a vehicle.
+
+        Raises:
+            Refused: no link leads to its autopilot.
+        """
+        services = self._garage.services(*self._reach(name))
+        desk = self._desks.get(services)
+        if desk is None:
+            desk = self._desks[services] = VehicleDesk(self._station, services, self.folder)
+        desk.name = name
+        return desk
+
+    async def close(self) -> None:
+        """Stops everything; to be awaited before the links are closed."""
+        for desk in self._desks.values():
+            await desk.close()
+        self._desks.clear()
+        await self._garage.close()
+
+
+def reached(desk: ServicesDesk, name: str) -> tuple[VehicleDesk | None, str]:
+    """What is at hand of a vehicle; None, and why, where it cannot be reached or none is in view."""
+    if not name:
+        return None, "no vehicle is heard yet"
+    try:
+        return desk.vehicle(name), ""
+    except Refused as error:
+        return None, str(error)

@@ -1,0 +1,129 @@
+"""Steering by hand, the station's half: the demand goes out ten times a second while the dead-man's key is kept."""
+
+import asyncio
+from typing import Final, NamedTuple
+
+from gloc3.messages.teleoperation import DEMAND_HZ, VelocityDemand
+from gloc3_groundstation.station.command_client import CommandClient
+
+RELEASES: Final = 3
+"""So often it is said that the key was let go; where all are lost, the last demand expires onboard."""
+
+
+class Sticks(NamedTuple):
+    """How far each way is asked for, -1 to 1."""
+
+    surge: float = 0.0
+    """Ahead."""
+    sway: float = 0.0
+    """To the right."""
+    heave: float = 0.0
+    """Up."""
+    yaw: float = 0.0
+    """Clockwise."""
+
+
+class FullSpeed(NamedTuple):
+    """What a stick at its end asks for; the vehicle keeps to its own limits besides."""
+
+    across_m_s: float = 0.5
+    up_m_s: float = 0.3
+    turn_deg_s: float = 20.0
+
+
+class HandControl:
+    """One time at the keys of one platform.
+
+    Args:
+        client: sends, and knows the station.
+        loop: gives the time.
+        platform: that is steered.
+        full: what a stick at its end asks for.
+    """
+
+    def __init__(
+        self,
+        client: CommandClient,
+        loop: asyncio.AbstractEventLoop,
+        platform: str,
+        full: FullSpeed = FullSpeed(),  # noqa: B008 - immutable
+    ) -> None:
+        self.platform: Final = platform
+        self.session: Final = client.new_session()
+        self.sent = 0
+        """Demands so far; the number of the next one."""
+        self._client, self._loop, self._full = client, loop, full
+        self._sticks = Sticks()
+        self._kept_until_s = float("-inf")
+        self._releases = 0
+        self._timer: asyncio.TimerHandle | None = None
+
+    @property
+    def sticks(self) -> Sticks:
+        """Where the sticks are."""
+        return self._sticks
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the dead-man's key is kept: demands go out."""
+        return self._loop.time() < self._kept_until_s
+
+    def move(self, sticks: Sticks) -> None:
+        """Moves the sticks; nothing goes out for that alone."""
+        self._sticks = Sticks(*(min(max(part, -1.0), 1.0) for part in sticks))
+
+    def keep(self, for_s: float) -> None:
+        """The dead-man's key is there, and counts as kept for so long from now on."""
+        was_kept, self._kept_until_s = self.is_kept, self._loop.time() + for_s
+        self._releases = RELEASES
+        if not was_kept:
+            self._cancel()
+            self._tick()
+
+    def release(self) -> None:
+        """The key was let go: the vehicle shall rest."""
+        if self.is_kept:
+            self._kept_until_s = float("-inf")
+            self._cancel()
+            self._tick()
+
+    def close(self) -> None:
+        """Lets go, and says so once more where that has not been said often enough."""
+        self._kept_until_s = float("-inf")
+        self._cancel()
+        if self._releases:
+            self._releases = 0
+            self._send(Sticks())
+
+    def _cancel(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _tick(self) -> None:
+        """Sends what is due now, and comes again while there is something to say."""
+        self._timer = None
+        if self.is_kept:
+            self._send(self._sticks)
+        elif self._releases:
+            self._releases -= 1
+            self._send(Sticks())
+        else:
+            return
+        self._timer = self._loop.call_later(1.0 / DEMAND_HZ, self._tick)
+
+    def _send(self, sticks: Sticks) -> None:
+        full = self._full
+        demand = VelocityDemand(
+            sender=self._client.station,
+            session=self.session,
+            sequence=self.sent,
+            velocity_cm_s=(
+                round(sticks.surge * full.across_m_s * 100.0),
+                round(sticks.sway * full.across_m_s * 100.0),
+                round(sticks.heave * full.up_m_s * 100.0),
+            ),
+            yaw_rate_cdeg_s=round(sticks.yaw * full.turn_deg_s * 100.0),
+        )
+        self.sent += 1
+        self._client.demand(self.platform, demand)

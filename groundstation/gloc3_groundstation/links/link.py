@@ -1,0 +1,271 @@
+"""One MAVLink link of the station, without its socket: one heartbeat of ours, the command link, and frames in and out."""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import msgspec
+
+from gloc3.clock import Clock
+from gloc3.exchange.base import Exchange, Unsubscribe
+from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.exchange.tunnel.happenings import Happening, Trouble, Undelivered
+from gloc3.exchange.tunnel.pacing import LinkBudget
+from gloc3.mavlink.codec import Encoder, Frame, Parser, enums, shape
+from gloc3.mavlink.gaps import Gaps
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.node import Node
+from gloc3.mavlink.services.heartbeat import Heartbeat, Peer, Peers
+from gloc3.mavlink.signed_only import SignedOnly
+from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.messages.topics import TopicTable
+from gloc3_groundstation.links.ways import NETWORK, Way, Ways
+
+STATION_COMPONENT: Final = 190
+MOST_LOCKED: Final = 16
+"""Of so many systems it is told that they sign and we do not."""
+
+Tap = Callable[[bytes], None]
+"""Is given every frame of a link, in and out, as it is."""
+
+Report = Callable[[str], None]
+"""Receives in words what a person should know of a link."""
+
+GivenUp = Callable[[Undelivered], None]
+"""Receives which message of the station's was given up."""
+
+
+class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
+    """What all links of a station share."""
+
+    loop: asyncio.AbstractEventLoop
+    """Gives the time and wakes the links."""
+    exchange: Exchange
+    """The station's side; what crosses a link is joined to it."""
+    topics: TopicTable
+    """The topics that may cross."""
+    boot: int
+    """A random number for this start of the station."""
+    system: int = 255
+    """The station's MAVLink system, 255 and down."""
+    name: str = ""
+    """Under which platforms know the station; empty for the number of its system."""
+    report: Report = lambda _: None
+    undelivered: GivenUp = lambda _: None
+    """Receives what the command link has given up on all links that carried it."""
+    tap: Tap = lambda _: None
+    """Receives every frame, in and out."""
+    ways: Ways = msgspec.field(default_factory=Ways)
+    """Which message goes by which link, and which has come by another already."""
+
+    @property
+    def own(self) -> Address:
+        """As whom the station speaks."""
+        return Address(self.system, STATION_COMPONENT)
+
+
+class LinkSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of one link."""
+
+    url: str = ""
+    """Named in what is reported; empty for a link that needs no name."""
+    is_datagram: bool = True
+    """Whether the bytes come in whole frames."""
+    budget: LinkBudget = LinkBudget()
+    """What the link carries."""
+    rank: int = NETWORK
+    """How good a way it is; see `ways`."""
+    key: bytes | None = None
+    """Signs all that is sent, and judges all that is received; None for a link without signatures."""
+
+
+class Link:
+    """One link: frames in and out, without the socket; begins to send heartbeats and to look for platforms.
+
+    Args:
+        send: puts bytes on the link.
+        context: what it shares with the other links of its station.
+        settings: what is known of it.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[bytes], None],
+        context: LinkContext,
+        settings: LinkSettings = LinkSettings(),  # noqa: B008 - immutable
+    ) -> None:
+        own, loop = context.own, context.loop
+        self._loop, self._own, self._put, self._tap = loop, own, send, context.tap
+        self._clock = Clock(loop)
+        self._listeners: list[Callable[[Frame], None]] = []
+        self._tunnel_id = shape("TUNNEL").id
+        self._peers = Peers(own)
+        self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
+        self._has_told_of_double = False
+        self._locked: set[int] = set()
+        self._gaps = Gaps()
+        self._context, self._url = context, settings.url
+        ways = context.ways
+        way = self._way = ways.open(Way(settings.rank, self.age_s))
+        self._signing = None if settings.key is None else self._new_signing(settings.key)
+        self._signed_only = None if self._signing is None else SignedOnly(self._signing, self._report)
+        self._parser = Parser(is_datagram=settings.is_datagram)
+        self._encoder = Encoder(*own, self._signing)
+        self.frames_sent = 0
+        end = TunnelEndpoint(
+            Role.STATION, context.name or str(own.system), own, context.boot, context.topics, settings.budget
+        )
+        self._tunnel = MavlinkExchange(end, loop, self._send_message)
+        self._tunnel.listen(self._happened)
+        self._part = self._tunnel.bridge(
+            context.exchange,
+            context.topics,
+            inward=lambda envelope: envelope if ways.is_new(way, envelope) else None,
+            outward=partial(ways.carries, way),
+        )
+        self._timer = loop.call_soon(self._tick)
+
+    def _new_signing(self, key: bytes) -> Signing:
+        clock = self._clock
+        return Signing(key, link_id=self._way & 0xFF, now=timestamp(clock.utc_s()), is_clock_right=clock.is_utc_right)
+
+    def receive(self, data: bytes) -> None:
+        """Takes bytes from the link."""
+        now_s = self._loop.time()
+        for frame in self._parser.receive(data):
+            self._tap(frame.raw)
+            if self._signed_only is None:
+                if frame.is_signed:
+                    self._is_locked_out(frame)
+            elif not self._signed_only.passes(frame, now_s):
+                continue
+            self._gaps.hear(frame)
+            if frame.message_id == self._tunnel_id:
+                message = frame.decode()
+                if message is not None:
+                    self._tunnel.receive(message, frame.sender)
+            elif frame.sender == self._own:
+                self._is_doubled()
+            else:
+                self._node.receive(frame, now_s)
+                for listener in tuple(self._listeners):
+                    listener(frame)
+
+    @property
+    def frames_received(self) -> int:
+        """Frames that came in."""
+        return self._parser.frames_received
+
+    @property
+    def own(self) -> Address:
+        """As whom the station speaks here."""
+        return self._own
+
+    @property
+    def autopilots(self) -> list[Peer]:
+        """The autopilots that are heard here now, in the order in which they came."""
+        return self._peers.autopilots
+
+    def listen(self, listener: Callable[[Frame], None]) -> Unsubscribe:
+        """Is told every frame of others that comes, those of the command link excepted."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener) if listener in self._listeners else None
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends a message of the station's."""
+        self._send_message(message)
+
+    def forward(self, frame: Frame) -> None:
+        """Sends a frame that a library behind this link has made in the station's name."""
+        self._send(self._encoder.forward(frame))
+
+    def heard(self) -> list[str]:
+        """Who is there, told by their heartbeats: `autopilot 1/1`, `system 1/191`."""
+        return [
+            f"{'autopilot' if peer.is_autopilot else 'system'} {peer.address.system}/{peer.address.component}"
+            for peer in self._peers.alive
+        ]
+
+    @property
+    def refused(self) -> int:
+        """Frames that were dropped since their signature is missing or wrong."""
+        return 0 if self._signing is None else self._signing.refused
+
+    @property
+    def refusals(self) -> dict[str, int]:
+        """By reason, how many these are."""
+        return {} if self._signed_only is None else self._signed_only.refused()
+
+    @property
+    def genuine(self) -> int:
+        """Frames with a right signature."""
+        return 0 if self._signed_only is None else self._signed_only.genuine
+
+    @property
+    def lost(self) -> int:
+        """Frames that did not come here: lost, or left out before a slow line."""
+        return self._gaps.lost
+
+    def platforms(self) -> list[tuple[str, Address]]:
+        """The platforms whose companions are heard here, with the companions' addresses."""
+        return [(peer.name, peer.address) for peer in self._tunnel.endpoint.peers() if peer.name]
+
+    def round_trip_s(self, platform: str) -> float | None:
+        """How long something to a platform and its answer are on their way here; None where that is not known."""
+        return self._tunnel.round_trip_s(platform)
+
+    def age_s(self, platform: str) -> float | None:
+        """How long ago anything of the command link came from a platform here; None where nothing ever did."""
+        return self._tunnel.heard_age_s(platform)
+
+    def close(self) -> None:
+        """Sends and hears nothing more."""
+        self._timer.cancel()
+        self._context.ways.close(self._way)
+        self._part()
+        self._tunnel.close()
+
+    def _tick(self) -> None:
+        now_s = self._loop.time()
+        if self._signing is not None:
+            self._signing.advance(timestamp(self._clock.utc_s()))
+        self._node.tick(now_s)
+        for message in self._node.outgoing():
+            self._send_message(message)
+        self._peers.events()
+        next_s = self._node.next_tick_s()
+        self._timer = self._loop.call_at(now_s + 1.0 if next_s is None else max(next_s, now_s + 1e-3), self._tick)
+
+    def _send(self, data: bytes) -> None:
+        self.frames_sent += 1
+        self._tap(data)
+        self._put(data)
+
+    def _send_message(self, message: MavlinkMessage) -> None:
+        self._send(self._encoder.encode(message))
+
+    def _happened(self, happening: Happening) -> None:
+        if isinstance(happening, Trouble):
+            self._report(happening.text)
+        elif isinstance(happening, Undelivered) and self._context.ways.is_lost(self._way, happening):
+            self._context.undelivered(happening)
+
+    def _report(self, text: str) -> None:
+        self._context.report(f"{self._url}: {text}" if self._url else text)
+
+    def _is_locked_out(self, frame: Frame) -> None:
+        """Who signs takes nothing that is not signed: without a key an operator sees it, and is not heard."""
+        if frame.system not in self._locked and len(self._locked) < MOST_LOCKED:
+            self._locked.add(frame.system)
+            who = f"{frame.system}/{frame.component}"
+            self._report(
+                f"{who} signs what it sends, and this link has no key: it is seen, but takes nothing from here; "
+                "see --signing-key"
+            )
+
+    def _is_doubled(self) -> None:
+        if not self._has_told_of_double:
+            self._has_told_of_double = True
+            system = self._own.system
+            self._report(f"somebody else is station {system}, or the link sends back what we send; see --station-id")

@@ -1,0 +1,119 @@
+"""A mission file before it goes anywhere: read, and checked as far as the platform is known here."""
+
+from collections.abc import Collection, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+
+from gloc3.documents.document import load_bytes
+from gloc3.errors import Finding, InputError, Refused
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.examples import example_missions, find_mission
+from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import find_platform, load_platform, platform_files, read_platform
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """A mission that was read and checked, ready to be streamed."""
+
+    name: str
+    """The file's name."""
+    title: str
+    """What the mission calls itself."""
+    text: str
+    file: str = ""
+    """Where it is saved; empty for an example, and for what was made of another program's file."""
+    converted_from: str = ""
+    """The other program's file that it was made of; empty for a mission file."""
+    platforms: tuple[str, ...] = ()
+    """Those that its tasks name, where it is for several; it is streamed to all of them."""
+    warnings: tuple[str, ...] = ()
+    """Found against the platform's file; nothing where that is not installed here."""
+
+
+def read_plan(name: str, platform: str | None = None, components: Collection[str] = ()) -> Plan:
+    """Reads and checks a mission.
+
+    Args:
+        name: a mission file, a `.plan` or a file of waypoints (these are converted), or the name of an example.
+        platform: the platform's name; where its file is installed here too the check is as strict as onboard.
+        components: that it has, where that is known.
+
+    Raises:
+        Refused: there is no such file.
+        InputError: it may not fly; with everything that is wrong.
+    """
+    path = find_mission(name)
+    if not path.is_file():
+        raise Refused(f"there is no mission file {name!r}")
+    known = known_platform(platform, components)
+    file, text, left_out = mission_text(str(path), known.limits.speed_m_s if known is not None else None)
+    plan = _plan(check_text(text, file, Circumstances(platform=known, known=known_platform)), left_out)
+    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        plan = msgspec.structs.replace(plan, converted_from=str(path))
+    elif path not in example_missions().values():
+        plan = msgspec.structs.replace(plan, file=str(path.absolute()))
+    return plan if known is not None else msgspec.structs.replace(plan, warnings=())
+
+
+def recheck(plan: Plan, platform: str, components: Collection[str] = ()) -> Plan:
+    """Checks a mission again for the platform that it goes to, if that one's file is installed here.
+
+    A plan of another program is converted again, at the platform's speed.
+
+    Raises:
+        InputError: it may not fly there; with everything that is wrong.
+    """
+    known = known_platform(platform, components)
+    if known is None:
+        return plan
+    if plan.converted_from:
+        return read_plan(plan.converted_from, platform, components)
+    return _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
+
+
+def known_platform(name: str | None, components: Collection[str] = ()) -> Platform | None:
+    """The platform of that name, if its file is installed here.
+
+    Args:
+        name: of the platform, or of its file.
+        components: that it has, where that is known: two files may be of one vehicle, with other sensors.
+
+    Raises:
+        InputError: its file has mistakes.
+    """
+    if name is None:
+        return None
+    try:
+        find_platform(name)
+    except InputError:
+        found = None
+    else:
+        found = load_platform(name)
+    if not components or (found is not None and _has(found, components)):
+        return found
+    for file in platform_files().values():
+        with suppress(InputError):
+            text = load_bytes(file)
+            other = read_platform(text, str(file)) if name.encode() in text else None
+            if other is not None and other.platform == name and _has(other, components):
+                return other
+    return found
+
+
+def _has(platform: Platform, components: Collection[str]) -> bool:
+    return {row.name for row in platform.components} == set(components)
+
+
+def _plan(report: Report, left_out: Iterable[Finding] = ()) -> Plan:
+    mission = report.flyable()
+    warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in (*left_out, *report.findings)]
+    return Plan(
+        name=Path(report.file).name,
+        title=mission.name,
+        text=mission.text,
+        platforms=mission.platforms,
+        warnings=tuple(str(warning) for warning in warnings),
+    )

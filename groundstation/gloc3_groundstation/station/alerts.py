@@ -1,0 +1,291 @@
+"""What the operator has to take note of: standing causes and warnings, each until it is acknowledged and over.
+
+A cause that stands (a faulty component, an empty battery, a silent link) is an alert as long as it stands and until
+somebody has acknowledged it, whichever ends later. A warning that a platform sends is over as soon as it is said, and
+goes when it is acknowledged. What gets worse has to be acknowledged again.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+import msgspec
+from msgspec.structs import replace
+
+from gloc3.messages.envelope import Severity
+from gloc3.messages.preflight import Verdict
+from gloc3.messages.software import Software, compared
+from gloc3.messages.summaries import Health
+from gloc3_groundstation.station.snapshots import HEALTHS, Fleet, FleetEvent, PlatformSnapshot
+
+BATTERY_LOW_PERCENT: Final = 30
+BATTERY_CRITICAL_PERCENT: Final = 15
+LOSS_BAD: Final = 0.5
+"""Share of the status that is lost from which the link is worth an alert."""
+SETTLE_S: Final = 5.0
+"""A platform that is new or has restarted is given this long before its link, and what is still missing, is judged."""
+ANSWERED_S: Final = 10.0
+"""So long a refusal of what the operator asked for is shown."""
+LINK: Final = "link"
+"""What a vehicle that is not heard is known by."""
+SAID: Final = "event "
+"""What an alert of a warning that was said begins with."""
+_WELL: Final = frozenset(n for n, health in enumerate(HEALTHS) if health not in (Health.FAULTY, Health.ABSENT))
+"""States of a component that are no cause."""
+KEPT: Final = 200
+"""Alerts at most; the oldest that are over make room."""
+
+
+class Cause(msgspec.Struct, frozen=True):
+    """Something that is wrong now."""
+
+    platform: str
+    what: str
+    """Names it among the platform's causes: `battery`, `component pose`."""
+    severity: Severity
+    text: str
+
+
+class Alert(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing to take note of."""
+
+    platform: str
+    what: str
+    severity: Severity
+    text: str
+    since_s: float
+    """When it began, on the station's clock."""
+    last_s: float
+    """When it was said last, or when its cause went; while that stands, when it began."""
+    is_over: bool = False
+    """The cause is gone."""
+    is_acknowledged: bool = False
+    count: int = 1
+    """How often it was said."""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What it is known by."""
+        return self.platform, self.what
+
+    @property
+    def has_gone(self) -> bool:
+        """Whether it was a cause, and is no more; a warning that was said is over at once, and stays what it was."""
+        return self.is_over and not self.what.startswith(SAID)
+
+
+TWO_OF_ONE_NAME: Final = (
+    "two platforms have this name: one of them is shown, and both obey; end one, then give it another name (platform file) "
+    "and system id (gloc3 onboard --system-id)"
+)
+
+
+class Alerts(msgspec.Struct, frozen=True):
+    """All alerts of a fleet."""
+
+    all: Mapping[tuple[str, str], Alert] = {}
+    events_seen: int = 0
+    """The number of the last event that was looked at."""
+
+    @property
+    def pending(self) -> list[Alert]:
+        """Those that nobody has acknowledged: worst first, of these what still stands, then newest."""
+        return _sorted(alert for alert in self.all.values() if not alert.is_acknowledged)
+
+    @property
+    def listed(self) -> list[Alert]:
+        """All, those first that are not acknowledged, worst and then newest first."""
+        return [*self.pending, *_sorted(alert for alert in self.all.values() if alert.is_acknowledged)]
+
+    @property
+    def worst(self) -> Severity | None:
+        """The severity of the worst that is not acknowledged."""
+        return min((alert.severity for alert in self.all.values() if not alert.is_acknowledged), default=None)
+
+    def of(self, platform: str) -> list[Alert]:
+        """Those of one platform, as `listed`."""
+        return [alert for alert in self.listed if alert.platform == platform]
+
+
+def update(alerts: Alerts, fleet: Fleet, now_s: float) -> Alerts:
+    """The alerts as the fleet is now; the same object where nothing has changed.
+
+    Args:
+        alerts: those that were.
+        fleet: with the events since then.
+        now_s: the station's time.
+    """
+    found = dict(alerts.all)
+    standing = {(cause.platform, cause.what): cause for cause in causes(fleet, now_s)}
+    for key, cause in standing.items():
+        found[key] = _standing(found.get(key), cause, now_s)
+    for event in fleet.events_after(alerts.events_seen):
+        if event.severity > Severity.WARNING or is_answer(event):
+            continue
+        if (event.platform, f"component {event.source}") not in standing:
+            alert = _said(found.get((event.platform, _what(event))), event)
+            found[alert.key] = alert
+    for key, alert in list(found.items()):
+        if key in standing:
+            continue
+        if alert.is_acknowledged:
+            del found[key]
+        elif not alert.is_over:
+            found[key] = replace(alert, is_over=True, last_s=now_s)
+    if found == alerts.all and fleet.event_count == alerts.events_seen:
+        return alerts
+    return Alerts(_bounded(found), fleet.event_count)
+
+
+def acknowledge(alerts: Alerts, key: tuple[str, str] | None = None) -> Alerts:
+    """The alerts after an operator has taken note of one, or (without a key) of all; those that are over go."""
+    found = {}
+    for name, alert in alerts.all.items():
+        if key is None or name == key:
+            if alert.is_over:
+                continue
+            alert = replace(alert, is_acknowledged=True)
+        found[name] = alert
+    return Alerts(found, alerts.events_seen)
+
+
+def began(alerts: Alerts, before: Alerts, what: str) -> list[Alert]:
+    """The alerts of a kind whose cause did not stand before."""
+    found = [alert for alert in alerts.all.values() if alert.what == what and not alert.is_over]
+    return [alert for alert in found if alert.key not in before.all or before.all[alert.key].is_over]
+
+
+def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
+    """What is wrong now, platform by platform."""
+    for platform in fleet:
+        for problem in platform.problems:
+            yield Cause(platform.name, problem.what, problem.severity, problem.text)
+        if platform.is_doubled(now_s):
+            yield Cause(platform.name, "name", Severity.ERROR, TWO_OF_ONE_NAME)
+        if platform.is_quiet_link(now_s):
+            if platform.is_silent_as_planned(now_s) or (not platform.is_met and platform.silence is None):
+                continue
+            text = _silence(
+                is_flying=platform.is_armed, has_companion=platform.has_companion, is_overdue=platform.is_overdue(now_s)
+            )
+            yield Cause(platform.name, LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text)
+            continue
+        if platform.table is not None and platform.table.version:
+            ends = compared("versions", Software(platform.table.version, platform.table.protocol), "onboard")
+            if ends.verdict in (Verdict.WARNING, Verdict.RED):
+                severity = Severity.ERROR if ends.verdict is Verdict.RED else Severity.WARNING
+                yield Cause(platform.name, "versions", severity, f"versions differ: {ends.finding}; {ends.advice}")
+        is_settled = now_s - platform.began_s >= SETTLE_S
+        if is_settled and platform.link.loss >= LOSS_BAD:
+            yield Cause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
+        yield from _vehicle_causes(platform, now_s, is_settled=is_settled)
+        yield from _component_causes(platform, is_settled=is_settled)
+
+
+def _silence(*, is_flying: bool, has_companion: bool, is_overdue: bool) -> str:
+    """That a vehicle is silent, what it does meanwhile, and what to do."""
+    if is_overdue:
+        return "overdue: its planned silence is over, and nothing is heard of it; it keeps to the mission's on_overdue"
+    if not is_flying:
+        return "nothing is heard of it any more: is it switched on, and its link open (Fleet)?"
+    policy = "it keeps to the mission's on_link_loss" if has_companion else "it keeps to its own failsafe"
+    return f"nothing is heard of it, and it was armed: {policy}; see to radio and antenna, and to its link (Fleet)"
+
+
+def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: bool) -> Iterator[Cause]:
+    if platform.vehicle is None or platform.vehicle.is_stale(now_s):
+        return
+    vehicle, name = platform.vehicle.value, platform.name
+    if 0 <= vehicle.battery_percent <= BATTERY_LOW_PERCENT:
+        is_critical = vehicle.battery_percent <= BATTERY_CRITICAL_PERCENT
+        limit = BATTERY_CRITICAL_PERCENT if is_critical else BATTERY_LOW_PERCENT
+        severity = Severity.CRITICAL if is_critical else Severity.WARNING
+        yield Cause(name, "battery", severity, f"battery at or below {limit} %")
+    if is_settled and not vehicle.is_autopilot_connected:
+        text = "no autopilot: the companion does not hear it; see to its cable, and to gloc3 onboard --autopilot"
+        yield Cause(name, "autopilot", Severity.CRITICAL, text)
+    if is_settled and vehicle.has_pilot_control:
+        yield Cause(name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back")
+    if is_settled and vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
+        yield Cause(name, "position", Severity.CRITICAL, "armed without a valid position")
+
+
+def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterator[Cause]:
+    if platform.table is None or all(line.state in _WELL for line, _ in platform.lines.values()):
+        return  # as nearly always; this is looked at for every vehicle, several times a second
+    for index, row in enumerate(platform.table.rows):
+        line, _ = platform.lines.get(index, (None, 0.0))
+        if line is None or line.state >= len(HEALTHS):
+            continue
+        health = HEALTHS[line.state]
+        is_missing = health is Health.ABSENT and row.is_required and is_settled
+        if health is not Health.FAULTY and not is_missing:
+            continue
+        trouble = platform.troubles.get(row.name)
+        cause = f": {trouble.cause.strip().splitlines()[-1]}" if trouble and trouble.cause.strip() else ""
+        severity = Severity.ERROR if row.is_required else Severity.WARNING
+        yield Cause(platform.name, f"component {row.name}", severity, f"{row.name} is {health}{cause}")
+
+
+def _standing(alert: Alert | None, cause: Cause, now_s: float) -> Alert:
+    """The alert of a cause that stands: a new one, or one that came back or got worse, is not acknowledged."""
+    if alert is None or alert.is_over:
+        count = alert.count + 1 if alert is not None else 1
+        return Alert(
+            platform=cause.platform,
+            what=cause.what,
+            severity=cause.severity,
+            text=cause.text,
+            since_s=now_s,
+            last_s=now_s,
+            count=count,
+        )
+    is_worse = cause.severity < alert.severity
+    return replace(
+        alert, severity=cause.severity, text=cause.text, is_acknowledged=alert.is_acknowledged and not is_worse
+    )
+
+
+def _said(alert: Alert | None, event: FleetEvent) -> Alert:
+    """The alert of a warning that was said, perhaps again."""
+    return Alert(
+        platform=event.platform,
+        what=_what(event),
+        severity=event.severity,
+        text=f"{event.source}: {event.text}" if event.source else event.text,
+        since_s=alert.since_s if alert else event.heard_s,
+        last_s=event.heard_s,
+        is_over=True,
+        count=alert.count + 1 if alert else 1,
+    )
+
+
+def _what(event: FleetEvent) -> str:
+    return f"{SAID}{event.source}: {event.text}"
+
+
+def is_answer(event: FleetEvent) -> bool:
+    """Whether it only answers what this station's operator has just asked for: a refusal."""
+    return not event.source and event.severity is Severity.ERROR
+
+
+def answer(fleet: Fleet, now_s: float) -> FleetEvent | None:
+    """The refusal that the operator has to be shown now; None where there was none lately."""
+    for event in reversed(fleet.events):
+        if now_s - event.heard_s >= ANSWERED_S:
+            return None
+        if is_answer(event):
+            return event
+    return None
+
+
+def _sorted(alerts: Iterable[Alert]) -> list[Alert]:
+    return sorted(alerts, key=lambda alert: (alert.severity, alert.has_gone, -alert.last_s))
+
+
+def _bounded(found: dict[tuple[str, str], Alert]) -> dict[tuple[str, str], Alert]:
+    surplus = len(found) - KEPT
+    if surplus > 0:
+        over = sorted((alert for alert in found.values() if alert.is_over), key=lambda alert: alert.last_s)
+        for alert in over[:surplus]:
+            del found[alert.key]
+    return found

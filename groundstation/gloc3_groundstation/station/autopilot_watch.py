@@ -1,0 +1,157 @@
+"""One autopilot as it is heard on one link: mode, arming, battery, place, and whether two of them share its address."""
+
+from collections import deque
+from typing import Final
+
+import msgspec
+
+from gloc3.mavlink import codec
+from gloc3.mavlink.flight_modes import mode_name
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.services.heartbeat import ARMED
+from gloc3.messages.summaries import VehicleSummary
+from gloc3_groundstation.station.fleet import SMOOTHING
+from gloc3_groundstation.station.place_watch import HEARD, PlaceWatch
+from gloc3_groundstation.station.snapshots import LinkStatistics
+
+BEATS_WITHIN_S: Final = 4.5
+"""A heartbeat that stays away for so long is missed, whatever else comes."""
+PLACE_WITHIN_S: Final = 5.0
+SAME_BOOT_S: Final = 2.0
+"""Times of start that differ by more are of two vehicles, or of two lives of one."""
+DOUBLED_WITHIN_S: Final = 10.0
+RESTART_CLEAR_S: Final = 3.0
+"""So long its time since boot runs on evenly after a jump that was a restart."""
+DOUBLED_JUMPS: Final = 4
+"""So many jumps of the time since boot, to and fro, are no restarts."""
+_LANDED: Final = {1: "on_ground", 2: "in_air", 3: "taking_off", 4: "landing"}
+"""MAV_LANDED_STATE."""
+_HEADING_UNKNOWN: Final = 65_535
+WANTED: Final = frozenset(codec.shape(name).id for name in (*HEARD, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME"))
+"""What tells of the vehicle beside its heartbeat."""
+_IDS: Final = WANTED | {codec.shape("HEARTBEAT").id}
+
+
+class AutopilotWatch:
+    """Takes in the frames of one autopilot."""
+
+    def __init__(self, now_s: float) -> None:
+        self.first_s: Final = now_s
+        self.heard_s = now_s
+        """When anything came from it."""
+        self.beat_s = now_s
+        """When its last heartbeat came."""
+        self.boot_at_s: float | None = None
+        """When it was started, on the station's clock; None while it has not told its time."""
+        self.autopilot = 0
+        self.vehicle_type = 0
+        self.is_armed = False
+        self.link = LinkStatistics()
+        self.place: Final = PlaceWatch()
+        """Where it is, and how it moves."""
+        self._mode = 0
+        self._battery_percent = -1
+        self._landed = ""
+        self._place: MavlinkMessage | None = None
+        self.place_s = 0.0
+        """When it told its place last."""
+        self._speed_m_s = 0.0
+        self._sequence: int | None = None
+        self._heard: set[int] = set()
+        self._jumps: deque[tuple[float, bool]] = deque(maxlen=DOUBLED_JUMPS)
+
+    def take(self, frame: Frame, now_s: float) -> None:
+        """Takes in a frame that the autopilot has sent."""
+        self._count(frame.sequence)
+        self.heard_s = now_s
+        if frame.message_id not in _IDS:
+            return
+        self._heard.add(frame.message_id)
+        message = frame.decode()
+        if message is None:
+            return
+        self.place.take(message, now_s)
+        match message.name:
+            case "HEARTBEAT":
+                self.beat_s = now_s
+                self.autopilot, self.vehicle_type = message.autopilot, message.type
+                self.is_armed, self._mode = bool(message.base_mode & ARMED), message.custom_mode
+            case "SYS_STATUS":
+                self._battery_percent = message.battery_remaining if 0 <= message.battery_remaining <= 100 else -1
+            case "EXTENDED_SYS_STATE":
+                self._landed = _LANDED.get(message.landed_state, "")
+            case "VFR_HUD":
+                self._speed_m_s = message.groundspeed
+            case "GLOBAL_POSITION_INT":
+                self._place, self.place_s = message, now_s
+                self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
+            case "SYSTEM_TIME":
+                self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
+
+    @property
+    def missing(self) -> list[int]:
+        """Those of the wanted messages that have not come."""
+        return sorted(WANTED - self._heard)
+
+    def is_doubled(self, now_s: float) -> bool:
+        """Whether two vehicles speak under this address: its time since boot jumps to and fro."""
+        jumps = self._jumps
+        return (
+            len(jumps) == DOUBLED_JUMPS
+            and now_s - jumps[0][0] <= DOUBLED_WITHIN_S
+            and len({is_up for _, is_up in jumps}) > 1
+        )
+
+    def restarted_s(self, now_s: float) -> float | None:
+        """When it has been started anew; None if it has not, and until it is clear that it is one vehicle, not two."""
+        if not self._jumps:
+            return None
+        at_s, is_up = self._jumps[-1]
+        before_s = self._jumps[-2][0] if len(self._jumps) > 1 else float("-inf")
+        return at_s if is_up and now_s - at_s >= RESTART_CLEAR_S and at_s - before_s >= RESTART_CLEAR_S else None
+
+    def is_same_life(self, other: "AutopilotWatch") -> bool:
+        """Whether the same vehicle is heard here and there: it was started at the same time."""
+        if self.boot_at_s is None or other.boot_at_s is None:
+            return False
+        return self.autopilot == other.autopilot and abs(self.boot_at_s - other.boot_at_s) <= SAME_BOOT_S
+
+    def told_s(self, now_s: float) -> float:
+        """When what is known of it was so: now, unless its heartbeats stay away."""
+        return self.heard_s if now_s - self.beat_s < BEATS_WITHIN_S else self.beat_s
+
+    def summary(self, now_s: float) -> VehicleSummary:
+        """The vehicle as it is known."""
+        place = self._place if now_s - self.place_s < PLACE_WITHIN_S else None
+        is_placed = place is not None and (place.lat, place.lon) != (0, 0)
+        geo = (place.lat / 1e7, place.lon / 1e7, place.alt / 1e3) if place is not None and is_placed else None
+        heading = place.hdg if place is not None else _HEADING_UNKNOWN
+        return VehicleSummary(
+            t_s=0.0,
+            mode=mode_name(self.autopilot, self.vehicle_type, self._mode),
+            is_armed=self.is_armed,
+            landed=self._landed,
+            battery_percent=self._battery_percent,
+            position_m=self.place.position_m() or (0.0, 0.0, place.relative_alt / 1e3 if place is not None else 0.0),
+            speed_m_s=round(self._speed_m_s, 2),
+            heading_deg=heading // 100 if heading != _HEADING_UNKNOWN else 0,
+            is_pose_valid=geo is not None,
+            has_pilot_control=False,
+            is_autopilot_connected=True,
+            geo=geo,
+        )
+
+    def _count(self, sequence: int) -> None:
+        gap = 0 if self._sequence is None else (sequence - self._sequence - 1) & 0xFF
+        self._sequence = sequence
+        if gap > 128:  # an earlier one that was overtaken on its way
+            gap = 0
+        link = self.link
+        loss = (1.0 - (1.0 - link.loss) * (1.0 - SMOOTHING) ** gap) * (1.0 - SMOOTHING)
+        self.link = msgspec.structs.replace(link, received=link.received + 1, lost=link.lost + gap, loss=loss)
+
+    def _booted(self, at_s: float, now_s: float) -> None:
+        before, self.boot_at_s = self.boot_at_s, at_s
+        if before is not None and abs(at_s - before) > SAME_BOOT_S:
+            self._jumps.append((now_s, at_s > before))

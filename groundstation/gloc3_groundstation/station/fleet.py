@@ -1,0 +1,292 @@
+"""How a fleet's snapshot follows from the one before and a message: pure functions, told the time."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from msgspec.structs import replace
+
+from gloc3.clock import utc_text
+from gloc3.exchange.acoustic import AcousticSummary
+from gloc3.messages.command_interface import CiReply
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.hosts import HostNames, HostSummary
+from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.summaries import (
+    CiEvent,
+    ComponentTable,
+    ComponentTrouble,
+    ContactSummary,
+    ControlState,
+    MissionSummary,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.messages.teleoperation import TeleoperationState
+from gloc3.messages.vehicle import ObstacleScan
+from gloc3_groundstation.station.snapshots import (
+    QUIET_LINK_S,
+    Fleet,
+    FleetEvent,
+    LinkStatistics,
+    PlannedSilence,
+    PlatformSnapshot,
+    Timed,
+)
+
+EVENTS_KEPT: Final = 500
+SMOOTHING: Final = 0.05
+
+CONTACT: Final = "contact"
+HEARD_TOPICS: Final = (
+    *(name for name in TOPICS if name.startswith("ci/") and name != "ci/request"),
+    CONTACT,
+)
+"""What a station listens to, below a platform's name."""
+BESIDE: Final = ("ci/hosts", "ci/host_names", "ci/teleoperation")
+"""Of these, what is not of the command interface itself: its source is another."""
+
+FORMER_KEPT: Final = 3
+LATE_MESSAGES: Final = 5
+"""So many messages of a life that is over may come late."""
+RESTARTED: Final = (
+    "its onboard process has restarted: in flight it keeps to the mission's on_restart; look at mission and checks before "
+    "it goes on"
+)
+_COUNTED: Final = frozenset(name for name in HEARD_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
+"""The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped.
+
+The motion is left out by a slow link on purpose.
+"""
+
+
+def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
+    """The fleet after a message; one that is not for stations changes nothing.
+
+    Args:
+        fleet: what was known.
+        envelope: what came, on a topic `PLATFORM/ci/...`, or something that was asked for of another topic.
+        now_s: the station's time.
+    """
+    reduce = _REDUCERS.get(type(envelope.payload))
+    if reduce is None:
+        return fleet
+    name, _, topic = envelope.topic.partition("/")
+    known, boot = fleet.get(name), envelope.source.boot
+    if topic in BESIDE or (
+        not topic.startswith("ci/") and topic != CONTACT
+    ):  # of another component, with a boot of its own
+        return fleet if known is None else with_platform(fleet, reduce(known, envelope.payload, now_s))
+    if known is None:
+        platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s, began_s=now_s)
+        fleet = note(fleet, name, Severity.INFO, "is heard", now_s)
+    elif not known.is_met:
+        platform = replace(known, boot=boot, began_s=now_s)
+        text = "is heard" + (f" again after {_silent(known, now_s)}" if known.silence is not None else "")
+        fleet = note(fleet, name, Severity.NOTICE, text, now_s)
+    elif known.boot != boot and boot in known.former and not known.is_quiet_link(now_s):
+        return with_platform(fleet, _spoken_by_another(known, boot, now_s))
+    elif known.boot != boot:
+        platform = _restarted(known, boot, now_s)
+        fleet = note(fleet, name, Severity.WARNING, RESTARTED, now_s)
+    else:
+        platform = known
+        if known.is_quiet_link(now_s):
+            fleet = note(fleet, name, Severity.NOTICE, f"is heard again after {_silent(known, now_s)}", now_s)
+    if topic in _COUNTED:
+        link = _counted(platform.link, topic, envelope.sequence)
+        if link is None:
+            return with_platform(fleet, replace(platform, heard_s=now_s))
+        platform = replace(platform, link=link)
+    platform = reduce(replace(platform, heard_s=now_s), envelope.payload, now_s)
+    if isinstance(envelope.payload, MissionSummary):
+        platform = replace(platform, silence=_planned(platform, envelope, fleet.utc_offset_s, now_s))
+    if isinstance(envelope.payload, CiEvent) and not envelope.payload.number:  # others have their turn: `EventFeed`
+        event = envelope.payload
+        fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source)
+    return with_platform(fleet, platform)
+
+
+def by_sound(fleet: Fleet, name: str, summary: AcousticSummary, now_s: float) -> Fleet:
+    """The fleet with what an acoustic modem has brought of a platform; it stays silent otherwise."""
+    known = fleet.get(name)
+    if known is None:
+        known = PlatformSnapshot(name=name, boot=0, first_heard_s=now_s, heard_s=now_s - QUIET_LINK_S, began_s=now_s)
+        fleet = note(fleet, name, Severity.NOTICE, "is heard by sound, and not otherwise", now_s)
+    return with_platform(fleet, replace(known, acoustic=Timed(summary, now_s)))
+
+
+def remembered(fleet: Fleet, name: str, silence: PlannedSilence, heard_s: float, now_s: float) -> Fleet:
+    """The fleet with a platform whose planned silence had begun before the station was started."""
+    known = PlatformSnapshot(
+        name=name, boot=0, first_heard_s=now_s, heard_s=min(heard_s, now_s - QUIET_LINK_S), silence=silence
+    )
+    fleet = note(
+        fleet, name, Severity.NOTICE, f"was silent as planned ({silence.target}), due {silence.due_text}", now_s
+    )
+    return with_platform(fleet, known)
+
+
+def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "") -> Fleet:
+    """The fleet with one more event; without a source it is the station's own."""
+    number = fleet.event_count + 1
+    event = FleetEvent(number=number, platform=platform, heard_s=now_s, severity=severity, source=source, text=text)
+    return replace(fleet, events=(*fleet.events[1 - EVENTS_KEPT :], event), event_count=number)
+
+
+def with_platform(fleet: Fleet, platform: PlatformSnapshot) -> Fleet:
+    """The fleet with a platform as it is now; a new one comes last."""
+    return replace(fleet, platforms={**fleet.platforms, platform.name: platform})
+
+
+def without(fleet: Fleet, name: str) -> Fleet:
+    """The fleet without a platform."""
+    return replace(fleet, platforms={key: platform for key, platform in fleet.platforms.items() if key != name})
+
+
+def _silent(platform: PlatformSnapshot, now_s: float) -> str:
+    """How long a silence was that has just ended, and whether it was planned."""
+    text = f"{platform.age_s(now_s):.0f} s of silence"
+    if platform.silence is None:
+        return text
+    late_s = now_s - platform.silence.due_s
+    return text + (f", {late_s:.0f} s overdue" if late_s > 0.0 else ", as planned")
+
+
+def _planned(
+    platform: PlatformSnapshot, envelope: Envelope[Any], utc_offset_s: float, now_s: float
+) -> PlannedSilence | None:
+    """The silence that a mission summary tells of, on the station's clock; reckoned once, so that it stands still."""
+    told: MissionSummary = envelope.payload
+    if not told.silence:
+        return None
+    if platform.silence is not None and platform.silence.until_s == told.silent_until_s:
+        return platform.silence
+    due_s = now_s + told.silent_until_s - envelope.t_s
+    text = f"{utc_text(due_s + utc_offset_s, '%H:%M:%S')} UTC"
+    return PlannedSilence(target=told.silence, until_s=told.silent_until_s, due_s=due_s, due_text=text)
+
+
+def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:
+    """What remains true of a platform whose command interface has begun a new life."""
+    return PlatformSnapshot(
+        name=platform.name,
+        boot=boot,
+        first_heard_s=platform.first_heard_s,
+        heard_s=now_s,
+        began_s=now_s,
+        vehicle=platform.vehicle,
+        site=platform.site,
+        link=replace(platform.link, sequences={}),
+        autopilot=platform.autopilot,
+        problems=platform.problems,
+        former={**dict(list(platform.former.items())[-FORMER_KEPT:]), platform.boot: 0},
+    )
+
+
+def _spoken_by_another(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:
+    """A life that is over has spoken: once it may be late, but then it is another platform of that name."""
+    times = platform.former[boot] + 1
+    former = {**platform.former, boot: times}
+    return replace(platform, former=former, doubled_s=now_s if times > LATE_MESSAGES else platform.doubled_s)
+
+
+def _counted(link: LinkStatistics, topic: str, sequence: int) -> LinkStatistics | None:
+    """The statistics after a message; None where it is older than the last.
+
+    A long summary comes in several messages of one sequence, each with rows of its own.
+    """
+    last = link.sequences.get(topic)
+    if last is not None and sequence < last:
+        return None
+    if sequence == last:
+        return link
+    gap = 0 if last is None else sequence - last - 1
+    kept = (1.0 - SMOOTHING) ** gap
+    loss = (1.0 - (1.0 - link.loss) * kept) * (1.0 - SMOOTHING)
+    return LinkStatistics(
+        received=link.received + 1, lost=link.lost + gap, loss=loss, sequences={**link.sequences, topic: sequence}
+    )
+
+
+def _vehicle(platform: PlatformSnapshot, message: VehicleSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, vehicle=Timed(message, now_s))
+
+
+def _motion(platform: PlatformSnapshot, message: MotionSummary, now_s: float) -> PlatformSnapshot:
+    if platform.motion is not None and message.t_s < platform.motion.value.t_s:
+        return platform
+    return replace(platform, motion=Timed(message, now_s))
+
+
+def _site(platform: PlatformSnapshot, message: SiteSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, site=Timed(message, now_s))
+
+
+def _obstacles(platform: PlatformSnapshot, message: ObstacleScan, now_s: float) -> PlatformSnapshot:
+    return replace(platform, obstacles=Timed(message, now_s))
+
+
+def _mission(platform: PlatformSnapshot, message: MissionSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, mission=Timed(message, now_s))
+
+
+def _control(platform: PlatformSnapshot, message: ControlState, now_s: float) -> PlatformSnapshot:
+    return replace(platform, control=Timed(message, now_s))
+
+
+def _summary(platform: PlatformSnapshot, message: Summary, now_s: float) -> PlatformSnapshot:
+    """Takes the lines over; those of a table that is not here are kept until the table comes."""
+    platform = replace(platform, summary=Timed(message, now_s))
+    lines = {**platform.lines, **{line.index: (line, now_s) for line in message.lines}}
+    if platform.table is not None and platform.table.table != message.table:
+        lines = {line.index: (line, now_s) for line in message.lines}
+        return replace(platform, table=None, lines=lines)
+    return replace(platform, lines=lines)
+
+
+def _table(platform: PlatformSnapshot, message: ComponentTable, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return replace(platform, table=message)
+
+
+def _trouble(platform: PlatformSnapshot, message: ComponentTrouble, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return replace(platform, troubles={**platform.troubles, message.name: message})
+
+
+def _contact(platform: PlatformSnapshot, message: ContactSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, contact=Timed(message, now_s))
+
+
+def _hosts(platform: PlatformSnapshot, message: HostSummary, now_s: float) -> PlatformSnapshot:
+    return replace(platform, hosts={**platform.hosts, **{line.index: (line, now_s) for line in message.lines}})
+
+
+def _host_names(platform: PlatformSnapshot, message: HostNames, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return replace(platform, host_names=message)
+
+
+def _teleoperation(platform: PlatformSnapshot, message: TeleoperationState, now_s: float) -> PlatformSnapshot:
+    return replace(platform, teleoperation=Timed(message, now_s))
+
+
+def _heard(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+    return platform
+
+
+_REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], PlatformSnapshot]]] = {
+    VehicleSummary: _vehicle,
+    MotionSummary: _motion,
+    SiteSummary: _site,
+    ObstacleScan: _obstacles,
+    TeleoperationState: _teleoperation,
+    MissionSummary: _mission,
+    ControlState: _control,
+    Summary: _summary,
+    ComponentTable: _table,
+    ComponentTrouble: _trouble,
+    ContactSummary: _contact,
+    HostSummary: _hosts,
+    HostNames: _host_names,
+    CiEvent: _heard,
+    CiReply: _heard,
+}

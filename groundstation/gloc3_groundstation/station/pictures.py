@@ -1,0 +1,50 @@
+"""Previews unpacked for the screen. OpenCV comes in when the first is to be shown."""
+
+import sys
+from typing import NamedTuple
+
+from gloc3.camera.opencv import load_opencv
+from gloc3.messages.watch import Preview
+
+
+class Picture(NamedTuple):
+    """Grey values, row after row."""
+
+    width: int
+    height: int
+    data: bytes
+
+
+def is_loaded() -> bool:
+    """Whether pictures can be unpacked without a pause."""
+    return "cv2" in sys.modules
+
+
+def load() -> None:
+    """Loads what unpacks them, which takes a while."""
+    load_opencv()
+
+
+def unpack_picture(preview: Preview, room: tuple[int, int] | None = None) -> Picture | None:
+    """The picture, scaled to the room that there is for it with its proportions kept; None where there is none.
+
+    Args:
+        preview: as it came.
+        room: pixels across and down; None for its own size.
+    """
+    if not preview.data:
+        return None
+    import numpy as np
+
+    cv2 = load_opencv()
+    pixels = cv2.imdecode(np.frombuffer(preview.data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    if pixels is None:
+        return None
+    height, width = pixels.shape
+    if room is not None:
+        scale = min(room[0] / width, room[1] / height)
+        size = max(1, int(width * scale)), max(1, int(height * scale))
+        if size != (width, height):
+            pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
+    height, width = pixels.shape
+    return Picture(width, height, pixels.tobytes())

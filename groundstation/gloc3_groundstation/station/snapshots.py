@@ -1,0 +1,311 @@
+"""What a station knows of a fleet at one moment: immutable snapshots, with the age of everything in them."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final, Generic, TypeVar
+
+import msgspec
+
+from gloc3.exchange.acoustic import AcousticSummary
+from gloc3.messages.envelope import Kind, Message, Severity
+from gloc3.messages.hosts import HostLine, HostNames
+from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.summaries import (
+    ComponentLine,
+    ComponentTable,
+    ComponentTrouble,
+    ContactSummary,
+    ControlState,
+    Health,
+    MissionSummary,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.messages.teleoperation import TeleoperationState
+from gloc3.messages.vehicle import ObstacleScan
+
+M = TypeVar("M", bound=Message)
+
+STALE_AFTER_S: Final[Mapping[type, float]] = {
+    row.message: row.silent_after / row.rate_hz for row in TOPICS.values() if row.rate_hz
+}
+"""The age at which a message no longer counts as what is so, from the one rate of its topic."""
+
+QUIET_LINK_S: Final = 3.0
+"""Silence of a platform after which the operator is told its length."""
+
+HEALTHS: Final = tuple(Health)
+KINDS: Final = tuple(Kind)
+_WORKING: Final = HEALTHS.index(Health.WORKING)
+_QUIET: Final = HEALTHS.index(Health.QUIET)
+
+
+class Timed(msgspec.Struct, Generic[M], frozen=True):
+    """The last message of its type, and when it came."""
+
+    value: M
+    heard_s: float
+    """On the station's clock."""
+
+    def age_s(self, now_s: float) -> float:
+        """Seconds since it came."""
+        return now_s - self.heard_s
+
+    def is_stale(self, now_s: float) -> bool:
+        """Whether it is too old to be taken for what is so now."""
+        return now_s - self.heard_s >= STALE_AFTER_S.get(type(self.value), float("inf"))
+
+
+class LinkStatistics(msgspec.Struct, frozen=True):
+    """How well a platform's status arrives."""
+
+    received: int = 0
+    lost: int = 0
+    """Gaps in the sequences of the periodic topics."""
+    loss: float = 0.0
+    """Share of them that does not arrive, 0 to 1, smoothed over some 40 messages: lost, or left out by a slow link."""
+    sequences: Mapping[str, int] = {}
+    """The last sequence of each topic."""
+
+
+class ComponentSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """One component of a platform."""
+
+    name: str
+    kind: str
+    """A `Kind`."""
+    nominal_rate_hz: float
+    is_required: bool
+    standby_for: str
+    is_triggered: bool = False
+    """It reaches its rate only while its input comes."""
+    health: Health | None
+    """None until its first line came."""
+    rate_percent: int = 0
+    load_percent: int = 0
+    overruns: int = 0
+    errors: int = 0
+    cause: str = ""
+    """Its last error, in words."""
+    is_stale: bool = False
+
+    @property
+    def is_well(self) -> bool:
+        """Whether it works, or stands by for another."""
+        return self.health is Health.WORKING or (self.health is Health.QUIET and bool(self.standby_for))
+
+
+class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """The autopilot of a vehicle as a link of this station hears it."""
+
+    link: str
+    """The link's URL."""
+    system: int
+    component: int
+    firmware: str
+    """`PX4`, `ArduPilot`, or what it calls itself."""
+    vehicle_type: str = ""
+    """`quadrotor`; empty where it does not say."""
+
+
+class Problem(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that the station has noticed of a vehicle, as long as it is so."""
+
+    what: str
+    """Names it among the vehicle's problems: `system id`."""
+    severity: Severity
+    text: str
+    """What is the matter, and what to do."""
+
+
+DOUBLED_FOR_S: Final = 10.0
+"""So long after it was seen last that two platforms have one name it is taken to be so."""
+
+
+class PlannedSilence(msgspec.Struct, frozen=True, kw_only=True):
+    """A silence that the platform's mission plans, as it has told while it was heard."""
+
+    target: str
+    """The task or action that states it."""
+    until_s: float
+    """When contact is due, on the platform's clock."""
+    due_s: float
+    """The same on the station's clock."""
+    due_text: str
+    """The same for people: `14:03:20 UTC`."""
+
+
+class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """One platform as it was last heard."""
+
+    name: str
+    boot: int
+    """Of its command interface server; 0 while that has not been heard."""
+    first_heard_s: float
+    heard_s: float
+    """When anything came from it last."""
+    began_s: float = float("-inf")
+    """When its present life was first heard: it is new, or its onboard process has restarted."""
+    vehicle: Timed[VehicleSummary] | None = None
+    motion: Timed[MotionSummary] | None = None
+    site: Timed[SiteSummary] | None = None
+    teleoperation: Timed[TeleoperationState] | None = None
+    """What it makes of being steered by hand."""
+    obstacles: Timed[ObstacleScan] | None = None
+    mission: Timed[MissionSummary] | None = None
+    silence: PlannedSilence | None = None
+    contact: Timed[ContactSummary] | None = None
+    """What it told first when it was heard after a silence."""
+    acoustic: Timed[AcousticSummary] | None = None
+    """The last that was heard of it by sound."""
+    control: Timed[ControlState] | None = None
+    summary: Timed[Summary] | None = None
+    """The last part of the summary that came; the components' own lines are in `lines`."""
+    table: ComponentTable | None = None
+    lines: Mapping[int, tuple[ComponentLine, float]] = {}
+    """Index in the table to the last line and when it came."""
+    troubles: Mapping[str, ComponentTrouble] = {}
+    link: LinkStatistics = LinkStatistics()
+    has_companion: bool = True
+    """Whether a command interface of ours is aboard; a bare vehicle has an autopilot alone, and offers services."""
+    autopilot: AutopilotSnapshot | None = None
+    """None where no link of this station hears its autopilot."""
+    problems: tuple[Problem, ...] = ()
+    """What its links show to be wrong with it."""
+    host_names: HostNames | None = None
+    hosts: Mapping[int, tuple[HostLine, float]] = {}
+    """Index in the names to the last line and when it came; empty for a platform of one process."""
+    former: Mapping[int, int] = {}
+    """Boots of former lives, the last one last, to how often each has spoken since: a life that is over does not."""
+    doubled_s: float = float("-inf")
+    """When a life that should be over spoke last."""
+
+    @property
+    def is_met(self) -> bool:
+        """Whether this station has heard it; otherwise it knows of it by sound alone, or from before its restart."""
+        return bool(self.boot) or not self.has_companion
+
+    @property
+    def is_incomplete(self) -> bool:
+        """Whether its full state has to be asked for: it is new, has restarted, or speaks of another table."""
+        return self.table is None
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether it was armed when its state was heard last."""
+        return self.vehicle is not None and self.vehicle.value.is_armed
+
+    def age_s(self, now_s: float) -> float:
+        """Seconds since anything came from it."""
+        return now_s - self.heard_s
+
+    def is_quiet_link(self, now_s: float) -> bool:
+        """Whether nothing came for longer than it should."""
+        return now_s - self.heard_s >= QUIET_LINK_S
+
+    def is_silent_as_planned(self, now_s: float) -> bool:
+        """Whether nothing comes because its mission says so, and contact is not due yet."""
+        return self.is_quiet_link(now_s) and self.silence is not None and now_s < self.silence.due_s
+
+    def is_overdue(self, now_s: float) -> bool:
+        """Whether nothing comes although its planned silence should be over."""
+        return self.is_quiet_link(now_s) and self.silence is not None and now_s >= self.silence.due_s
+
+    def is_doubled(self, now_s: float) -> bool:
+        """Whether two platforms speak under its name."""
+        return now_s - self.doubled_s < DOUBLED_FOR_S
+
+    def is_all_well(self, now_s: float) -> bool:
+        """Whether every component is well by what was heard just now: nearly always so, and quickly seen."""
+        rows = self.table.rows if self.table is not None else ()
+        if not 0 < len(self.lines) == len(rows):
+            return False
+        since_s = now_s - STALE_AFTER_S[Summary]
+        return all(
+            heard_s > since_s and (line.state == _WORKING or (line.state == _QUIET and bool(rows[index].standby_for)))
+            for index, (line, heard_s) in self.lines.items()
+            if index < len(rows)
+        )
+
+    @property
+    def component_names(self) -> tuple[str, ...]:
+        """Of all its components; empty while they are not known."""
+        return tuple(row.name for row in self.table.rows) if self.table is not None else ()
+
+    def components(self, now_s: float) -> tuple[ComponentSnapshot, ...]:
+        """Its components in the order of the data: SS, DP, CC, AD, CI, each as in the platform file."""
+        if self.table is None:
+            return ()
+        limit_s = STALE_AFTER_S[Summary]
+        found = []
+        for index, row in enumerate(self.table.rows):
+            line, heard_s = self.lines.get(index, (None, 0.0))
+            trouble = self.troubles.get(row.name)
+            found.append(
+                ComponentSnapshot(
+                    name=row.name,
+                    kind=row.kind,
+                    nominal_rate_hz=row.nominal_rate_hz,
+                    is_required=row.is_required,
+                    standby_for=row.standby_for,
+                    is_triggered=row.is_triggered,
+                    health=None if line is None or line.state >= len(HEALTHS) else HEALTHS[line.state],
+                    rate_percent=line.rate_percent if line else 0,
+                    load_percent=line.load_percent if line else 0,
+                    overruns=line.overruns if line else 0,
+                    errors=line.errors if line else 0,
+                    cause=trouble.cause if trouble else "",
+                    is_stale=line is not None and now_s - heard_s >= limit_s,
+                )
+            )
+        return tuple(sorted(found, key=lambda component: _ORDER.get(component.kind, len(_ORDER))))
+
+
+_ORDER: Final[Mapping[str, int]] = {kind.value: place for place, kind in enumerate(KINDS)}
+
+
+class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that happened, told by a platform or noticed by the station."""
+
+    number: int
+    """Counts from 1 over all events of the fleet."""
+    platform: str
+    heard_s: float
+    severity: Severity
+    source: str
+    """The component; empty for what the station itself noticed or did."""
+    text: str
+
+
+class Fleet(msgspec.Struct, frozen=True, kw_only=True):
+    """Every platform that a station has heard, and what happened lately."""
+
+    utc_offset_s: float = 0.0
+    """Add it to the station's time for seconds since 1970."""
+    platforms: Mapping[str, PlatformSnapshot] = {}
+    """By name, in the order in which they were first heard."""
+    events: tuple[FleetEvent, ...] = ()
+    """The last ones, oldest first."""
+    event_count: int = 0
+    """Of all events so far, those that are no longer kept included."""
+
+    def __iter__(self) -> Iterator[PlatformSnapshot]:
+        return iter(self.platforms.values())
+
+    def get(self, name: str) -> PlatformSnapshot | None:
+        """A platform by name."""
+        return self.platforms.get(name)
+
+    def changed_since(self, before: "Fleet") -> list[tuple[PlatformSnapshot | None, PlatformSnapshot]]:
+        """The platforms that are others than before, each behind what it was: told with every message, so it is quick."""
+        was, now = before.platforms, self.platforms
+        if len(was) == len(now):
+            pairs = [(old, new) for old, new in zip(was.values(), now.values(), strict=True) if old is not new]
+            if all(old.name == new.name for old, new in pairs):  # in the same order, as but after one has gone
+                return [*pairs]
+        return [(was.get(name), platform) for name, platform in now.items() if was.get(name) is not platform]
+
+    def events_after(self, number: int) -> tuple[FleetEvent, ...]:
+        """The kept events that came after the one of that number."""
+        new = min(self.event_count - number, len(self.events))
+        return self.events[-new:] if new > 0 else ()

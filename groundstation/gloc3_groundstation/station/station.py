@@ -1,0 +1,175 @@
+"""A base station: what it knows of its fleet, and its command client, on one exchange."""
+
+import asyncio
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any, Final
+
+from gloc3.clock import Clock
+from gloc3.exchange.acoustic import AcousticSummary
+from gloc3.exchange.base import Exchange, Unsubscribe
+from gloc3.messages.command_interface import Hello, ReadReports
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.software import own_software
+from gloc3.messages.summaries import CiEvent, ContactSummary, MissionSummary
+from gloc3.messages.vehicle import ObstacleScan
+from gloc3_groundstation.station import fleet as reducers
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.command_client import CommandClient
+from gloc3_groundstation.station.event_feed import EventFeed, ToldEvent, with_age
+from gloc3_groundstation.station.relay import Relay
+from gloc3_groundstation.station.snapshots import Fleet
+from gloc3_groundstation.station.watcher import Watcher
+
+HELLO_EVERY_S: Final = 3.0
+
+Listener = Callable[[Fleet, Fleet, float], None]
+"""Is told the fleet before a change, the fleet after it, and the time."""
+
+
+class Station:
+    """Keeps the fleet's snapshot up to date and asks for what is missing in it."""
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        loop: asyncio.AbstractEventLoop,
+        station: str,
+        boot: int,
+        feed: EventFeed | None = None,
+    ) -> None:
+        """A station; see `CommandClient` for the arguments.
+
+        Args:
+            exchange: reaches the platforms.
+            loop: gives the time and wakes the station.
+            station: the station's id.
+            boot: a random number for this start of the station.
+            feed: what a former life of the station has shown; None where nothing is known of one.
+        """
+        self.fleet = Fleet(utc_offset_s=Clock(loop).utc_offset_s)
+        self.client: Final = CommandClient(exchange, loop, station, boot)
+        self.watcher: Final = Watcher(exchange, loop, self.client)
+        """Looks at topics of platforms, for as long as somebody in the station does."""
+        self.now_s: Final[Callable[[], float]] = loop.time
+        self.started_s: Final = loop.time()
+        self.round_trip_s: Callable[[str], float | None] = lambda _: None
+        """How long something to a platform and its answer are on their way; told by whoever holds the links."""
+        self._loop = loop
+        self._listeners: list[Listener] = []
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._relay = Relay(self.client)
+        self.feed: Final = feed or EventFeed()
+        """Up to where the events of each platform have been shown."""
+        self._asked_s: dict[str, float] = {}
+        self._unsubscribes: list[Unsubscribe] = [
+            exchange.subscribe(f"*/{topic}", self._take) for topic in reducers.HEARD_TOPICS
+        ]
+        self._unsubscribes.append(exchange.subscribe("*/acoustic", self._hear_by_sound))
+        self._unsubscribes.append(self.watcher.listen(self._see))
+
+    @property
+    def id(self) -> str:
+        """The id under which platforms know this station, such as `255`."""
+        return self.client.station
+
+    def listen(self, listener: Listener) -> Unsubscribe:
+        """Is told every change of the fleet, in order."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def note(self, platform: str, severity: Severity, text: str) -> None:
+        """Adds an event of the station's own."""
+        now_s = self.now_s()
+        self._change(reducers.note(self.fleet, platform, severity, text, now_s), now_s)
+
+    def change(self, reduce: Callable[[Fleet, float], Fleet]) -> None:
+        """Takes in what is known from elsewhere than the exchange.
+
+        Args:
+            reduce: gives the fleet after it from the fleet before and the time; the same one where nothing changes.
+        """
+        now_s = self.now_s()
+        fleet = reduce(self.fleet, now_s)
+        if fleet is not self.fleet:
+            self._change(fleet, now_s)
+
+    def close(self) -> None:
+        """Hears and asks nothing more; platforms are left to their policies."""
+        for unsubscribe in self._unsubscribes:
+            unsubscribe()
+        for task in list(self._tasks):
+            task.cancel()
+        self.watcher.close()
+        self.client.close()
+
+    def _take(self, envelope: Envelope[Any]) -> None:
+        now_s = self.now_s()
+        name = envelope.topic.partition("/")[0]
+        before = self.fleet.get(name)
+        if before is not None and before.is_quiet_link(now_s):
+            self.feed.heard_again(name, now_s)
+        self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
+        if isinstance(envelope.payload, CiEvent) and envelope.payload.number:
+            self._show(name, self.feed.event(name, envelope.payload, now_s))
+        elif isinstance(envelope.payload, ContactSummary):
+            self._meet(name, envelope.payload)
+        self._show(name, self.feed.release(name, now_s))
+        self._ask_events(name, now_s)
+        if isinstance(envelope.payload, MissionSummary):
+            self._relay.pass_on(name, envelope.payload, self.fleet)
+        platform = self.fleet.get(name)
+        if platform is not None and platform.is_incomplete and now_s >= self._asked_s.get(name, 0.0):
+            self._asked_s[name] = now_s + HELLO_EVERY_S
+            self._start(self.client.ask(name, Hello(**own_software()._asdict()), HELLO_EVERY_S))
+
+    def _meet(self, name: str, contact: ContactSummary) -> None:
+        """The summary is shown first, then what has happened meanwhile."""
+        events, missed = self.feed.contact(name, contact), self.feed.missing(name)
+        if contact.station == self.id and (contact.silent_s >= 0.0 or missed):
+            self.note(name, Severity.NOTICE, wording.contact(contact, len(events) + missed))
+        self._show(name, events)
+
+    def _show(self, name: str, events: Sequence[ToldEvent]) -> None:
+        """Notes events of a platform, in their order."""
+        for event in events:
+            text = with_age(event, wording.duration(event.age_s))
+            now_s = self.now_s()
+            self._change(reducers.note(self.fleet, name, event.severity, text, now_s, source=event.source), now_s)
+
+    def _ask_events(self, name: str, now_s: float) -> None:
+        """Asks a platform for the events that are missing here."""
+        wanted = self.feed.wanted(name, now_s)
+        if wanted is not None:
+            self._start(self._fetch(name, wanted))
+
+    async def _fetch(self, name: str, wanted: ReadReports) -> None:
+        while True:
+            reply = await self.client.ask(name, wanted)
+            platform, now_s = self.fleet.get(name), self.now_s()
+            vehicle = platform.vehicle if platform is not None else None
+            platform_s = None if vehicle is None else vehicle.value.t_s + vehicle.age_s(now_s)
+            self._show(name, self.feed.answered(name, wanted, reply, platform_s))
+            more = self.feed.wanted(name, now_s)
+            if more is None:
+                return
+            wanted = more
+
+    def _hear_by_sound(self, envelope: Envelope[AcousticSummary]) -> None:
+        name, now_s = envelope.topic.partition("/")[0], self.now_s()
+        self._change(reducers.by_sound(self.fleet, name, envelope.payload, now_s), now_s)
+
+    def _see(self, _: str, envelope: Envelope[Any]) -> None:
+        """Keeps obstacles that somebody looks at with what is known of the platform, for the map."""
+        if isinstance(envelope.payload, ObstacleScan):
+            now_s = self.now_s()
+            self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
+
+    def _change(self, fleet: Fleet, now_s: float) -> None:
+        before, self.fleet = self.fleet, fleet
+        for listener in tuple(self._listeners):
+            listener(before, fleet, now_s)
+
+    def _start(self, work: Coroutine[Any, Any, Any]) -> None:
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)

@@ -1,0 +1,301 @@
+"""Which vehicle is which: the autopilots that the links hear, joined to their platforms, or shown as bare vehicles.
+
+A vehicle is known by the link on which it is heard and its MAVLink system there, never by the system alone: two
+vehicles may have the same one. One that is heard on several links is one vehicle all the same.
+"""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final, NamedTuple, Protocol
+
+from msgspec.structs import replace
+
+from gloc3.errors import Refused
+from gloc3.exchange.base import Unsubscribe
+from gloc3.mavlink.codec import Frame, message, shape
+from gloc3.mavlink.flight_modes import autopilot_name, type_name
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.services.facts import FIRMWARES
+from gloc3_groundstation.services.machines import Wire
+from gloc3_groundstation.station import fleet as reducers
+from gloc3_groundstation.station.autopilot_watch import BEATS_WITHIN_S, AutopilotWatch
+from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Problem, Timed
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.station.wording import duration
+
+LOOK_EVERY_S: Final = 0.5
+PATIENCE_S: Final = 3.0
+"""A vehicle without our companion is shown after so long; its companion's word comes sooner."""
+MORE_PATIENCE_S: Final = 8.0
+"""The same where a companion is heard that has not said whether it is one of ours."""
+ASKED_TIMES: Final = 4
+ASK_EVERY_S: Final = 5.0
+TOLD_HZ: Final = 1.0
+MOST_VEHICLES: Final = 64
+_COMPANION: Final = 191
+_HEARTBEAT: Final = shape("HEARTBEAT").id
+RESTARTED: Final = "its autopilot has restarted: mode and home are those of a fresh start; look at them and at its plan before it flies"
+_IDS_HINT: Final = "give one of them another id (PX4: MAV_SYS_ID, ArduPilot: SYSID_THISMAV or MAV_SYSID)"
+
+
+class HearsVehicles(Wire, Protocol):
+    """What is needed of a link; `gloc3_groundstation.links.links.Link` is one."""
+
+    def platforms(self) -> list[tuple[str, Address]]:
+        """The platforms whose companions are heard there, with the companions' addresses."""
+
+
+Way = tuple[int, int, int]
+"""How a vehicle is reached: number of the link from 1, system and component of its autopilot."""
+
+
+class _Line(NamedTuple):
+    """A link that is open."""
+
+    url: str
+    link: HearsVehicles
+    unlisten: Unsubscribe
+
+
+class Vehicles:
+    """Keeps the fleet's autopilots up to date."""
+
+    def __init__(self, station: Station, links: Callable[[], Sequence[tuple[str, HearsVehicles]]]) -> None:
+        """Begins to listen.
+
+        Args:
+            station: whose fleet it is.
+            links: gives the URLs and the links that are open.
+        """
+        self._station = station
+        self._links = links
+        self._loop = asyncio.get_running_loop()
+        self._lines: dict[int, _Line] = {}
+        """By number, in the order in which they were opened."""
+        self._opened = 0
+        self._watches: dict[Way, AutopilotWatch] = {}
+        self._companions: set[tuple[int, int]] = set()
+        """Links and systems on which a companion is heard."""
+        self._platforms: dict[tuple[int, int], str] = {}
+        """Links and systems to the platform whose companion speaks there."""
+        self._names: dict[Way, str] = {}
+        """Which vehicle is reached by which way."""
+        self._restarts: dict[Way, float] = {}
+        """When an autopilot was started anew, as far as that has been told."""
+        self._asked: dict[Way, tuple[int, float]] = {}
+        """How often a vehicle was asked for what it does not tell by itself, and when last."""
+        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+
+    def reach(self, name: str) -> tuple[Wire, Address]:
+        """The link and the address by which a vehicle's autopilot is spoken to.
+
+        Raises:
+            Refused: no link hears it.
+        """
+        way = self._way(name)
+        if way is None:
+            hint = "--link udpin://0.0.0.0:14550 listens where autopilots and telemetry routers send"
+            raise Refused(f"no link of this station hears the autopilot of {name}; {hint}")
+        return self._lines[way[0]].link, Address(way[1], way[2])
+
+    def close(self) -> None:
+        """Hears nothing more."""
+        self._timer.cancel()
+        for line in self._lines.values():
+            line.unlisten()
+
+    # --- what is heard ---
+
+    def _take(self, number: int, frame: Frame) -> None:
+        way = (number, frame.system, frame.component)
+        watch = self._watches.get(way)
+        if watch is None:
+            if frame.message_id != _HEARTBEAT:
+                return
+            beat = frame.decode()
+            if beat is None or beat.autopilot == AUTOPILOT_INVALID:
+                if frame.component == _COMPANION:
+                    self._companions.add((number, frame.system))
+                return
+            if len(self._watches) >= MOST_VEHICLES:
+                return
+            watch = self._watches[way] = AutopilotWatch(self._station.now_s())
+        watch.take(frame, self._station.now_s())
+
+    # --- what follows from it ---
+
+    def _look(self) -> None:
+        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        links = self._links()
+        for number, line in list(self._lines.items()):
+            if not any(link is line.link for _, link in links):
+                self._forget(number)
+        for url, link in links:
+            if not any(link is line.link for line in self._lines.values()):
+                self._opened += 1
+                self._lines[self._opened] = _Line(url, link, link.listen(partial(self._take, self._opened)))
+        for number, line in self._lines.items():
+            for name, address in line.link.platforms():
+                self._platforms[number, address.system] = name
+        self._station.change(self._settled)
+        for name in dict.fromkeys(self._names.values()):
+            known, best = self._station.fleet.get(name), self._way(name)
+            if known is not None and not known.has_companion and best is not None:
+                self._ask(best)
+
+    def _ask(self, way: Way) -> None:
+        """Asks a bare vehicle for what it does not tell by itself, as radios' default streams leave it out."""
+        now_s, (times, last_s) = self._station.now_s(), self._asked.get(way, (0, float("-inf")))
+        missing = self._watches[way].missing
+        if not missing or times >= ASKED_TIMES or now_s < last_s + ASK_EVERY_S:
+            return
+        self._asked[way] = times + 1, now_s
+        link = self._lines[way[0]].link
+        for number in missing:
+            params = {"param1": float(number), "param2": 1e6 / TOLD_HZ}
+            link.send(
+                message(
+                    "COMMAND_LONG",
+                    target_system=way[1],
+                    target_component=way[2],
+                    command=SET_MESSAGE_INTERVAL,
+                    **params,
+                )
+            )
+
+    def _forget(self, number: int) -> None:
+        """A link was closed: vehicles that were heard there alone are no longer shown, or have lost their autopilot."""
+        self._lines.pop(number).unlisten()
+        ways = [way for way in self._watches if way[0] == number]
+        before = {self._names[way] for way in ways if way in self._names}
+        for way in ways:
+            del self._watches[way]
+            self._names.pop(way, None)
+        gone = before - set(self._names.values())
+
+        def without(fleet: Fleet, now_s: float) -> Fleet:
+            del now_s
+            for name in sorted(gone):
+                known = fleet.get(name)
+                if known is not None and known.has_companion:
+                    fleet = reducers.with_platform(fleet, replace(known, autopilot=None, problems=()))
+                else:
+                    fleet = reducers.without(fleet, name)
+            return fleet
+
+        self._station.change(without)
+
+    def _settled(self, fleet: Fleet, now_s: float) -> Fleet:
+        """The fleet with every autopilot where it belongs."""
+        for way, watch in self._watches.items():
+            name = self._name_for(way, watch, fleet, now_s)
+            before = self._names.get(way)
+            if name is None or name == before:
+                continue
+            self._names[way] = name
+            if before is not None and before not in self._names.values():
+                fleet = reducers.without(fleet, before)
+                fleet = reducers.note(fleet, name, Severity.INFO, f"was shown as {before} so far", now_s)
+        for name in dict.fromkeys(self._names.values()):
+            best = self._way(name)
+            if best is not None:
+                fleet = self._shown(fleet, name, best, now_s)
+        return fleet
+
+    def _name_for(self, way: Way, watch: AutopilotWatch, fleet: Fleet, now_s: float) -> str | None:
+        """Which vehicle an autopilot belongs to; None while that is not known."""
+        number, system, _ = way
+        platform = self._platforms.get((number, system))
+        if platform is not None and fleet.get(platform) is not None:
+            return platform
+        if way in self._names:
+            return self._names[way]
+        for other, name in self._names.items():
+            if other[0] != number and other[1] == system and self._watches[other].is_same_life(watch):
+                return name
+        is_awaited = (number, system) in self._companions
+        if now_s - watch.first_s < (MORE_PATIENCE_S if is_awaited else PATIENCE_S):
+            return None
+        firmware = FIRMWARES.get(watch.autopilot)
+        base = f"{firmware.lower() if firmware else 'autopilot'}-{system}"
+        taken = {*self._names.values(), *fleet.platforms}
+        name = base if base not in taken else f"{base}@{number}"
+        return name if name not in taken else f"{name}.{way[2]}"
+
+    def _shown(self, fleet: Fleet, name: str, way: Way, now_s: float) -> Fleet:
+        """The fleet with what is known of one autopilot."""
+        number, system, component = way
+        watch, known = self._watches[way], fleet.get(name)
+        autopilot = AutopilotSnapshot(
+            link=self._lines[number].url,
+            system=system,
+            component=component,
+            firmware=autopilot_name(watch.autopilot),
+            vehicle_type=type_name(watch.vehicle_type),
+        )
+        problems = tuple(self._problems(name, way, now_s))
+        if known is not None and known.has_companion:
+            if (known.autopilot, known.problems) == (autopilot, problems):
+                return fleet
+            return reducers.with_platform(fleet, replace(known, autopilot=autopilot, problems=problems))
+        if known is None:
+            what = f"{autopilot.firmware} {autopilot.vehicle_type}".rstrip()
+            text = f"is heard: {what}, system {system}, without a companion of ours: services only"
+            fleet = reducers.note(fleet, name, Severity.INFO, text, now_s)
+        elif known.is_quiet_link(now_s) and watch.heard_s > known.heard_s:
+            silence = duration(watch.heard_s - known.heard_s)
+            fleet = reducers.note(fleet, name, Severity.NOTICE, f"is heard again after {silence} of silence", now_s)
+        restarted_s = watch.restarted_s(now_s)
+        if restarted_s is not None and restarted_s != self._restarts.get(way):
+            self._restarts[way] = restarted_s
+            fleet = reducers.note(fleet, name, Severity.WARNING, RESTARTED, now_s)
+        platform = PlatformSnapshot(
+            name=name,
+            boot=0,
+            first_heard_s=watch.first_s if known is None else known.first_heard_s,
+            heard_s=watch.heard_s,
+            vehicle=Timed(watch.summary(now_s), watch.told_s(now_s)),
+            motion=Timed(watch.place.motion, watch.place_s) if watch.place.motion is not None else None,
+            site=Timed(watch.place.site, watch.place_s) if watch.place.site is not None else None,
+            link=watch.link,
+            has_companion=False,
+            autopilot=autopilot,
+            problems=problems,
+        )
+        return fleet if platform == known else reducers.with_platform(fleet, platform)
+
+    def _way(self, name: str) -> Way | None:
+        """The best way to a vehicle: where its heartbeats come, the link first that was given first."""
+        ways = sorted(way for way, owner in self._names.items() if owner == name)
+        now_s = self._station.now_s()
+        alive = [way for way in ways if now_s - self._watches[way].beat_s < BEATS_WITHIN_S]
+        return next(iter(alive or ways), None)
+
+    def _problems(self, name: str, way: Way, now_s: float) -> list[Problem]:
+        """What is wrong with one autopilot."""
+        found = []
+        number, system, _ = way
+        watch = self._watches[way]
+        if watch.autopilot not in FIRMWARES:
+            said = autopilot_name(watch.autopilot)
+            text = (
+                f"unknown autopilot ({said}), neither PX4 nor ArduPilot: parameters, files and message rates may work,"
+                " calibration does not; use its own ground station for the rest"
+            )
+            found.append(Problem(what="firmware", severity=Severity.WARNING, text=text))
+        if watch.is_doubled(now_s):
+            text = f"two vehicles share system id {system} on {self._lines[number].url}: both obey; {_IDS_HINT}"
+            found.append(Problem(what="system id", severity=Severity.ERROR, text=text))
+        others = [
+            f"{owner} on {self._lines[other[0]].url}"
+            for other, owner in self._names.items()
+            if owner != name and other[1] == system and now_s - self._watches[other].beat_s < BEATS_WITHIN_S
+        ]
+        if others:
+            text = f"{others[0]} has the same system id {system}: each is spoken to on its own link; {_IDS_HINT}"
+            found.append(Problem(what="same system id", severity=Severity.WARNING, text=text))
+        return found

@@ -1,0 +1,229 @@
+"""How a platform's state is put into words, the same for the narration and the terminal's panels."""
+
+from typing import Final, NamedTuple
+
+from gloc3.exchange.acoustic import action_of
+from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import ContactSummary, Health, MissionSummary, VehicleSummary
+from gloc3.messages.vehicle import LandedState
+from gloc3.mission.checking.estimate import span
+from gloc3_groundstation.missions.outline import Outline
+from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
+
+LOSS_WORTH_TELLING: Final = 0.05
+
+
+class Item(NamedTuple):
+    """A task or an action of a mission, as an operator sees it."""
+
+    target: str
+    """`TASK` or `TASK.ACTION`."""
+    state: str
+    progress: float | None
+    """0 to 1; None, or 0, where there is none to tell: some actions have no measure of it."""
+    times: str = ""
+    """Of a task that is done several times: for which time, such as `2/5`."""
+
+    @property
+    def is_task(self) -> bool:
+        """Whether it is a task, not an action."""
+        return "." not in self.target
+
+    @property
+    def name(self) -> str:
+        """Its own name, without its task's."""
+        return self.target.rpartition(".")[2]
+
+
+def items(mission: MissionSummary) -> list[Item]:
+    """The tasks in the order of the mission, each followed by its actions."""
+    found: list[Item] = []
+    for task in [target for target in mission.tasks if "." not in target]:
+        for target, state in mission.tasks.items():
+            if target == task or target.startswith(f"{task}."):
+                found.append(Item(target, state, mission.progress.get(target), times(mission, target)))
+    return found
+
+
+def times(mission: MissionSummary, task: str) -> str:
+    """For which time a task is being done: `2/5`; empty for one that is done once."""
+    count, most = mission.repetitions.get(task, (0, 0))
+    return f"{count}/{most}" if count else ""
+
+
+def taken(mission: MissionSummary, outline: Outline) -> str:
+    """What a mission that has ended took, beside what was estimated: `took 66 s (about 20 to 58), 61 m (about 56)`."""
+    least = outline.least
+    parts = [f"{mission.took_s:.0f} s" + _about(outline.duration_s, least.duration_s if least else None)]
+    if mission.took_m >= 0.0:
+        parts.append(f"{mission.took_m:.0f} m" + _about(outline.length_m, least.length_m if least else None))
+    if mission.took_battery >= 0.0:
+        share, least_share = outline.battery_share, least.battery_share if least else None
+        said = _about(share and 100.0 * share, least_share and 100.0 * least_share)
+        parts.append(f"{100.0 * mission.took_battery:.0f} % of the battery{said}")
+    return "took " + ", ".join(parts)
+
+
+def _about(most: float | None, least: float | None) -> str:
+    return f" (about {span(least if least is not None else most, most)})" if most else ""
+
+
+def running(mission: MissionSummary) -> str:
+    """What goes on: `sweep.wall 42 %, sweep.photos`; paused actions are named so."""
+    parts = []
+    for item in items(mission):
+        if item.is_task or item.state not in ("running", "paused"):
+            continue
+        percent = f" {item.progress * 100:.0f} %" if item.progress else ""
+        if time := times(mission, item.target.partition(".")[0]):
+            percent += f" ({time})"
+        parts.append(item.target + percent + (" paused" if item.state == "paused" else ""))
+    return ", ".join(parts)
+
+
+def position(vehicle: VehicleSummary) -> str:
+    """`x 4.2  y 1.0  h 2.0 m`, or that it is not known."""
+    if not vehicle.is_pose_valid:
+        return "position unknown"
+    x_m, y_m, height_m = vehicle.position_m
+    if not vehicle.frame and vehicle.geo is not None:
+        return f"{vehicle.geo[0]:.5f} {vehicle.geo[1]:.5f} {round(height_m)} m"
+    return f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m"
+
+
+def tenths(value: float) -> str:
+    """`4.2`, and never `-0.0`."""
+    return f"{round(value, 1) + 0.0:.1f}"
+
+
+def battery(vehicle: VehicleSummary) -> str:
+    """`battery 92 %`, or that it is not known."""
+    return f"battery {vehicle.battery_percent} %" if vehicle.battery_percent >= 0 else "battery unknown"
+
+
+def armed(vehicle: VehicleSummary) -> str:
+    """`armed`, `disarmed`; `armed?` while its companion has heard no autopilot: it may be in the air."""
+    if vehicle.is_armed:
+        return "armed"
+    is_unknown = not vehicle.is_autopilot_connected and vehicle.landed == LandedState.UNKNOWN
+    return "armed?" if is_unknown else "disarmed"
+
+
+def arming(vehicle: VehicleSummary) -> str:
+    """`armed, in air`."""
+    landed = vehicle.landed.replace("_", " ")
+    return armed(vehicle) + (f", {landed}" if landed else "")
+
+
+def duration(seconds: float) -> str:
+    """`8 s`, `3 min 05 s`, `2 h 10 min`."""
+    whole = int(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def roughly(seconds: float) -> str:
+    """`8 s`, `3 min`, `2 h`: for a column."""
+    whole = int(seconds)
+    return f"{whole} s" if whole < 60 else f"{whole // 60} min" if whole < 3600 else f"{whole // 3600} h"
+
+
+def clock(seconds: float) -> str:
+    """`03:05`, or `2:10:00` from an hour on: time since the station's start."""
+    whole = max(0, int(seconds))
+    minutes = f"{whole % 3600 // 60:02d}:{whole % 60:02d}"
+    return f"{whole // 3600}:{minutes}" if whole >= 3600 else minutes
+
+
+def silence(platform: PlatformSnapshot, now_s: float) -> str:
+    """`nothing heard for 7 s` where that is so, `silent as planned (dive), due 14:03:20 UTC`, or overdue; else empty."""
+    if not platform.is_quiet_link(now_s):
+        return ""
+    planned, sound = platform.silence, by_sound(platform, now_s)
+    if planned is not None and now_s < planned.due_s:
+        return f"silent as planned ({planned.target}), due {planned.due_text}{sound}"
+    if planned is not None:
+        return f"OVERDUE by {duration(now_s - planned.due_s)} ({planned.target}), was due {planned.due_text}{sound}"
+    return f"nothing heard for {duration(platform.age_s(now_s))}{sound}"
+
+
+def by_sound(platform: PlatformSnapshot, now_s: float) -> str:
+    """`; by sound 40 s ago: x 12.0  y 3.5  h -8.2 m, dive.out, battery 84 %` where it came after all else; else empty."""
+    parts = told_by_sound(platform)
+    if platform.acoustic is None or not parts:
+        return ""
+    return f"; by sound {duration(platform.acoustic.age_s(now_s))} ago: {', '.join(parts)}"
+
+
+def told_by_sound(platform: PlatformSnapshot) -> list[str]:
+    """Place, action and what else the last summary by sound tells, where it came after all else; empty otherwise."""
+    timed = platform.acoustic
+    if timed is None or timed.heard_s < platform.heard_s:
+        return []
+    told = timed.value
+    x_m, y_m, height_m = told.position_m
+    doing = action_of(told, platform.mission.value if platform.mission is not None else None)
+    return [
+        f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m" if told.is_pose_valid else "position unknown",
+        *filter(None, (f"policy {told.policy}" if told.policy else "", doing or told.state or "no mission")),
+        *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
+        *([f"components {told.health}"] if told.health is not Health.WORKING else []),
+        *(["trouble below"] if told.worst <= Severity.WARNING else []),
+    ]
+
+
+def contact(told: ContactSummary, missed: int) -> str:
+    """The state in a nutshell at the begin of a contact."""
+    x_m, y_m, height_m = told.position_m
+    mission = f"mission {told.mission!r} {told.state}" if told.mission else "no mission"
+    parts = [
+        f"contact after {duration(told.silent_s)}" if told.silent_s >= 0.0 else "contact",
+        mission + (f", policy {told.policy}" if told.policy else "") + (f" ({told.doing})" if told.doing else ""),
+        f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m",
+        *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
+        f"components {told.health}",
+        *told.conditions,
+    ]
+    if missed > 0:
+        parts.append(
+            f"{missed} events meanwhile"
+            + (f", worst: {told.worst_text}" if told.worst_text and told.worst <= Severity.NOTICE else "")
+        )
+    return "; ".join(parts)
+
+
+def arrival(platform: PlatformSnapshot) -> str:
+    """`status 80 %` where part of the periodic status is lost on the way, or left out by a slow link; else empty."""
+    loss = platform.link.loss
+    return f"status {(1.0 - loss) * 100.0:.0f} %" if loss >= LOSS_WORTH_TELLING else ""
+
+
+def holder(platform: PlatformSnapshot, station: str) -> str:
+    """Who holds control, from this station's point of view."""
+    if not platform.has_companion:
+        return "no companion: services only"
+    if platform.control is None:
+        return "control unknown"
+    held_by = platform.control.value.holder
+    if not held_by:
+        return "nobody in control"
+    return "this station in control" if held_by == station else f"station {held_by} in control"
+
+
+def bare(platform: PlatformSnapshot) -> str:
+    """Why nothing is seen of the inside of a vehicle without our companion, and what is."""
+    return (
+        f"{platform.name} has no companion of ours, so nothing is known of its inside; Services (6) shows its autopilot"
+    )
+
+
+def farewell(fleet: Fleet) -> str:
+    """What becomes of the vehicles when the station goes."""
+    armed = [platform.name for platform in fleet if platform.is_armed]
+    if not armed:
+        return "stopped"
+    fly = "flies" if len(armed) == 1 else "fly"
+    return f"stopped; {', '.join(armed)} {fly} on by the mission's policies (on_link_loss)"

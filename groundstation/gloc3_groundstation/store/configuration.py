@@ -1,0 +1,186 @@
+"""The station's configuration file: how it looks and listens, and where the last session was; TOML, kept as written.
+
+What a person wrote stays: comments, order and unknown forms of a value. A file that cannot be read, or holds something
+that is wrong, is reported with its place and never written to.
+"""
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import msgspec
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from gloc3.errors import Finding, InputError, nearest
+from gloc3.log.store import replace_file
+
+ThemeName = Literal["dark", "daylight", "mono"]
+DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"
+RECENT_KEPT: Final = 10
+
+
+class LastSession(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the operator was; written by the station when it closes."""
+
+    platform: str = ""
+    """The vehicle in view; empty for the first that is heard."""
+    screen: str = "overview"
+    missions: tuple[str, ...] = ()
+    """Mission files that were opened, the last one first."""
+
+
+class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the file holds."""
+
+    theme: ThemeName = "dark"
+    station_id: int = 255
+    """The MAVLink system of this station, 200 to 255."""
+    links: tuple[str, ...] = (DEFAULT_LINK,)
+    signing_key: str = ""
+    """A file with the key that signs all links; empty for links that are not signed."""
+    downloads: str = ""
+    """The folder for what is downloaded from vehicles; empty for the one in which the station was started."""
+    gamepad: str = ""
+    """The device of a gamepad for steering by hand, such as `/dev/input/js0`; empty for none."""
+    session: LastSession = LastSession()
+
+    def with_mission(self, file: str) -> "Configuration":
+        """The same with a mission file as the one opened last."""
+        missions = with_recent(self.session.missions, file)
+        return msgspec.structs.replace(self, session=msgspec.structs.replace(self.session, missions=missions))
+
+
+def with_recent(missions: tuple[str, ...], file: str) -> tuple[str, ...]:
+    """Mission files, the last one first, with one that has just been opened."""
+    return (file, *(mission for mission in missions if mission != file))[:RECENT_KEPT]
+
+
+class ConfigurationFile:
+    """One file, read once and written when the station closes."""
+
+    def __init__(self, path: Path) -> None:
+        self.path: Final = path
+        self._read: Configuration | None = None
+        """What the file held; None while it must not be written."""
+
+    def read(self) -> Configuration:
+        """What the file holds; the defaults where there is none.
+
+        Raises:
+            InputError: it cannot be used; it will not be written to.
+        """
+        self._read = None
+        self._read, _ = self._load()
+        return self._read
+
+    def write(self, configuration: Configuration) -> bool:
+        """Writes what has changed since it was read, and nothing else.
+
+        Returns:
+            Whether the file is up to date: not where it could not be read, or written.
+        """
+        before = self._read
+        if before is None:
+            return False
+        if configuration == before:
+            return True
+        try:
+            _, text = self._load()
+            document = tomlkit.parse(text)
+            _merge(document, msgspec.to_builtins(before), msgspec.to_builtins(configuration))
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(self.path, tomlkit.dumps(document).encode())
+        except (InputError, OSError, TOMLKitError):
+            return False
+        self._read = configuration
+        return True
+
+    def _load(self) -> tuple[Configuration, str]:
+        name = str(self.path)
+        try:
+            text = self.path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return Configuration(), ""
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+            raise InputError([Finding(file=name, message=f"cannot be read: {reason}")]) from None
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            message, _, place = str(error).rpartition(" (at ")
+            found = re.fullmatch(r"line (\d+), column (\d+)\)", place)
+            line, column = (int(found[1]), int(found[2])) if found else (len(text.splitlines()), 1)
+            raise InputError([Finding(file=name, line=line, column=column, message=message)]) from None
+        return _checked(data, text, name), text
+
+
+def default_path(environment: Mapping[str, str] = os.environ) -> Path:
+    """`gloc3/station.toml` in the XDG configuration directory."""
+    base = environment.get("XDG_CONFIG_HOME", "")
+    folder = Path(base) if base.startswith("/") else Path(environment.get("HOME", "~")).expanduser() / ".config"
+    return folder / "gloc3" / "station.toml"
+
+
+def unsaved_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Where changes of missions are put that were not saved when the station closed: the XDG folder of states."""
+    base = environment.get("XDG_STATE_HOME", "")
+    home = Path(environment.get("HOME", "~")).expanduser()
+    return (Path(base) if base.startswith("/") else home / ".local" / "state") / "gloc3" / "unsaved"
+
+
+def _checked(data: dict[str, Any], text: str, file: str) -> Configuration:
+    """The values, each of the type that it must have; unknown names are told with the nearest known one."""
+    findings = []
+    for table, known in (("", Configuration), ("session", LastSession)):
+        values = data if not table else data.get(table, {})
+        fields = known.__struct_fields__
+        for name in values if isinstance(values, dict) else ():
+            if name not in fields:
+                line, column = _place(text, table, name)
+                message, hint = f"unknown setting {name!r}", nearest(name, fields)
+                findings.append(Finding(file=file, line=line, column=column, message=message, hint=hint))
+    if findings:
+        raise InputError(findings)
+    try:
+        configuration = msgspec.convert(data, Configuration)
+    except msgspec.ValidationError as error:
+        message, _, path = str(error).partition(" - at `$.")
+        *tables, name = re.sub(r"\[.*?\]", "", path.rstrip("`")).split(".")
+        line, column = _place(text, tables[0] if tables else "", name)
+        raise InputError([Finding(file=file, line=line, column=column, message=f"{name}: {message}")]) from None
+    if not 200 <= configuration.station_id <= 255:
+        line, column = _place(text, "", "station_id")
+        finding = Finding(file=file, line=line, column=column, message="station_id: must be from 200 to 255")
+        raise InputError([finding])
+    return configuration
+
+
+def _place(text: str, table: str, name: str) -> tuple[int, int]:
+    """Line and column, from 1, where a name of a table is set; 0 and 0 where that is not to be found."""
+    here = ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line)
+        if header:
+            here = header.group(1).strip("\"'")
+            if not table and here == name:
+                return number, line.index(here) + 1
+        found = re.match(rf"""(\s*)["']?(?:{re.escape(table)}\.)?{re.escape(name)}["']?\s*[=.]""", line)
+        if found and here in (table, ""):
+            return number, len(found.group(1)) + 1
+    return 0, 0
+
+
+def _merge(document: Any, before: dict[str, Any], after: dict[str, Any]) -> None:
+    """Sets in a document what differs between two configurations."""
+    for name, value in after.items():
+        if isinstance(value, dict):
+            if value != before[name]:
+                if name not in document:
+                    document[name] = tomlkit.table()
+                _merge(document[name], before[name], value)
+        elif value != before[name]:
+            document[name] = list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,352 @@
+"""Fetches the logs of a platform: goes on where it was cut off, compares digests, and only then has them deleted onboard."""
+
+import asyncio
+import hashlib
+import re
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Final, Protocol
+
+import msgspec
+
+from gloc3.clock import VirtualLoop
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.exchange.base import Exchange
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.ftp_client import FtpClient
+from gloc3.messages.command_interface import (
+    AnyBody,
+    CiReply,
+    ConfirmLog,
+    CutLog,
+    DigestLog,
+    ListLogs,
+    LogChunk,
+    LogOnboard,
+    ReadLog,
+)
+from gloc3.messages.envelope import Envelope
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.services.files import FileService
+from gloc3_groundstation.services.machines import Machines, Wire
+from gloc3_groundstation.services.saving import PartFile
+from gloc3_groundstation.station.command_client import Declined, Unanswered
+from gloc3_groundstation.station.station import Station
+
+TRY_AGAIN_S: Final = 1.0
+"""After a failure, and once the platform is heard, so long is waited."""
+DIGEST_S: Final = 120.0
+"""So long a vehicle may calculate on a large log."""
+SETTLE_S: Final = 30.0
+"""So long a log that was just ended may be finished onboard."""
+CHUNK_BYTES: Final = 1 << 15
+WINDOW: Final = 8
+"""Pieces that are asked for and have not come: no more than that waits anywhere on the way."""
+CHUNK_S: Final = 1.0
+"""A piece that has not come by then is asked for again."""
+LOST_S: Final = 10.0
+"""When nothing has come for so long, the way is lost."""
+
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*(\.[A-Za-z0-9]+)+")
+"""Of a log: the platform tells it, and it becomes that of a file here."""
+DIGEST: Final = re.compile(r"[0-9a-f]{64}")
+OnFraction = Callable[[str, int, int], None]
+"""Is told a log's name, how many of its bytes are here, and how many it has."""
+
+
+class Carrier(Protocol):
+    """A way on which the bytes of a log come."""
+
+    async def fetch(self, name: str, size: int, part: PartFile, on_bytes: Callable[[int], None]) -> None:
+        """Fetches what is missing of a log.
+
+        Raises:
+            Refused: the way was lost, or the log is not there; what has come is kept.
+        """
+
+
+class FtpCarrier:
+    """By MAVLink FTP, from the companion.
+
+    Args:
+        machines: run the client.
+        client: speaks the protocol.
+        target: the companion.
+    """
+
+    def __init__(self, machines: Machines, client: FtpClient, target: Address) -> None:
+        self._files = FileService(machines, client, target)
+
+    async def fetch(self, name: str, size: int, part: PartFile, on_bytes: Callable[[int], None]) -> None:
+        """See `Carrier`."""
+        del size  # the protocol tells it
+        await self._files.read_into(f"/logs/{name}", part, on_bytes)
+
+
+class ChunkCarrier:
+    """By request and answer over the network of platforms and stations; a few pieces are on their way at a time.
+
+    Args:
+        station: asks.
+        exchange: the station's.
+        platform: whose logs.
+    """
+
+    def __init__(self, station: Station, exchange: Exchange, platform: str) -> None:
+        self._station, self._exchange, self._platform = station, exchange, platform
+
+    async def fetch(self, name: str, size: int, part: PartFile, on_bytes: Callable[[int], None]) -> None:
+        """See `Carrier`."""
+        at = part.opened(size)
+        on_bytes(at)
+        came: dict[int, bytes] = {}
+        asked_s: dict[int, float] = {}
+        problem: list[str] = []
+        news = asyncio.Event()
+
+        def take(envelope: Envelope[LogChunk]) -> None:
+            chunk = envelope.payload
+            if chunk.station == self._station.id and chunk.name == name and chunk.offset in asked_s:
+                came[chunk.offset] = chunk.data
+                if chunk.reason:
+                    problem.append(chunk.reason)
+                news.set()
+
+        unsubscribe = self._exchange.subscribe(f"{self._platform}/log_chunk", take)
+        heard_s = self._station.now_s()
+        try:
+            while at < size:
+                now_s = self._station.now_s()
+                for offset in range(at, min(size, at + WINDOW * CHUNK_BYTES), CHUNK_BYTES):
+                    if offset not in came and now_s >= asked_s.get(offset, float("-inf")) + CHUNK_S:
+                        asked_s[offset] = now_s
+                        self._station.client.tell(self._platform, ReadLog(name=name, offset=offset, size=CHUNK_BYTES))
+                news.clear()
+                try:
+                    async with asyncio.timeout(CHUNK_S):
+                        await news.wait()
+                    heard_s = self._station.now_s()
+                except TimeoutError:
+                    if self._station.now_s() - heard_s >= LOST_S:
+                        raise Refused(f"no piece of {name} has come for {LOST_S:g} s") from None
+                if problem:
+                    raise Refused(f"{name}: {problem[0]}")
+                while at in came:
+                    data = came.pop(at)
+                    asked_s.pop(at)
+                    if len(data) != min(CHUNK_BYTES, size - at):
+                        raise Refused(f"{name} is not as long as it was")
+                    part.take(data)
+                    at += len(data)
+                    on_bytes(at)
+        finally:
+            unsubscribe()
+
+
+@asynccontextmanager
+async def ftp_carrier(wire: Wire, companion: Address) -> AsyncIterator[FtpCarrier]:
+    """A carrier on one of the station's MAVLink links."""
+    client = FtpClient(wire.own)
+    machines = Machines(wire, companion.system, [client])
+    try:
+        yield FtpCarrier(machines, client, companion)
+    finally:
+        machines.close()
+
+
+class Pulled(msgspec.Struct, frozen=True, kw_only=True):
+    """A log that is here."""
+
+    path: Path
+    sha256: str
+    size: int
+    drops: int
+    """How often the way was lost meanwhile."""
+    is_deleted: bool
+    """Onboard."""
+
+
+class LogPuller:
+    """Fetches logs of one platform.
+
+    Args:
+        station: asks the platform.
+        platform: its name.
+        carrier: brings the bytes.
+        on_fraction: is told how far it is.
+        told: is told in words what a person should know.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        platform: str,
+        carrier: Carrier,
+        on_fraction: OnFraction = lambda _name, _here, _size: None,
+        told: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._station, self._platform, self._carrier = station, platform, carrier
+        self._on_fraction, self._told = on_fraction, told
+
+    async def cut(self) -> None:
+        """Ends the log that is being written, and waits until it is finished.
+
+        Raises:
+            Gloc3Error: the platform refuses.
+        """
+        await self._ask(CutLog())
+        until_s = self._station.now_s() + SETTLE_S
+        while sum(log.is_open for log in await self.list()) > 2 and self._station.now_s() < until_s:
+            await flights.passed(self._station, TRY_AGAIN_S)
+
+    async def list(self) -> list[LogOnboard]:
+        """The logs onboard, by their names.
+
+        Raises:
+            Gloc3Error: the platform refuses.
+        """
+        reply = await self._ask(ListLogs())
+        try:
+            logs = msgspec.convert(reply.result.get("logs", []), list[LogOnboard])
+        except msgspec.ValidationError as error:
+            raise Refused(f"what {self._platform} tells of its logs cannot be read: {error}") from error
+        for log in logs:
+            if not NAME.fullmatch(log.name):
+                raise Refused(f"{self._platform} tells of a log whose name is none: {log.name!r}")
+        return sorted(logs, key=lambda log: (len(log.name), log.name))  # log, log-2, log-10
+
+    async def pull(self, log: LogOnboard, folder: Path, *, is_kept: bool = False) -> Pulled:
+        """Fetches a log into a folder; goes on whenever the way is lost, until it is whole or this is cancelled.
+
+        Args:
+            log: which.
+            folder: where to.
+            is_kept: leaves it onboard.
+
+        Raises:
+            Gloc3Error: it is not there any more, its digest differs twice, or it cannot be written here.
+        """
+        path, drops = folder / log.name, 0
+        wanted = await self._digest(log)
+        if path.exists() and not await self._is_here(
+            path, wanted
+        ):  # of another run, whose logs were counted from 1, too
+            path = path.with_name(f"{path.stem}-{wanted[:8]}{path.suffix}")
+        was_here = await self._is_here(path, wanted)
+        if not was_here:
+            for attempt in (1, 2):
+                part = PartFile(path)
+                drops += await self._fetch(log, part)
+                found = await _in_thread(partial(_sha256_of_part, part))
+                if found == wanted:
+                    part.finish()
+                    break
+                part.discard()
+                self._told(f"{log.name} came with another digest: {'once more' if attempt == 1 else 'given up'}")
+            else:
+                raise Refused(f"{log.name} has the digest {wanted} onboard, and what came had {found}")
+        is_deleted = False
+        if not is_kept:
+            with _put_aside(path) if was_here else nullcontext():
+                is_deleted = await self._confirm(log, wanted)
+        return Pulled(path=path, sha256=wanted, size=log.size, drops=drops, is_deleted=is_deleted)
+
+    async def _confirm(self, log: LogOnboard, sha256: str) -> bool:
+        """Says that a log is here; whether it is deleted onboard."""
+        try:
+            await self._ask(ConfirmLog(name=log.name, sha256=sha256))
+        except Declined as error:
+            self._told(f"{log.name} is here, and stays onboard: {error}")
+            return False
+        return True
+
+    async def _digest(self, log: LogOnboard) -> str:
+        reply = await self._ask(DigestLog(name=log.name), DIGEST_S)
+        digest, size = reply.result.get("sha256"), reply.result.get("size")
+        if not isinstance(digest, str) or not DIGEST.fullmatch(digest) or size != log.size:
+            raise Refused(f"{log.name} has changed since it was listed")
+        return digest
+
+    async def _fetch(self, log: LogOnboard, part: PartFile) -> int:
+        """Fetches the bytes; how often the way was lost meanwhile."""
+        drops = 0
+        while True:
+            try:
+                await self._carrier.fetch(
+                    log.name, log.size, part, lambda here: self._on_fraction(log.name, here, log.size)
+                )
+            except Refused as error:
+                if part.problem is not None or not self._has_been_silent():
+                    await self._refuse_if_gone(log, error)
+                drops += 1
+                self._told(f"{error}; it goes on when {self._platform} is heard again")
+                await self._heard_again()
+            else:
+                return drops
+            finally:
+                part.close()
+            if part.problem is not None:
+                raise part.problem
+
+    async def _refuse_if_gone(self, log: LogOnboard, error: Refused) -> None:
+        """Whether a log is still there: if not, it makes no sense to go on."""
+        try:
+            logs = await self.list()
+        except Unanswered:
+            return
+        if log.name not in [one.name for one in logs]:
+            raise error
+
+    def _has_been_silent(self) -> bool:
+        platform = self._station.fleet.get(self._platform)
+        return platform is None or platform.is_quiet_link(self._station.now_s())
+
+    async def _heard_again(self) -> None:
+        await flights.passed(self._station, TRY_AGAIN_S)
+        await flights.until(self._station, lambda: not self._has_been_silent())
+
+    @staticmethod
+    async def _is_here(path: Path, wanted: str) -> bool:
+        return path.is_file() and await _in_thread(lambda: _sha256_of(path)) == wanted
+
+    async def _ask(self, body: AnyBody, timeout_s: float = 16.0) -> CiReply:
+        """Asks until the platform answers: what is asked for here may be carried out twice."""
+        while True:
+            try:
+                return await self._station.client.carry_out(self._platform, body, timeout_s)
+            except Gloc3Error as error:
+                if not isinstance(error, Unanswered) and "not delivered" not in str(error):
+                    raise
+                self._told(f"{error}; asked again when {self._platform} is heard")
+                await self._heard_again()
+
+
+@contextmanager
+def _put_aside(path: Path) -> Iterator[None]:
+    """Gives a log another name meanwhile: the folder in which it was found may be the vehicle's own, as in simulation."""
+    aside = path.with_name(f"{path.name}.here")
+    path.rename(aside)
+    try:
+        yield
+    finally:
+        aside.rename(path)
+
+
+async def _in_thread(work: Callable[[], str]) -> str:
+    """Does what takes long beside the loop; in virtual time there are no threads."""
+    loop = asyncio.get_running_loop()
+    return work() if isinstance(loop, VirtualLoop) else await loop.run_in_executor(None, work)
+
+
+def _sha256_of_part(part: PartFile) -> str:
+    digest = hashlib.sha256()
+    for piece in part.pieces():
+        digest.update(piece)
+    return digest.hexdigest()
+
+
+def _sha256_of(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,51 @@
+"""How far a download is, how fast it goes, and how long it still takes, in words."""
+
+from collections import deque
+from typing import Final
+
+from gloc3_groundstation.station.wording import roughly
+
+WINDOW: Final = 10
+"""The speed is that between so many looks."""
+LOOK_EVERY_S: Final = 1.0
+
+
+class Pace:
+    """One download; one that went on from an earlier attempt is as fast as what comes now."""
+
+    def __init__(self) -> None:
+        self._looks: deque[tuple[float, int]] = deque(maxlen=WINDOW)
+
+    def forget(self) -> None:
+        """Nothing came for a while: the speed is found anew."""
+        self._looks.clear()
+
+    def words(self, here: int, size: int, now_s: float) -> str:
+        """`42 % of 23.7 MB, 65 kB/s, 3 min to go`.
+
+        Args:
+            here: bytes that have come.
+            size: bytes of the whole.
+            now_s: the station's time.
+        """
+        if not self._looks or now_s - self._looks[-1][0] >= LOOK_EVERY_S:
+            self._looks.append((now_s, here))
+        share = 100.0 * here / size if size else 100.0
+        text = f"{share:.0f} % of {amount(size)}"
+        began_s, began = self._looks[0]
+        took_s = now_s - began_s
+        if took_s < LOOK_EVERY_S or here <= began:
+            return text
+        speed = (here - began) / took_s
+        return f"{text}, {amount(speed)}/s, {roughly((size - here) / speed)} to go"
+
+
+def amount(number: float) -> str:
+    """`812 bytes`, `65 kB`, `23.7 MB`."""
+    return (
+        f"{number:.0f} bytes"
+        if number < 1e3
+        else f"{number / 1e3:.0f} kB"
+        if number < 1e6
+        else f"{number / 1e6:.1f} MB"
+    )

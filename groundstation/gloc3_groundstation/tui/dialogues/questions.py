@@ -1,0 +1,121 @@
+"""What the operator is asked before something that can hurt."""
+
+from typing import Final
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.content import Content
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
+
+from gloc3.messages.command_interface import EmergencyVerb
+
+START_QUESTION: Final = "Start {} on {}?\nIt arms and sets off."
+ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled, then its on_failure policy is flown."
+LEAVE_QUESTION: Final = (
+    "{} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."
+)
+UNSAVED_QUESTION: Final = "{} has changes that are not saved. They are put beside the station's own files."
+
+
+def choices(*keys: tuple[str, str], hint: str = "") -> Static:
+    """The keys of a dialogue with what they do, one a line; above them a hint, where there is one."""
+    width = max(len(key) for key, _ in keys) + 2
+    said = Content.styled(hint, "$quiet") if hint else Content()
+    for key, what in keys:
+        said += Content.assemble("\n" if said else "", (f"{key:<{width}}", "bold $primary"), what)
+    return Static(said, classes="choices", markup=False)
+
+
+class Question(ModalScreen[bool]):
+    """Yes or no; anything but yes is no."""
+
+    BINDINGS = [Binding("y", "answer(True)", "Yes"), Binding("n,escape", "answer(False)", "No")]
+
+    def __init__(self, question: str, yes: str) -> None:
+        super().__init__()
+        self._question = question
+        self._yes = yes
+
+    def compose(self) -> ComposeResult:
+        """The question and the two keys."""
+        with Vertical(classes="question"):
+            yield Static(self._question, markup=False)
+            yield choices(("y", self._yes), ("n", "leave it"))
+
+    def action_answer(self, answer: bool) -> None:
+        """Closes with the answer."""
+        self.dismiss(answer)
+
+
+class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
+    """What more than hold: land, or disarm after the platform's name has been typed."""
+
+    BINDINGS = [
+        Binding("space", "choose('hold')", "Hold"),
+        Binding("l", "choose('land')", "Land"),
+        Binding("d", "type", "Disarm"),
+        Binding("escape", "leave", "Leave"),
+    ]
+
+    def __init__(self, platform: str) -> None:
+        super().__init__()
+        self._platform = platform
+
+    def compose(self) -> ComposeResult:
+        """The choices."""
+        with Vertical(classes="question"):
+            yield Static(f"Emergency: {self._platform}", markup=False)
+            yield choices(
+                ("space", "hold again"),
+                ("l", "land here"),
+                ("d", "DISARM: the motors stop, in flight it falls"),
+                ("esc", "leave it"),
+            )
+
+    def action_choose(self, verb: str) -> None:
+        """Closes with hold or land."""
+        self.dismiss((EmergencyVerb(verb), ""))
+
+    def action_type(self) -> None:
+        """Asks for the platform's name."""
+        if not self.query(Input):
+            self.query_one(Vertical).mount(Input(placeholder=f"type {self._platform} and press enter to disarm"))
+            self.query_one(Vertical).call_after_refresh(lambda: self.query_one(Input).focus())
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Disarms if the name is right."""
+        if event.value.strip() == self._platform:
+            self.dismiss((EmergencyVerb.DISARM, self._platform))
+        else:
+            event.input.value = ""
+
+    def action_leave(self) -> None:
+        """Closes without doing anything."""
+        self.dismiss(None)
+
+
+class AskFor(ModalScreen[str | None]):
+    """A line of text; none where it was left."""
+
+    BINDINGS = [Binding("escape", "leave", "Leave")]
+
+    def __init__(self, question: str, value: str = "", hint: str = "") -> None:
+        super().__init__()
+        self._question, self._value, self._hint = question, value, hint
+
+    def compose(self) -> ComposeResult:
+        """The question and the line."""
+        with Vertical(classes="question"):
+            yield Static(self._question, markup=False)
+            yield Input(self._value)
+            yield choices(("enter", "go on"), ("esc", "leave it"), hint=self._hint)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Closes with what was typed."""
+        self.dismiss(event.value.strip() or None)
+
+    def action_leave(self) -> None:
+        """Closes without an answer."""
+        self.dismiss(None)

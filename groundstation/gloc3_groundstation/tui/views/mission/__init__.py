@@ -1,0 +1,4 @@
+"""Missions and maps as lines: the graph of tasks, details, map, height profile.
+
+Pure functions of a view.
+"""

@@ -1,0 +1,156 @@
+"""What is under the cursor of the graph in full: what it does, when its turn comes, how far it is, and what went wrong."""
+
+from gloc3.messages.summaries import MissionSummary
+from gloc3.mission.model.states import ActionState
+from gloc3_groundstation.missions.draft import NEW_NAME, Draft
+from gloc3_groundstation.missions.outline import COMMANDS, Outline, Step
+from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.views.mission.graph import sign_of
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, fitted, wrapped
+
+TROUBLE = (ActionState.FAILED, ActionState.ABORTED)
+
+
+def detail_title(outline: Outline | None, target: str) -> str:
+    """What the panel is about."""
+    if outline is None:
+        return ""
+    if not target:
+        return "the mission"
+    if target.startswith(COMMANDS):
+        return f"single action {target}"
+    return f"action {target}" if "." in target else f"task {target}"
+
+
+def detail_lines(outline: Outline | None, told: MissionSummary | None, target: str, width: int) -> list[Line]:
+    """The item, and what has failed anywhere in the mission."""
+    if outline is None:
+        return []
+    lines = _mission(outline, told, width) if not target else _item(outline, told, target, width)
+    if told is not None:
+        for failed, reason in told.reasons.items():
+            if failed != target and told.tasks.get(failed) == ActionState.FAILED:
+                lines += _said(f"✗ {failed} failed: {reason}", Tone.BAD, width)
+    return lines
+
+
+def position_line(
+    draft: Draft | None,
+    platform: PlatformSnapshot | None,
+    now_s: float,
+    width: int,
+    *,
+    is_loaded: bool,
+    is_at_hand: bool,
+) -> Line:
+    """Which mission is shown: the one on the vehicle, the one at hand, or both in one."""
+    name = platform.name if platform is not None else "the vehicle"
+    held = platform.mission if platform is not None else None
+    has_loaded = held is not None and bool(held.value.state)
+    unsaved = [(1, Span("not saved", Tone.WARN))] if draft is not None and draft.is_changed else []
+    parts: list[tuple[int, Span]] = []
+    if is_loaded:
+        parts.append((0, Span(f" on {name}", Tone.STRONG)))
+        if held is not None and held.is_stale(now_s):
+            parts.append((1, Span(f"as last heard {wording.duration(held.age_s(now_s))} ago", Tone.BAD)))
+        if is_at_hand and draft is not None:
+            parts += [(2, Span(f"the one at hand: {draft.name}", Tone.DIM)), *unsaved]
+        elif draft is not None:
+            parts.append((2, Span(f"m shows the one at hand: {draft.name}", Tone.DIM)))
+        return fitted(parts, width)
+    if draft is None:
+        return ()
+    parts += [(0, Span(f" at hand: {draft.name}", Tone.STRONG)), *unsaved]
+    if draft.errors:
+        parts.append((1, Span(f"{draft.errors} error{'s' if draft.errors > 1 else ''}: e shows them", Tone.BAD)))
+    elif draft.outline is not None and platform is not None:
+        parts.append((2, Span("u brings it over, s starts it", Tone.DIM)))
+    if has_loaded:
+        parts.append((3, Span(f"m shows the one on {name}", Tone.DIM)))
+    return fitted(parts, width)
+
+
+def text_line(draft: Draft | None) -> Line:
+    """Which text is edited, and whether it is saved."""
+    if draft is None:
+        return ()
+    where = "" if draft.path else "   no file yet" if draft.name == NEW_NAME else "   an example"
+    origin = f"   made of {draft.made_of}" if draft.made_of else where
+    if draft.is_fixed:
+        return (Span(f" {draft.name}", Tone.STRONG), Span("   not a mission that can be edited", Tone.WARN))
+    state = Span("   not saved", Tone.WARN) if draft.is_changed else Span(origin, Tone.DIM)
+    return (Span(f" {draft.name}", Tone.STRONG), state)
+
+
+def nothing_lines(draft: Draft | None, platform: PlatformSnapshot | None, recent: tuple[str, ...]) -> list[Line]:
+    """Where there is no graph to draw: why, and what can be done."""
+    if draft is not None:
+        return [
+            (Span(f" No order can be drawn of {draft.name}.", Tone.WARN),),
+            (
+                Span(
+                    f" {draft.errors} finding{'s' if draft.errors != 1 else ''}: e shows the text and what is wrong.",
+                    Tone.DIM,
+                ),
+            ),
+        ]
+    lately = f" The last one was {recent[0]}." if recent else ""
+    where = f" {platform.name} holds none either." if platform is not None and platform.mission is not None else ""
+    return [
+        (Span(f" No mission is open.{where}"),),
+        (Span(f" o opens one: a mission file, a plan of QGroundControl, waypoints, or an example.{lately}", Tone.DIM),),
+        (Span(" n begins a new one.", Tone.DIM),),
+    ]
+
+
+def _mission(outline: Outline, told: MissionSummary | None, width: int) -> list[Line]:
+    lines: list[Line] = []
+    if told is not None and told.reason:
+        is_trouble = told.state in (*TROUBLE, ActionState.PAUSED)
+        lines += _said(f"{told.state}: {told.reason}", Tone.WARN if is_trouble else Tone.DIM, width)
+    if told is not None and told.took_s >= 0.0:
+        lines += _said(wording.taken(told, outline), Tone.DIM, width)
+    if told is not None and told.policy:
+        lines += _said(f"the policy {told.policy} is being carried out", Tone.WARN, width)
+    if not outline.is_ordered:
+        lines += _said("its order is not known here yet; it is being read back", Tone.DIM, width)
+    if outline.terms:
+        lines += _said(", ".join(outline.terms), Tone.DIM, width)
+    return lines
+
+
+def _item(outline: Outline, told: MissionSummary | None, target: str, width: int) -> list[Line]:
+    step, stage = outline.step(target), outline.stage(target)
+    item = step or stage
+    if item is None:
+        return []
+    state = told.tasks.get(target, "") if told is not None else ""
+    sign, tone = sign_of(state)
+    head = [Span(f" {sign} {state or 'on no vehicle'}", tone)]
+    progress = told.progress.get(target) if told is not None else None
+    if progress and state in ("running", "paused"):
+        head.append(Span(f"  {progress * 100:.0f} %", tone))
+    if isinstance(item, Step):
+        head.append(Span(f"   {item.what}"))
+        if item.duration_s is not None:
+            head.append(Span(f"   about {wording.duration(item.duration_s)}", Tone.DIM))
+    else:
+        ended = sum(told.tasks.get(one.target) in ("done", "skipped") for one in item.steps) if told is not None else 0
+        if told is not None and (time := wording.times(told, target)):
+            head.append(Span(f"   {time} times", Tone.DIM))
+        head.append(Span(f"   {ended} of {len(item.steps)} actions done" if told is not None else "", Tone.DIM))
+    lines: list[Line] = [tuple(head)]
+    reason = told.reasons.get(target, "") if told is not None else ""
+    if reason:
+        lines += _said(reason, Tone.BAD if state == ActionState.FAILED else Tone.WARN, width)
+    terms = [f"after {', '.join(item.after)}"] if item.after else []
+    terms += [f"until {step.until}"] if step is not None and step.until else []
+    terms += item.terms
+    if terms:
+        lines += _said("; ".join(terms), Tone.DIM, width)
+    return lines
+
+
+def _said(text: str, tone: Tone, width: int) -> list[Line]:
+    return [(Span(f" {row}", tone),) for row in wrapped(" ".join(text.split()), max(10, width - 2))]

@@ -1,0 +1,289 @@
+"""The map: what was asked for, where the vehicles are and have been, and what is in their way, seen from above."""
+
+from collections.abc import Iterable, Iterator
+from math import atan2, cos, hypot, radians, sin, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gloc3.mission.model.fence import Area
+from gloc3.mission.model.states import ENDED, ActionState
+from gloc3_groundstation.mapping.ground import Ground, Place, Plane
+from gloc3_groundstation.mapping.projection import Projection, length_text, round_length
+from gloc3_groundstation.mapping.requested import Requested, Way
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.widgets.canvas import CELL, Canvas
+from gloc3_groundstation.tui.widgets.lines import ONE_OF_MANY, Line, Tone
+
+CIRCLE: Final = np.linspace(0.0, 2.0 * np.pi, 73)
+SURE: Final = sqrt(5.991)
+"""Half axes of the ellipse in which a position is with 95 %, in standard deviations (chi square of two degrees)."""
+ARROW: Final = ((4.5, 0.0), (-3.0, 3.0), (-1.5, 0.0), (-3.0, -3.0))
+"""A vehicle in dots: forward and to the right."""
+AHEAD: Final = 9.0
+"""So far a line shows where the vehicle in view looks."""
+NEAR: Final = 8.0
+"""What is fewer dots away cannot be told apart from the vehicle: its setpoint, the edge of its ellipse."""
+ARROWS: Final = "↑↗→↘↓↙←↖"
+
+
+class Chart(NamedTuple):
+    """What is on the map, and the part of it that is seen."""
+
+    view: View
+    ground: Ground
+    projection: Projection
+    request: Requested | None = None
+    """What the vehicle in view is to fly."""
+    is_loaded: bool = False
+    """Whether it has that loaded."""
+    has_cross: bool = True
+    """Whether the middle is marked."""
+
+    @property
+    def placed(self) -> Iterator[tuple[int, PlatformSnapshot, Place]]:
+        """The vehicles that are on this map with their numbers, the one in view last."""
+        found = []
+        for number, platform in enumerate(self.view.fleet):
+            place = self.ground.place(platform)
+            if place is not None:
+                found.append((number, platform, place))
+        in_view = self.view.platform.name if self.view.platform is not None else ""
+        yield from sorted(found, key=lambda each: each[1].name == in_view)
+
+
+def tone_of_vehicle(number: int) -> Tone:
+    """The tone of the vehicle of a number, counted from 0 in the order in which they were first heard."""
+    return ONE_OF_MANY[number % len(ONE_OF_MANY)]
+
+
+def map_lines(chart: Chart, width: int, height: int) -> list[Line]:
+    """The map in so many cells."""
+    canvas = Canvas(width, height)
+    own = own_place(chart)
+    if chart.request is not None:
+        _draw_fence(canvas, chart, chart.request, own)
+        _draw_ways(canvas, chart, chart.request, own)
+    _draw_obstacles(canvas, chart)
+    for number, platform, place in chart.placed:
+        _draw_trail(canvas, chart, number, platform, place)
+    if chart.request is not None:
+        _draw_waypoints(canvas, chart, chart.request, own)
+    _draw_home(canvas, chart, own)
+    for number, platform, place in chart.placed:
+        _draw_vehicle(canvas, chart, number, platform, place)
+    _draw_frame(canvas, chart)
+    return canvas.lines()
+
+
+def extent(chart: Chart) -> list[Plane]:
+    """Everything that should be seen when the map is fitted."""
+    own = own_place(chart)
+    parts: list[Plane] = []
+    if chart.request is not None:
+        fence = chart.request.fence
+        if fence is not None and fence.area is not None:
+            parts.append(own.plane_of_ne(outline(fence.area)))
+        parts += [own.from_ned(np.array(way.points_ned_m)) for way in chart.request.ways]
+    site = chart.ground.site
+    if site is not None and site.home_m is not None:
+        parts.append(np.array([own.point(site.home_m)[:2]]))
+    for _, platform, place in chart.placed:
+        position = position_of(platform)
+        if position is not None:
+            parts.append(np.array([place.point(position)[:2]]))
+    return parts
+
+
+def position_of(platform: PlatformSnapshot) -> tuple[float, float, float] | None:
+    """Where a vehicle is in its own frame, by the newer of what it tells; None where that is not known."""
+    motion, vehicle = platform.motion, platform.vehicle
+    if motion is not None and (vehicle is None or motion.heard_s >= vehicle.heard_s - 1.0):
+        x, y, height = motion.value.position_cm
+        return (x / 100.0, y / 100.0, height / 100.0) if motion.value.is_pose_valid else None
+    if vehicle is None or not vehicle.value.is_pose_valid:
+        return None
+    return vehicle.value.position_m
+
+
+def outline(area: Area) -> Plane:
+    """The edge of an area, closed: rows of metres north and east."""
+    if area.polygon_ne_m:
+        return np.array((*area.polygon_ne_m, area.polygon_ne_m[0]))
+    return np.column_stack((np.cos(CIRCLE), np.sin(CIRCLE))) * area.radius_m + area.center_ne_m
+
+
+def is_within(parts: Iterable[Plane], projection: Projection) -> bool:
+    """Whether all of it is on the screen."""
+    for part in parts:
+        dots = projection.dots(part)
+        if (dots < 0).any() or (dots > (projection.width, projection.height)).any():
+            return False
+    return True
+
+
+# --- the parts ---
+
+
+def own_place(chart: Chart) -> Place:
+    """Where the frame of the vehicle in view lies."""
+    platform = chart.view.platform
+    return (chart.ground.place(platform) if platform is not None else None) or Place()
+
+
+def _draw_fence(canvas: Canvas, chart: Chart, request: Requested, own: Place) -> None:
+    if request.fence is None:
+        return
+    for area in request.fence.keep_out:
+        edge = chart.projection.dots(own.plane_of_ne(outline(area)))
+        canvas.area(edge, Tone.BAD, hatch=4)
+        canvas.line(edge, Tone.BAD)
+    if request.fence.area is not None:
+        canvas.line(chart.projection.dots(own.plane_of_ne(outline(request.fence.area))), Tone.WARN)
+
+
+def _draw_ways(canvas: Canvas, chart: Chart, request: Requested, own: Place) -> None:
+    for way in sorted(request.ways, key=lambda way: not _is_over(chart, way)):
+        dots = chart.projection.dots(own.from_ned(np.array(way.points_ned_m)))
+        if _is_over(chart, way) or not chart.is_loaded:
+            canvas.line(dots, Tone.DIM, on=1, off=3)
+        else:
+            canvas.line(dots, Tone.TEXT, on=3, off=2)
+
+
+def _is_over(chart: Chart, way: Way) -> bool:
+    mission = chart.view.platform.mission if chart.view.platform is not None else None
+    if mission is None or not chart.is_loaded:
+        return False
+    state = mission.value.tasks.get(way.target, "")
+    return state in list(ActionState) and ActionState(state) in ENDED
+
+
+def _draw_waypoints(canvas: Canvas, chart: Chart, request: Requested, own: Place) -> None:
+    """A number at each, the first and how many more where several are at one place."""
+    over = {way.target for way in request.ways if _is_over(chart, way)}
+    cells: dict[tuple[int, int], list[tuple[int, bool]]] = {}
+    for waypoint in request.waypoints:
+        north, east = own.from_ned(np.array([waypoint.position_ned_m]))[0]
+        cell = _cell(chart.projection.dot(north, east))
+        cells.setdefault(cell, []).append((waypoint.number, waypoint.target in over))
+    for (column, row), found in cells.items():
+        open_numbers = [number for number, is_over in found if not is_over]
+        shown = open_numbers or [number for number, _ in found]
+        text = f"{shown[0]}{'+' if len(shown) > 1 else ''}"
+        if canvas.is_free(column, row, len(text)):
+            canvas.text(column, row, text, Tone.STRONG if open_numbers and chart.is_loaded else Tone.DIM)
+
+
+def _draw_home(canvas: Canvas, chart: Chart, own: Place) -> None:
+    site = chart.ground.site
+    if site is not None and site.home_m is not None:
+        north, east, _ = own.point(site.home_m)
+        column, row = _cell(chart.projection.dot(north, east))
+        canvas.text(column, row, "⌂", Tone.GOOD)
+
+
+def _draw_obstacles(canvas: Canvas, chart: Chart) -> None:
+    for _, platform, place in chart.placed:
+        if platform.obstacles is None or not platform.obstacles.value.is_valid:
+            continue
+        points = platform.obstacles.value.points_ne_m
+        if points:
+            tone = Tone.STALE if platform.obstacles.is_stale(chart.view.now_s) else Tone.STRONG
+            canvas.points(chart.projection.dots(place.plane_of_ne(np.array(points))), tone)
+
+
+def _draw_trail(canvas: Canvas, chart: Chart, number: int, platform: PlatformSnapshot, place: Place) -> None:
+    track = chart.view.tracks.get(platform.name)
+    if track is not None and len(track.trail):
+        canvas.line(chart.projection.dots(place.plane(track.trail.points[:, :2])), tone_of_vehicle(number))
+
+
+def _draw_vehicle(canvas: Canvas, chart: Chart, number: int, platform: PlatformSnapshot, place: Place) -> None:
+    position = position_of(platform)
+    if position is None or platform.vehicle is None:
+        return
+    is_in_view = chart.view.platform is not None and platform.name == chart.view.platform.name
+    is_stale = platform.vehicle.is_stale(chart.view.now_s)
+    tone = Tone.STALE if is_stale else tone_of_vehicle(number)
+    north, east, _ = place.point(position)
+    if is_in_view and not is_stale:
+        _draw_ellipse(canvas, chart, platform, place, (position[0], position[1]))
+    x, y = chart.projection.dot(north, east)
+    turn = radians(_heading_deg(platform) - chart.projection.up_deg)
+    size, sign = (1.0, Tone.STRONG) if is_in_view and not is_stale else (0.7, tone)
+    corners = [
+        (x + size * (a * sin(turn) + b * cos(turn)), y - size * (a * cos(turn) - b * sin(turn))) for a, b in ARROW
+    ]
+    if is_in_view and not is_stale:
+        _draw_setpoint(canvas, chart, platform, place, (x, y))
+    canvas.area(corners, sign)
+    ahead = AHEAD if is_in_view else AHEAD / 2.0
+    canvas.line([(x, y), (x + ahead * sin(turn), y - ahead * cos(turn))], sign)
+    name = f" {platform.name} " if is_in_view else f" {platform.name}"
+    column, row = _cell((x, y))
+    for at, line in ((column + 3, row), (column + 3, row - 1), (column - 3 - len(name), row), (column, row + 2)):
+        if canvas.is_free(at, line, len(name)):
+            canvas.text(at, line, name, Tone.CHOSEN if is_in_view and not is_stale else tone)
+            break
+
+
+def _heading_deg(platform: PlatformSnapshot) -> float:
+    if platform.motion is not None:
+        return platform.motion.value.attitude_cdeg[2] / 100.0
+    return float(platform.vehicle.value.heading_deg) if platform.vehicle is not None else 0.0
+
+
+def _draw_setpoint(
+    canvas: Canvas, chart: Chart, platform: PlatformSnapshot, place: Place, vehicle: tuple[float, float]
+) -> None:
+    """A cross where the vehicle should be, once that is not where it is."""
+    wanted = platform.motion.value.setpoint_cm if platform.motion is not None else None
+    if wanted is None:
+        return
+    north, east, _ = place.point((wanted[0] / 100.0, wanted[1] / 100.0, 0.0))
+    x, y = chart.projection.dot(north, east)
+    if hypot(x - vehicle[0], y - vehicle[1]) < NEAR:
+        return
+    canvas.line([(x - 2, y - 2), (x + 2, y + 2)], Tone.STRONG)
+    canvas.line([(x - 2, y + 2), (x + 2, y - 2)], Tone.STRONG)
+
+
+def _draw_ellipse(
+    canvas: Canvas, chart: Chart, platform: PlatformSnapshot, place: Place, center_xy_m: tuple[float, float]
+) -> None:
+    covariance = platform.motion.value.covariance_cm2 if platform.motion is not None else None
+    if (
+        covariance is not None
+        and SURE * sqrt(max(covariance[0], covariance[2])) / 100.0 > NEAR * chart.projection.m_per_dot
+    ):
+        edge = ellipse(covariance[0] / 1e4, covariance[1] / 1e4, covariance[2] / 1e4)
+        canvas.line(chart.projection.dots(place.plane(edge + center_xy_m)), Tone.DIM)
+
+
+def ellipse(xx_m2: float, xy_m2: float, yy_m2: float) -> Plane:
+    """The ellipse in which a position is with 95 %, about the origin: rows of x and y in metres."""
+    middle, half = (xx_m2 + yy_m2) / 2.0, hypot((xx_m2 - yy_m2) / 2.0, xy_m2)
+    turn = 0.5 * atan2(2.0 * xy_m2, xx_m2 - yy_m2)
+    long_m, short_m = SURE * sqrt(max(0.0, middle + half)), SURE * sqrt(max(0.0, middle - half))
+    along, across = long_m * np.cos(CIRCLE), short_m * np.sin(CIRCLE)
+    return np.column_stack((along * cos(turn) - across * sin(turn), along * sin(turn) + across * cos(turn)))
+
+
+def _draw_frame(canvas: Canvas, chart: Chart) -> None:
+    """Scale bar, north arrow and the middle."""
+    projection = chart.projection
+    length_m = round_length(projection.m_per_dot * CELL[0] * min(24, canvas.width // 4))
+    cells = max(1, round(length_m / projection.m_per_dot / CELL[0]))
+    canvas.text(0, canvas.height - 1, f" ├{'─' * (cells - 1)}┤ {length_text(length_m)} ", Tone.TEXT)
+    arrow = ARROWS[round(-projection.up_deg / 45.0) % 8]
+    canvas.text(canvas.width - 5, 0, f" {arrow} {'N' if chart.ground.has_north else 'x'} ", Tone.KEY)
+    if chart.has_cross and canvas.is_free(canvas.width // 2, canvas.height // 2, 1):
+        canvas.text(canvas.width // 2, canvas.height // 2, "+", Tone.KEY)
+
+
+def _cell(dot: tuple[float, float]) -> tuple[int, int]:
+    """The column and line of a dot; far away where it is."""
+    x, y = (max(-1e6, min(1e6, value)) for value in dot)
+    return int(x // CELL[0]), int(y // CELL[1])

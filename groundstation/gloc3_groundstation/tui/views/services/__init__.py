@@ -1,0 +1,4 @@
+"""The vehicle services as lines: parameters, plans, calibration, lists.
+
+Pure functions of a view.
+"""

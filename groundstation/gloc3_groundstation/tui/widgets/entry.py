@@ -1,0 +1,82 @@
+"""A dialogue that asks for one line of text, says what is known about it, and keeps what is wrong from being entered."""
+
+from collections.abc import Callable, Sequence
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
+
+from gloc3_groundstation.tui.widgets.lines import Line
+from gloc3_groundstation.tui.widgets.panel import Panel
+
+
+class Entry(ModalScreen[str | None]):
+    """Closes with the text, or None."""
+
+    BINDINGS = [Binding("escape", "leave", "Leave")]
+
+    def __init__(
+        self,
+        title: str,
+        lines: Callable[[int], Sequence[Line]] | None = None,
+        *,
+        value: str = "",
+        hint: str = "",
+        check: Callable[[str], str] = lambda _: "",
+    ) -> None:
+        """A dialogue.
+
+        Args:
+            title: what is asked for.
+            lines: gives what is known about it, for a width in characters.
+            value: stands there to begin with.
+            hint: is shown while nothing stands there.
+            check: says in words what is wrong with a text; empty where nothing is.
+        """
+        super().__init__()
+        self._title, self._lines, self._value, self._hint, self._check = title, lines, value, hint, check
+
+    def compose(self) -> ComposeResult:
+        """What is asked, what is known, the line, and what is wrong with it."""
+        with Vertical(classes="entry"):
+            if self._lines is not None:
+                yield Panel(id="entry_lines", can_focus=False)
+            yield Input(self._value, placeholder=self._hint, select_on_focus=True)
+            yield Static("", id="entry_wrong", markup=False)
+
+    def on_mount(self) -> None:
+        """Says in the border what this is, and how to leave it."""
+        sheet = self.query_one(Vertical)
+        sheet.border_title = self._title
+        sheet.border_subtitle = "enter takes it, esc leaves it"
+        self.query_one(Input).focus()
+
+    def on_resize(self) -> None:
+        """Breaks the lines anew."""
+        self.call_after_refresh(self._fill)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """What was wrong with another text is no longer said."""
+        del event
+        self.query_one("#entry_wrong", Static).update("")
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Closes, unless something is wrong."""
+        wrong = self._check(event.value)
+        if wrong:
+            self.query_one("#entry_wrong", Static).update(wrong)
+        else:
+            self.dismiss(event.value)
+
+    def action_leave(self) -> None:
+        """Closes without a text."""
+        self.dismiss(None)
+
+    def _fill(self) -> None:
+        if self._lines is not None:
+            panel = self.query_one(Panel)
+            lines = list(self._lines(max(20, panel.width)))
+            panel.styles.height = min(len(lines), max(3, self.app.size.height - 9))
+            panel.show(lines)

@@ -1,0 +1,81 @@
+"""Tables in lines: columns that keep their place, grow with the terminal, and give way in a stated order."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut
+
+GAP: Final = 2
+"""Blanks between columns."""
+
+
+class Column(NamedTuple):
+    """A column."""
+
+    title: str
+    width: int
+    """Characters that it has at least."""
+    rank: int = 0
+    """Columns of the highest rank go first where there is no room; those of rank 0 never."""
+    grows: int = 0
+    """Its share of the room that is left over."""
+    is_right: bool = False
+    """Aligned at the right, as numbers are."""
+    most: int = 1000
+    """Characters that it has at most, so that what belongs together stays together on wide terminals."""
+
+
+class Table:
+    """The columns that fit a width."""
+
+    def __init__(self, columns: Sequence[Column], width: int, indent: int = 1) -> None:
+        """Lays the columns out.
+
+        Args:
+            columns: all of them, from left to right.
+            width: characters of a line.
+            indent: blanks before the first.
+        """
+        self._indent = " " * indent
+        shown = list(range(len(columns)))
+
+        def needed() -> int:
+            return indent + sum(columns[n].width for n in shown) + GAP * (len(shown) - 1)
+
+        while needed() > width and (rank := max(columns[n].rank for n in shown)) > 0:
+            shown.remove(max(n for n in shown if columns[n].rank == rank))
+        spare = max(0, width - needed())
+        shares = max(1, sum(columns[n].grows for n in shown))
+        self._columns = [
+            (n, columns[n]._replace(width=min(columns[n].most, columns[n].width + spare * columns[n].grows // shares)))
+            for n in shown
+        ]
+
+    def shows(self, title: str) -> bool:
+        """Whether a column has room."""
+        return any(column.title == title for _, column in self._columns)
+
+    def header(self) -> Line:
+        """The titles."""
+        return self._line([Span(column.title, Tone.DIM) for _, column in self._columns])
+
+    def line(self, cells: Sequence[Span]) -> Line:
+        """A row: a span for each column, also for those that have no room."""
+        return self._line([cells[n] for n, _ in self._columns])
+
+    def _line(self, cells: Sequence[Span]) -> Line:
+        spans = [Span(self._indent)]
+        for place, (cell, (_, column)) in enumerate(zip(cells, self._columns, strict=True)):
+            text = cut(cell.text, column.width)
+            text = f"{text:>{column.width}}" if column.is_right else f"{text:<{column.width}}"
+            spans.append(Span(text, cell.tone))
+            if place < len(self._columns) - 1:
+                spans.append(Span(" " * GAP))
+        return tuple(spans)
+
+
+@lru_cache(maxsize=64)
+def table_of(columns: tuple[Column, ...], width: int) -> Table:
+    """A table for a width, laid out once for all its lines."""
+    return Table(columns, width)

@@ -1,0 +1,41 @@
+"""The rows of a list of vehicles, made only where something has changed: a key is answered at once among a hundred."""
+
+from collections.abc import Callable
+from typing import Final
+
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line
+from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+
+OLDER_EVERY_S: Final = 0.5
+"""What is shown grows old by itself: a row is made anew so often also where nothing has changed."""
+
+
+class VehicleRows:
+    """The rows of one list, each with what it was made of."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, tuple[tuple[object, ...], Line]] = {}
+
+    def rows(
+        self, panel: ListPanel, view: View, make: Callable[[PlatformSnapshot], Line], of: object = None
+    ) -> list[Row]:
+        """A row for each vehicle; empty for one that is out of sight.
+
+        Args:
+            panel: where they are shown.
+            view: what is known.
+            make: gives the line of a vehicle.
+            of: what the lines are made of besides the vehicle and which one is in view.
+        """
+        rows, before, self._made = [], self._made, {}
+        for index, platform in enumerate(view.fleet):
+            line = EMPTY
+            if panel.sees(index):
+                made_of = (platform, platform is view.platform, of, panel.width, view.now_s // OLDER_EVERY_S)
+                kept = before.get(platform.name)
+                line = kept[1] if kept is not None and kept[0] == made_of else make(platform)
+                self._made[platform.name] = made_of, line
+            rows.append(Row(line, platform.name))
+        return rows

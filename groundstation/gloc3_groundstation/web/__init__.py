@@ -1,0 +1,4 @@
+"""The station in a browser, and the live view for Foxglove.
+
+Both are view servers on loopback unless an address is given.
+"""

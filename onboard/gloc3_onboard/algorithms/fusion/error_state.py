@@ -1,0 +1,185 @@
+"""The covariance of the fusion's error state, predicted and updated by filterpy, with clones of past poses.
+
+The error of the nominal state is (position 3, velocity 3, rotation vector 3, gyroscope bias 3, accelerometer bias 3,
+level of the floor 1), all but the biases in NED: true rotation = exp(error) @ believed rotation. Behind it stand
+the clones, six errors each (position, rotation) of a pose of the past (Roumeliotis and Burdick, *Stochastic Cloning*,
+ICRA 2002). The mean of the error is always zero: what an update finds is given back, for the nominal state to take.
+"""
+
+from collections.abc import Callable
+from math import inf
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.messages.frames import Vector3
+
+Matrix = NDArray[np.float64]
+
+POSITION: Final = slice(0, 3)
+VELOCITY: Final = slice(3, 6)
+ROTATION: Final = slice(6, 9)
+GYROSCOPE: Final = slice(9, 12)
+ACCELEROMETER: Final = slice(12, 15)
+FLOOR: Final = 15
+SIZE: Final = 16
+CLONE: Final = 6
+
+
+def skew(vector: Vector3) -> Matrix:
+    """The matrix of the cross product: `skew(a) @ b == a x b`."""
+    x, y, z = vector
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def past_pose(age_s: float, ned_from_frd: Matrix, velocity_change_m_s: Vector3, way_m: Vector3) -> Matrix:
+    """How the error of a pose that is `age_s` old follows from the error now, shape (6, 16).
+
+    Args:
+        age_s: how long ago.
+        ned_from_frd: the attitude in the meantime, (3, 3).
+        velocity_change_m_s: integral of the specific force since then, in NED.
+        way_m: integral of that integral.
+    """
+    jacobian = np.zeros((CLONE, SIZE))
+    jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 2] = 1.0
+    jacobian[3, 6] = jacobian[4, 7] = jacobian[5, 8] = 1.0
+    if age_s > 1e-6:
+        jacobian[0, 3] = jacobian[1, 4] = jacobian[2, 5] = -age_s
+        (x, y, z), (u, v, w) = way_m, velocity_change_m_s
+        jacobian[0:3, ROTATION] = skew((x - age_s * u, y - age_s * v, z - age_s * w))
+        jacobian[0:3, ACCELEROMETER] = (-0.5 * age_s * age_s) * ned_from_frd
+        jacobian[3:6, GYROSCOPE] = age_s * ned_from_frd
+    return jacobian
+
+
+class ErrorState:
+    """A covariance matrix with names for its parts."""
+
+    def __init__(self) -> None:
+        from filterpy.kalman import predict, update
+        from scipy.linalg.lapack import dposv
+
+        self._solve: Callable[..., Any] = dposv
+        self._predict: Callable[..., Any] = predict
+        self._update: Callable[..., Any] = update
+        self.covariance: Matrix = np.eye(SIZE)
+        self.clones: list[str] = []
+        """Whose pose each clone is, in the order of the matrix."""
+
+    @property
+    def size(self) -> int:
+        """Rows of the covariance."""
+        return SIZE + CLONE * len(self.clones)
+
+    def reset(self, deviations: Matrix) -> None:
+        """Begins with independent errors of these standard deviations, shape (16,), and no clones."""
+        self.covariance = np.diag(deviations**2)
+        self.clones = []
+
+    def doubt(self, part: slice, std: float) -> None:
+        """Adds an error of its own to each row of a part."""
+        rows = range(self.size)[part]
+        self.covariance[rows, rows] += std * std
+
+    def predict(
+        self,
+        duration_s: float,
+        ned_from_frd: Matrix,
+        force_ned_m_s2: Vector3,
+        noise: tuple[float, float, float, float],
+        floor_m2: float,
+    ) -> None:
+        """Lets a time pass.
+
+        Args:
+            duration_s: how long.
+            ned_from_frd: mean attitude, (3, 3).
+            force_ned_m_s2: mean specific force.
+            noise: densities of gyroscope and accelerometer, and the walks of their biases.
+            floor_m2: what the floor's level gains in variance.
+        """
+        dt = duration_s
+        lever, turned = -dt * skew(force_ned_m_s2), -dt * ned_from_frd
+        transition = _UNCHANGED.copy()
+        transition[0, 3] = transition[1, 4] = transition[2, 5] = dt
+        transition[POSITION, ROTATION] = 0.5 * dt * lever
+        transition[VELOCITY, ROTATION] = lever
+        transition[POSITION, ACCELEROMETER] = 0.5 * dt * turned
+        transition[VELOCITY, ACCELEROMETER] = transition[ROTATION, GYROSCOPE] = turned
+        gyroscope, accelerometer, gyroscope_walk, accelerometer_walk = noise
+        q = accelerometer * accelerometer * dt
+        growth = np.zeros((SIZE, SIZE))
+        diagonal = growth.reshape(-1)[:: SIZE + 1]
+        diagonal[POSITION], diagonal[VELOCITY] = q * dt * dt / 3.0, q
+        diagonal[ROTATION] = gyroscope * gyroscope * dt
+        diagonal[GYROSCOPE], diagonal[ACCELEROMETER] = gyroscope_walk**2 * dt, accelerometer_walk**2 * dt
+        diagonal[FLOOR] = floor_m2
+        growth[0, 3] = growth[1, 4] = growth[2, 5] = growth[3, 0] = growth[4, 1] = growth[5, 2] = 0.5 * q * dt
+        whole = self.covariance = 0.5 * (self.covariance + self.covariance.T)
+        own = whole[:SIZE, :SIZE]
+        _, whole[:SIZE, :SIZE] = self._predict(_NO_ERROR, own, transition, growth)
+        if self.clones:
+            cross = transition @ whole[:SIZE, SIZE:]
+            whole[:SIZE, SIZE:] = cross
+            whole[SIZE:, :SIZE] = cross.T
+
+    def clone(self, name: str, jacobian: Matrix, noise: Matrix) -> None:
+        """Remembers a pose under a name, in place of the one that had it.
+
+        Args:
+            name: whose it is.
+            jacobian: of the pose's error by the error now, (6, 16).
+            noise: covariance of what is added to it, (6, 6).
+        """
+        self.drop(name)
+        old, n = self.covariance, self.size
+        whole = np.empty((n + CLONE, n + CLONE))
+        whole[:n, :n] = old
+        rows = jacobian @ old[:SIZE, :]
+        whole[n:, :n] = rows
+        whole[:n, n:] = rows.T
+        whole[n:, n:] = rows[:, :SIZE] @ jacobian.T + noise
+        self.covariance = whole
+        self.clones.append(name)
+
+    def drop(self, name: str) -> None:
+        """Forgets a clone, if there is one."""
+        if name in self.clones:
+            first = self.place_of(name)
+            keep = np.r_[0:first, first + CLONE : self.size]
+            self.covariance = self.covariance[np.ix_(keep, keep)]
+            self.clones.remove(name)
+
+    def place_of(self, name: str) -> int:
+        """The first row of a clone."""
+        return SIZE + CLONE * self.clones.index(name)
+
+    def loosen(self, first: int, variances: Matrix) -> None:
+        """Adds to the covariance from a row on: a vector to the diagonal, or a square block."""
+        n = variances.shape[0]
+        block = self.covariance[first : first + n, first : first + n]
+        block += np.diag(variances) if variances.ndim == 1 else variances
+
+    def test(self, residual: Matrix, rows: Matrix, noise: Matrix) -> float:
+        """Normalised innovation squared of a residual (m,) with its Jacobian (m, size) and covariance (m, m)."""
+        _, solved, trouble = self._solve(rows @ self.covariance @ rows.T + noise, residual)
+        return float(residual @ solved) if trouble == 0 else inf
+
+    def update(self, residual: Matrix, rows: Matrix, noise: Matrix) -> Matrix:
+        """Takes a measurement in; gives the error that was found, shape (size,)."""
+        found, covariance = self._update(np.zeros(self.size), self.covariance, residual, noise, rows)
+        self.covariance = covariance
+        return np.asarray(found, dtype=np.float64)
+
+    def copy_floor(self, variance_m2: float) -> None:
+        """The floor is anew at the measured distance below: its error is that of the height and of the measurement."""
+        whole = self.covariance
+        whole[FLOOR, :] = whole[2, :]
+        whole[:, FLOOR] = whole[:, 2]
+        whole[FLOOR, FLOOR] = whole[2, 2] + variance_m2
+
+
+_NO_ERROR: Final[Matrix] = np.zeros(SIZE)
+_UNCHANGED: Final[Matrix] = np.eye(SIZE)

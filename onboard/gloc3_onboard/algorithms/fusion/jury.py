@@ -1,0 +1,238 @@
+"""The jury over the sources: their records, their vote, and what follows from it for the estimate."""
+
+from collections.abc import Callable, Sequence
+from math import hypot, sqrt
+from typing import Final
+
+from gloc3_onboard.algorithms.fusion.estimate import Estimate
+from gloc3_onboard.algorithms.fusion.odometers import Odometers
+from gloc3_onboard.algorithms.fusion.settings import FusionSettings
+from gloc3_onboard.algorithms.fusion.trust import DISAGREES, SOUND, Trust
+from gloc3_onboard.algorithms.fusion.vote import Elsewhere, Verdict, Vote
+
+VOTE_S: Final = 0.25
+_STUCK_S: Final = 0.7
+"""When nothing was taken in for so long while sources go on, it is the estimate that is wrong."""
+_ELSEWHERE_S: Final = (0.75, 1.5)
+"""Over the ways of so long sources may say together that the body is elsewhere."""
+_ALONE, _ALONE_OF_PLACES = 2.5, 1.75
+"""Where the innovations of one source alone are beyond that, and all others are sound, it is that source that is wrong; one that
+tells positions sooner, for it drags the estimate along for good."""
+_AGAIN_S: Final = 12.0
+"""Where that comes again so soon, its biases were not the reason."""
+_OFF_M: Final = 0.1
+"""How far off the estimate may be that somebody can find who tells positions."""
+_LOST_S: Final = 2.0
+"""A pose that is lost is doubted so often."""
+_ARGUED_S: Final = 3.0
+"""Where sources contradict each other for longer, the vehicle had better hold."""
+
+
+class Jury:
+    """Keeps what is known of every source, and takes the vote.
+
+    Args:
+        estimate: what the sources correct.
+        odometers: their references.
+        settings: of the fusion.
+        doubt_imu: told the time and why, when the inertial unit is what contradicts all others.
+    """
+
+    def __init__(
+        self,
+        estimate: Estimate,
+        odometers: Odometers,
+        settings: FusionSettings,
+        doubt_imu: Callable[[float, str], None],
+    ) -> None:
+        self.trust: Final[dict[str, Trust]] = {}
+        self.vote: Final = Vote(settings.window_s, settings.odometer_scale_std)
+        self.held_s = float("-inf")
+        """When a source last held the position."""
+        self.conflict: Verdict | None = None
+        """Two that contradict each other, with nobody to tell who is right."""
+        self.conflict_s = float("-inf")
+        """Since when."""
+        self.is_standing = False
+        """The body has not moved since it was aligned."""
+        self._estimate, self._odometers, self._settings, self._doubt_imu = estimate, odometers, settings, doubt_imu
+        self._voted_s = float("-inf")
+        self._doubted_s = float("-inf")
+        """When the estimate's motion was last doubted."""
+
+    def heard(self, source: str, now_s: float) -> Trust:
+        """The record of a source that has just said something."""
+        trust = self.trust.get(source)
+        if trust is None:
+            trust = self.trust[source] = Trust(source, self._settings.probation_s)
+        trust.heard_s = now_s
+        return trust
+
+    def hold(self, t_s: float) -> None:
+        """A source has held the position at a time."""
+        self.held_s = max(self.held_s, t_s)
+
+    def look_for_silence(self, now_s: float) -> None:
+        """Who says nothing any more is not used."""
+        for trust in self.trust.values():
+            if now_s - trust.heard_s > self._settings.silent_s:
+                trust.step_back("nothing comes from it")
+
+    def look(self) -> None:
+        """Takes the vote, some times a second."""
+        now_s = self._estimate.t_s
+        if now_s - self._voted_s >= VOTE_S - 1e-6:
+            self._voted_s = now_s
+            self._take_vote(now_s)
+
+    # --- what it has found ---
+
+    @property
+    def witnesses(self) -> list[str]:
+        """The sources that hold the horizontal position now."""
+        limit_s = self._estimate.t_s - self._settings.silent_s
+        return [name for name in self.vote.records if self.trust[name].is_used and self.trust[name].used_s > limit_s]
+
+    @property
+    def quality(self) -> float:
+        """1 where several sources agree, 0.8 with two, 0.5 with one, 0.2 with none; less as it becomes uncertain."""
+        quality = 1.0 if self.is_standing else (0.2, 0.5, 0.8, 1.0)[min(len(self.witnesses), 3)]
+        if self.conflict is not None:
+            quality = min(quality, 0.5 if self._estimate.t_s - self.conflict_s < _ARGUED_S else 0.25)
+        north, east, down = self._estimate.position_std_m
+        return quality * max(0.0, 1.0 - (max(north, east, down) / self._settings.std_limit_m) ** 2)
+
+    def troubles(self) -> str:
+        """What is wrong with whom, in words."""
+        told = [f"{name}: {trust.reason}" for name, trust in self.trust.items() if trust.reason]
+        if self.conflict is not None:
+            told.append(f"{' and '.join(self.conflict.against)} contradict each other")
+        return "; ".join(told) or "no source"
+
+    @property
+    def is_disputed(self) -> bool:
+        """Whether two sources or more do not agree with the estimate: it may be what is wrong."""
+        return sum(self.trust[name].reason == DISAGREES for name in self.vote.records) > 1
+
+    # --- the vote ---
+
+    def _take_vote(self, now_s: float) -> None:
+        voters = {name: self.trust[name].may_vote for name in sorted(self.vote.records)}
+        position = self._estimate.inertial.now.position_ned_m
+        verdict = self.vote.look(voters, position, self._estimate.heading_std_rad, now_s)
+        if verdict.voted_out:
+            self._vote_out(verdict)
+        is_settled = verdict.is_unanimous or bool(verdict.voted_out)
+        if not is_settled:  # who was plainly wrong is not believed to be right
+            is_settled = any(self.trust[name].is_coarse and not self.trust[name].is_used for name in verdict.against)
+        self._follow_conflict(None if is_settled else verdict, now_s)
+        used = [name for name, may in voters.items() if may and self.trust[name].is_used]
+        for name in voters:
+            trust = self.trust[name]
+            if trust.is_voted_out and self.vote.agrees(name, [other for other in used if other != name], now_s):
+                trust.is_voted_out = False  # its gate and the probation are left
+        self._look_for_one_alone(now_s)
+        self._look_whether_stuck(now_s)
+
+    def _follow_conflict(self, conflict: Verdict | None, now_s: float) -> None:
+        """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so.
+
+        Meanwhile that is only told: the filter would give all of it to the one that tells positions, were that the liar. It
+        learns of it when both are still used in the end; and where one is not, all is well when all are used again.
+        """
+        estimate = self._estimate
+        (x, y, z) = estimate.disputed_m
+        if conflict is not None:
+            dx, dy, dz = map(abs, conflict.apart_m)
+            if self.conflict is None:
+                self.conflict_s = now_s
+                estimate.disputed_m = (max(x, dx), max(y, dy), max(z, dz))
+            else:
+                share = VOTE_S / (0.5 * self._settings.window_s)
+                estimate.disputed_m = (x + dx * share, y + dy * share, z + dz * share)
+        elif self.conflict is not None and all(self.trust[name].is_used for name in self.conflict.against):
+            estimate.doubt_place(estimate.disputed_m)
+            estimate.disputed_m = (0.0, 0.0, 0.0)
+        elif self.conflict is None and all(self.trust[name].is_used for name in self.vote.records):
+            estimate.disputed_m = (0.0, 0.0, 0.0)
+        self.conflict = conflict
+
+    def _vote_out(self, verdict: Verdict) -> None:
+        """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
+        apart = hypot(*verdict.apart_m)
+        others = " and ".join(verdict.against)
+        culprit = self.trust[verdict.voted_out]
+        if culprit.is_used:
+            pulled = self.vote.record(verdict.voted_out).pulled_m
+            self._estimate.doubt_place(verdict.apart_m if pulled is None else pulled)
+        culprit.turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
+        self._odometers.forget(verdict.voted_out)
+        for name in verdict.against:
+            if not self.trust[name].is_used:
+                self._odometers.forget(name)
+                self.trust[name].let_in()
+
+    def _look_whether_stuck(self, now_s: float) -> None:
+        """When odometers that agree do not pass any more, the estimate is wrong: its biases, or the inertial unit itself."""
+        going_on = [name for name in self.vote.records if self.trust[name].may_vote and not self._is_silent(name)]
+        if going_on and now_s - self.held_s > self._settings.coast_s and now_s - self._doubted_s >= _LOST_S:
+            # The pose is lost. Whoever goes on and agrees with himself may find it again, after his probation.
+            self._doubted_s = now_s
+            self._estimate.doubt_motion()
+            return
+        if len(going_on) < 2 or self.conflict is not None:
+            return
+        found = self._elsewhere(going_on, now_s)
+        if found is not None:
+            if now_s - self._doubted_s < _AGAIN_S:
+                self._doubt_imu(now_s, f"it contradicts {' and '.join(found.names)}")
+            self._estimate.move_over(found.by_m, found.covariance)
+            self.doubt(found.names, now_s)
+        elif now_s - self.held_s >= _STUCK_S:
+            self.doubt(going_on, now_s)
+
+    def doubt(self, names: Sequence[str], now_s: float) -> None:
+        """The estimate's motion is wrong, and these sources know better."""
+        self._doubted_s = now_s
+        self._estimate.doubt_motion()
+        if any(self.vote.records[name].is_of_places for name in names):
+            self._estimate.doubt_place((_OFF_M, _OFF_M, _OFF_M))
+        for name in names:  # what a source tells that does agree, from where it began, keeps the heading
+            if self._is_off(self.trust[name]):
+                self._odometers.forget(name)
+                self.trust[name].let_in()
+
+    def _elsewhere(self, names: list[str], now_s: float) -> Elsewhere | None:
+        """What sources say together against the estimate, two of them at least not being heard."""
+        off = {name for name in names if self._is_off(self.trust[name])}
+        for length_s in _ELSEWHERE_S if len(off) > 1 else ():
+            begin_s = now_s - length_s
+            found = self.vote.elsewhere(names, begin_s, now_s) if begin_s > self._doubted_s else None
+            if found is not None and len(off.intersection(found.names)) > 1:
+                return found
+        return None
+
+    @staticmethod
+    def _is_off(trust: Trust) -> bool:
+        return trust.innovation > SOUND or not trust.is_used
+
+    def _look_for_one_alone(self, now_s: float) -> None:
+        """Who is off by more than he claims for some time, where two others at least are not, is not used."""
+        limit_s = now_s - self._settings.silent_s
+        used = [trust for trust in (self.trust[name] for name in self.vote.records) if trust.is_used]
+        used = [trust for trust in used if trust.used_s > limit_s]
+        worst = max(used, key=lambda trust: trust.innovation, default=None)
+        if worst is None or len(used) < 3:
+            return
+        if worst.innovation < (_ALONE_OF_PLACES if self.vote.records[worst.name].is_of_places else _ALONE):
+            return
+        if any(trust.innovation > SOUND for trust in used if trust is not worst):
+            return
+        pulled = self.vote.record(worst.name).pulled_m
+        if pulled is not None:
+            self._estimate.doubt_place(pulled)
+        worst.turn_down(f"it alone is {sqrt(worst.innovation):.1f} times as far off as it claims", is_alone=True)
+        self._odometers.forget(worst.name)
+
+    def _is_silent(self, source: str) -> bool:
+        return self._estimate.t_s - self.trust[source].valid_s > self._settings.silent_s

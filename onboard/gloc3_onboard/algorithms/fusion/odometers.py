@@ -1,0 +1,197 @@
+"""Odometers' reports as measurements: the references that they count from, remembered as clones."""
+
+from math import isfinite
+from typing import Final
+
+import numpy as np
+
+from gloc3.messages.frames import (
+    Quaternion,
+    Vector3,
+    conjugate,
+    from_yaw,
+    multiply,
+    normalize,
+    rotate,
+    rotate_back,
+    yaw_of,
+)
+from gloc3.messages.perception import Odometry
+from gloc3_onboard.algorithms.fusion.error_state import CLONE, Matrix
+from gloc3_onboard.algorithms.fusion.estimate import Estimate, Past
+from gloc3_onboard.algorithms.fusion.measurements import UNKNOWN_FROM, Measured, covariance_of, matrix_of, relative
+
+_LEAST: Final = np.array((2.5e-7, 2.5e-7, 2.5e-7, 1e-8, 1e-8, 1e-8))
+"""No odometer is better than 0.5 mm and 0.006 degrees."""
+_FARTHEST_M: Final = 1e4
+_WANDER_S: Final = 0.6
+"""After so long the reports from one reference are taken to be wrong by something else. In flights of 60 m in the hold they
+are after 0.5 to 1.3 s."""
+
+
+class Report:
+    """One report, checked: what it tells, and from when on."""
+
+    __slots__ = ("attitude", "covariance", "drift", "is_level", "position", "reference_t_s", "shared", "source", "t_s")
+
+    def __init__(self, message: Odometry, t_s: float, covariance: Matrix) -> None:
+        self.source = message.source
+        self.t_s = t_s
+        self.reference_t_s = message.reference_t_s
+        self.position: Vector3 = message.position_m
+        self.attitude: Quaternion = normalize(message.reference_from_frd)
+        self.covariance = covariance
+        self.is_level = message.is_level
+        self.shared = message.shared
+        self.drift = message.drift
+
+
+def read(message: Odometry, t_s: float) -> Report | str:
+    """The report of a message; or why it cannot be used."""
+    numbers = (t_s, message.reference_t_s, *message.position_m, *message.reference_from_frd)
+    if not all(map(isfinite, numbers)) or max(map(abs, message.position_m)) > _FARTHEST_M:
+        return "its numbers are not finite"
+    if abs(sum(value * value for value in message.reference_from_frd) - 1.0) > 0.01:
+        return "its rotation is none"
+    if message.reference_t_s > t_s:
+        return "its reference is in its future"
+    covariance = covariance_of(message.covariance, 6, _LEAST)
+    return "its covariance is none" if covariance is None else Report(message, t_s, covariance)
+
+
+class Reference:
+    """What the reports of one odometer are told from: the clone of a pose."""
+
+    __slots__ = ("base", "granted", "reference_t_s", "told_s")
+
+    def __init__(self, reference_t_s: float, told_s: float, base: tuple[Vector3, Quaternion] | None) -> None:
+        self.reference_t_s = reference_t_s
+        """The odometer's own reference."""
+        self.told_s = told_s
+        """The time of the last report."""
+        self.base = base
+        """Where the pose is the one of an earlier report, not of its reference: what that report told."""
+        self.granted: Matrix = np.zeros(CLONE)
+        """Variances that were added to the clone, for what all its reports have in common."""
+
+    def grant(self, common: Matrix, drift: float, t_s: float) -> Matrix:
+        """Variances (6,) to be added to the clone for a report.
+
+        Args:
+            common: what the error of the report has in common with others; what is not told needs nothing.
+            drift: by how many times that adds up faster than if it were independent.
+            t_s: the time of the report: in the meantime that has wandered.
+        """
+        more = np.maximum(drift * common - self.granted, 0.0)
+        self.granted += more
+        wandered = min(t_s - self.told_s, _WANDER_S) / _WANDER_S
+        self.told_s = t_s
+        return np.where(common < 0.1 * UNKNOWN_FROM, more + common * wandered, 0.0)
+
+
+class Odometers:
+    """The references of all odometers, kept as clones in the estimate.
+
+    The clone is that of the reference's own time where that is still known. Where it is not, as for an odometer that
+    counts from the begin of its map, or one that is believed again after a fault, the clone is of the first report's
+    time, and later ones are told from that report on.
+    """
+
+    def __init__(self, estimate: Estimate) -> None:
+        self._estimate = estimate
+        self._references: dict[str, Reference] = {}
+
+    def clear(self) -> None:
+        """Forgets all references."""
+        self._references.clear()
+
+    def forget(self, source: str) -> None:
+        """The next report of a source begins anew."""
+        self._references.pop(source, None)
+        self._estimate.forget(source)
+
+    def rebase(self, report: Report) -> None:
+        """Counts the later reports of a source from this one on."""
+        estimate = self._estimate
+        estimate.remember(report.source, report.t_s)
+        base = (report.position, report.attitude)
+        reference = Reference(report.reference_t_s, report.t_s, base)
+        self._references[report.source] = reference
+        more = reference.grant(report.covariance.diagonal(), 1.0, report.t_s)
+        self._loosen(report.source, more, from_yaw(0.0), report.attitude)
+
+    def measure(self, report: Report, past: Past) -> Measured | None:
+        """What a report says of the error; None if it only begins, or is blind.
+
+        Args:
+            report: the report.
+            past: the believed pose at its time.
+        """
+        reference = self._references.get(report.source)
+        if reference is None or abs(reference.reference_t_s - report.reference_t_s) > 1e-6:
+            begun = self._begin(report)
+            if begun is None:
+                return None
+            reference = begun
+        position, attitude = self._estimate.clones[report.source]
+        told, covariance, is_level = (report.position, report.attitude), report.covariance, report.is_level
+        if reference.base is not None:
+            told, covariance, is_level = _since(reference.base, report)
+        axes = from_yaw(yaw_of(attitude)) if is_level else attitude
+        state = past.state
+        measured = relative(
+            (position, attitude),
+            axes,
+            (state.position_ned_m, state.ned_from_frd),
+            told,
+            covariance * (1.0 - report.shared),
+            is_level=is_level,
+        )
+        if measured is None:
+            return None
+        more = reference.grant(report.shared * covariance.diagonal(), report.drift, report.t_s)
+        self._loosen(report.source, more, axes, state.ned_from_frd)
+        return measured
+
+    def _begin(self, report: Report) -> Reference | None:
+        if not self._estimate.inertial.knows(report.reference_t_s) or report.reference_t_s < self._estimate.sound_s:
+            self.rebase(report)
+            return None
+        self._estimate.remember(report.source, report.reference_t_s)
+        reference = Reference(report.reference_t_s, report.t_s, None)
+        self._references[report.source] = reference
+        return reference
+
+    def _loosen(self, source: str, more: Matrix, axes: Quaternion, ned_from_frd: Quaternion) -> None:
+        """Lets the clone be as wrong as the reports have their error in common."""
+        errors = self._estimate.errors
+        first = errors.place_of(source)
+        place, body = matrix_of(axes), matrix_of(ned_from_frd)
+        errors.loosen(first, (place * more[:3]) @ place.T)
+        errors.loosen(first + 3, (body * more[3:]) @ body.T)
+
+
+def _since(base: tuple[Vector3, Quaternion], report: Report) -> tuple[tuple[Vector3, Quaternion], Matrix, bool]:
+    """What two reports from one reference say of the motion between them, in the body's axes at the first."""
+    (bx, by, bz), attitude = base
+    x, y, z = report.position
+    back = conjugate(attitude)
+    told = (rotate_back(attitude, (x - bx, y - by, z - bz)), normalize(multiply(back, report.attitude)))
+    turn = np.eye(6)
+    turn[:3, :3] = matrix_of(back)
+    return told, turn @ report.covariance @ turn.T, False
+
+
+def way_of(before: Report, report: Report, ned_from_frd: Quaternion) -> tuple[float, Vector3, bool] | None:
+    """How far a source says that the body came since its report before: since when, the way in NED, by a new reference.
+
+    The axes of the reference are found from the believed attitude now, so nothing that the source told before counts.
+    """
+    axes = multiply(ned_from_frd, conjugate(report.attitude))
+    (x, y, z) = report.position
+    if abs(before.reference_t_s - report.reference_t_s) <= 1e-6:
+        bx, by, bz = before.position
+        return before.t_s, rotate(axes, (x - bx, y - by, z - bz)), False
+    if abs(report.reference_t_s - before.t_s) > 0.5:
+        return None
+    return report.reference_t_s, rotate(axes, (x, y, z)), True

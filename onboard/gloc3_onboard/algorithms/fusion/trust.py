@@ -1,0 +1,177 @@
+"""How far one source is believed: its gate, its record, and when it is let in again."""
+
+from typing import Final
+
+from gloc3.messages.perception import SourceState
+from gloc3_onboard.algorithms.fusion.measurements import CHI2_999
+
+DISAGREES: Final = "it does not agree with the estimate"
+_MISSES: Final = 5
+"""Measurements in a row that fail the gate before the source is turned down."""
+_COARSE: Final = 4.0
+"""So many times the gate is coarse."""
+_SLIPS: Final = 2
+_SMOOTHING: Final = 0.05
+"""Share of a new innovation in the smoothed one."""
+SOUND: Final = 1.5
+"""Smoothed innovations of one that can be believed are below that;"""
+_SOUND_AGAIN: Final = 1.0
+"""and of one that can be believed again below that."""
+_WIDEST: Final = 6.0
+"""So many times its own covariance a source's innovations may be, and it is still used, with a wider one."""
+_SAME: Final = 4
+"""Reports with the same numbers in a row, while the body moves, that a living sensor never gives."""
+
+
+class Trust:
+    """The record of one source.
+
+    A source is *used* until it is turned down: by its gate, by being frozen or silent, or by the vote of the others.
+    Turned down it is judged on, and used again after it has agreed without a break for the time of probation; one that
+    was voted out needs the vote of the others as well.
+    """
+
+    def __init__(self, name: str, probation_s: float) -> None:
+        self.name: Final = name
+        self.reason = ""
+        """Why it is not used; empty while it is."""
+        self.is_voted_out = self.is_alone = False
+        self.is_coarse = False
+        """It was turned down for innovations far beyond its gate: not for what any estimate may have been dragged to."""
+        self.accepted = self.rejected = 0
+        self.valid_s = float("-inf")
+        """Time of validity of the last measurement."""
+        self.heard_s = float("-inf")
+        """Arrival of the last message of any kind."""
+        self.used_s = float("-inf")
+        """Time of the last measurement that was taken in."""
+        self.down_s = float("-inf")
+        """When it was last turned down for not agreeing with the estimate."""
+        self.innovation = 1.0
+        """Normalised innovation squared over its degrees of freedom, smoothed."""
+        self._probation_s = probation_s
+        self._misses, self._missed_by = 0, 0.0
+        self._has_stepped_back = False
+        self._good_since_s: float | None = None
+        self._last: tuple[float, ...] = ()
+        self._same = 0
+        self._same_since: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def is_used(self) -> bool:
+        """Whether its measurements are taken in."""
+        return not self.reason
+
+    @property
+    def has_slipped(self) -> bool:
+        """Whether it is used, and its last measurement, or the last two, were turned down: that may happen to anybody."""
+        return self.is_used and 0 < self._misses <= _SLIPS
+
+    @property
+    def is_out_of_step(self) -> bool:
+        """Whether it is not used, and its last measurement has failed the gate."""
+        return not self.is_used and self._good_since_s is None
+
+    @property
+    def may_vote(self) -> bool:
+        """Whether it is heard: used, or turned down by the estimate alone, which may be what is wrong."""
+        return self.is_used or ((self.reason == DISAGREES or self.is_alone) and not self.is_voted_out)
+
+    @property
+    def widening(self) -> float:
+        """By how much its covariance is scaled: it claims to be better than its innovations show."""
+        return min(max(self.innovation / SOUND, 1.0), _WIDEST)
+
+    def judge(self, innovation: float, degrees: int, t_s: float) -> bool:
+        """Books a measurement by its normalised innovation squared; true where it is to be taken in.
+
+        Args:
+            innovation: with the covariance as widened.
+            degrees: of freedom.
+            t_s: time of validity.
+        """
+        passes = innovation <= CHI2_999[degrees]
+        share = min(innovation / degrees, 4.0) * self.widening
+        self.innovation += _SMOOTHING * (share - self.innovation)
+        if not passes:
+            self.rejected += 1
+            self._misses += 1
+            self._missed_by += innovation / CHI2_999[degrees]
+            self._good_since_s = None
+            if self._misses >= _MISSES and self.is_used:
+                self.turn_down(DISAGREES)
+                self.down_s = t_s
+                self.is_coarse = self._missed_by > _COARSE * self._misses
+            return False
+        self._misses, self._missed_by = 0, 0.0
+        if self._has_stepped_back:
+            self.let_in()
+        if not self.is_used:
+            if self._good_since_s is None:
+                self._good_since_s = t_s
+            is_sound = self.innovation < _SOUND_AGAIN or not self.is_alone
+            if t_s - self._good_since_s < self._probation_s or self.is_voted_out or not is_sound:
+                return False
+            self.let_in()
+        self.accepted += 1
+        self.used_s = t_s
+        return True
+
+    def refuse(self, reason: str) -> None:
+        """Books a message that cannot be used at all."""
+        self.rejected += 1
+        self._good_since_s = None
+        self._misses += 1
+        if self._misses >= _MISSES or not self.is_used:
+            self.turn_down(reason)
+
+    def step_back(self, reason: str) -> None:
+        """It is not there, or says itself that it cannot tell: used again with its first good measurement."""
+        if self.is_used:
+            self._has_stepped_back = True
+            self.reason = reason
+
+    def turn_down(self, reason: str, *, is_voted_out: bool = False, is_alone: bool = False) -> None:
+        """Uses it no more; one that alone was off by more than it claims not before that is no longer so."""
+        self.is_alone = self.is_alone or is_alone
+        self._has_stepped_back = False
+        self.reason = reason
+        self.is_voted_out = self.is_voted_out or is_voted_out
+        self._good_since_s = None
+
+    def let_in(self) -> None:
+        """Uses it again."""
+        self.reason = ""
+        self.is_voted_out = self.is_alone = False
+        self._has_stepped_back = self.is_coarse = False
+        self._misses, self._missed_by = 0, 0.0
+        self.innovation = 1.0
+        self._good_since_s = None
+
+    def is_frozen(self, numbers: tuple[float, ...], position: tuple[float, float, float], is_moving: bool) -> bool:
+        """Whether the same numbers have come again and again although the body has moved.
+
+        Args:
+            numbers: what was told now.
+            position: where the body is believed to be.
+            is_moving: whether the inertial unit feels it move.
+        """
+        if numbers != self._last:
+            self._last, self._same, self._same_since = numbers, 1, position
+            return False
+        self._same += 1
+        if self._same < _SAME:
+            return False
+        way = sum((a - b) ** 2 for a, b in zip(position, self._same_since, strict=True))
+        return way > 0.015**2 or (is_moving and self._same >= 5 * _SAME)
+
+    def state(self) -> SourceState:
+        """As it is told."""
+        return SourceState(
+            source=self.name,
+            is_used=self.is_used,
+            reason=self.reason,
+            accepted=self.accepted,
+            rejected=self.rejected,
+            innovation=self.innovation,
+        )

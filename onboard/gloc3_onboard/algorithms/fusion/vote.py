@@ -1,0 +1,278 @@
+"""The sources' vote: who says something else than the others about the way that was flown.
+
+Every source tells how far the body came since its last report. What it tells less what the fusion believes is summed
+up; over a window, the difference of two sources' sums is by how much *they* disagree: what the fusion believed drops
+out, even where a bad source has pulled it. Two sources agree where that difference is explained by their covariances
+and by an error of scale that either may have. A source that disagrees with at least two others, with more than any of
+these does, is voted out. Where two disagree and nobody else can tell, nobody is voted out: the disagreement itself is
+told, and the pose is as uncertain as they are apart.
+"""
+
+from bisect import bisect_left, bisect_right
+from collections import deque
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from math import dist
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
+from gloc3_onboard.algorithms.fusion.error_state import Matrix
+from gloc3_onboard.algorithms.fusion.measurements import CHI2_999, matrix_of
+
+_KEPT: Final = 1024
+_PULLS_S: Final = 6.0
+_WINDOWS: Final = (0.25, 0.5, 1.0)
+"""Shorter windows see coarse errors sooner."""
+_FLOOR_M2: Final = 0.004**2
+_BLIND_M2: Final = 0.5**2
+"""Along a direction in which two are more uncertain than that, it is not told by how much they disagree."""
+_NOTHING: Final = np.zeros((3, 3))
+_CONFIRM: Final = 2
+"""Votes in a row with the same outcome, before it counts."""
+
+
+class Verdict(NamedTuple):
+    """The outcome of a vote."""
+
+    voted_out: str = ""
+    against: tuple[str, ...] = ()
+    """Whom the one that was voted out contradicts, or the two that contradict each other."""
+    apart_m: Vector3 = (0.0, 0.0, 0.0)
+    """By how much, in NED."""
+
+    @property
+    def is_unanimous(self) -> bool:
+        """Whether nobody contradicts anybody."""
+        return not self.against
+
+
+class Elsewhere(NamedTuple):
+    """Sources that agree with each other, and not with what is believed."""
+
+    names: tuple[str, ...]
+    by_m: Vector3
+    """How far the body is from where it is believed to be, as they tell it, in NED."""
+    covariance: Matrix
+    """Of that, (3, 3)."""
+
+
+class Record:
+    """What one source has told of the way."""
+
+    def __init__(self) -> None:
+        self.is_of_places = False
+        """Whether it is told in NED itself, not in the body's axes, which the believed attitude turns."""
+        self._times: deque[float] = deque(maxlen=_KEPT)
+        self._sums: deque[tuple[float, float, float, Matrix]] = deque(maxlen=_KEPT)
+        """Of the excess; and of the covariances, each that of the last report from a reference."""
+        self._covariance: Matrix = np.eye(3)
+        self._axes: Quaternion = IDENTITY
+        self._spread: Matrix | None = None
+        self._pulls: deque[tuple[float, Vector3]] = deque(maxlen=_KEPT)
+
+    def add(
+        self,
+        t_s: float,
+        excess_ned_m: Vector3,
+        covariance: Matrix,
+        ned_from_axes: Quaternion = IDENTITY,
+        *,
+        is_new_reference: bool = False,
+    ) -> None:
+        """One more report: its way less the believed one, and the covariance (3, 3) of its end, in some axes."""
+        x, y, z, spread = self._sums[-1] if self._sums else (0.0, 0.0, 0.0, _NOTHING)
+        if is_new_reference and self._sums:
+            spread = spread + self.covariance
+        self._times.append(t_s)
+        ex, ey, ez = excess_ned_m
+        self._sums.append((x + ex, y + ey, z + ez, spread))
+        self._covariance, self._axes, self._spread = covariance, ned_from_axes, None
+
+    def pull(self, moved_m: Vector3, t_s: float) -> None:
+        """A position from outside has moved the estimate."""
+        self._pulls.append((t_s, moved_m))
+
+    @property
+    def pulled_m(self) -> Vector3 | None:
+        """By how much it has moved the estimate of late; None for what tells ways, not places."""
+        if not self._pulls:
+            return None
+        since_s = self._pulls[-1][0] - _PULLS_S
+        north, east, down = zip(*(moved for t_s, moved in self._pulls if t_s >= since_s), strict=True)
+        return (sum(north), sum(east), sum(down))
+
+    def forget(self) -> None:
+        """Begins anew."""
+        self._times.clear()
+        self._sums.clear()
+
+    def is_about(self, begin_s: float, now_s: float) -> bool:
+        """Whether it has something to say of a time: from its begin to almost now."""
+        return bool(self._times) and self._times[0] <= begin_s + 0.3 and now_s - self._times[-1] < 0.8
+
+    def over(self, begin_s: float) -> tuple[Vector3, Matrix]:
+        """Sum of the excess since a time; and its covariance (3, 3), in NED: each of the references has its part."""
+        first = min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
+        bx, by, bz, before = self._sums[first]
+        x, y, z, spread = self._sums[-1]
+        return (x - bx, y - by, z - bz), 2.0 * self.covariance + (spread - before)
+
+    @property
+    def covariance(self) -> Matrix:
+        """Of the last report's end, (3, 3), in NED."""
+        if self._spread is None:
+            axes = matrix_of(self._axes)
+            self._spread = axes @ self._covariance @ axes.T
+        return self._spread
+
+
+class Vote:
+    """Compares the records of all sources, some times a second."""
+
+    def __init__(self, window_s: float, scale_std: float) -> None:
+        self.records: dict[str, Record] = {}
+        self._window_s, self._scale_std = window_s, scale_std
+        self._way_s: list[float] = []
+        self._way_m: list[float] = []
+        """The length of the way flown until each of these times."""
+        self._at: Vector3 | None = None
+        self._heading_std_rad = 0.0
+        self._last: tuple[str, int] = ("", 0)
+
+    def record(self, source: str) -> Record:
+        """That of a source."""
+        record = self.records.get(source)
+        if record is None:
+            record = self.records[source] = Record()
+        return record
+
+    def look(self, voters: Mapping[str, bool], position: Vector3, heading_std_rad: float, now_s: float) -> Verdict:
+        """Takes the vote.
+
+        Args:
+            voters: the sources that may vote.
+            position: where the body is believed to be, for the length of the way.
+            heading_std_rad: of the believed heading, which turns what the odometers tell.
+            now_s: the time.
+        """
+        self._heading_std_rad = heading_std_rad
+        self._travel(position, now_s)
+        found = self._verdict([name for name, may in voters.items() if may], now_s)
+        key = found.voted_out or "/".join(found.against)
+        self._last = (key, self._last[1] + 1 if key == self._last[0] else 1)
+        return found if self._last[1] >= _CONFIRM else Verdict()
+
+    def agrees(self, source: str, others: list[str], now_s: float, way_m: float = 1.0) -> bool:
+        """Whether a source that was voted out has been at one with the others over a whole window and a way."""
+        begin_s = now_s - self._window_s
+        if self._length(begin_s) < way_m or not self._known(source, begin_s, now_s):
+            return False
+        judges = [other for other in others if self._known(other, begin_s, now_s)]
+        begins = [now_s - share * self._window_s for share in _WINDOWS]
+        return bool(judges) and not any(self._apart(source, other, since_s) for other in judges for since_s in begins)
+
+    def elsewhere(self, names: list[str], begin_s: float, now_s: float) -> Elsewhere | None:
+        """What two sources or more say together against the estimate, and no more others against them.
+
+        Args:
+            names: the sources that may say it.
+            begin_s: only what was told since counts.
+            now_s: the time.
+        """
+        able = [name for name in names if self._known(name, begin_s, now_s)]
+        told = {name: self._excess(name, begin_s) for name in able}
+        group = [name for name, (by_m, spread) in told.items() if self._is_told(by_m, spread, begin_s)]
+        if len(group) < 2 or any(self._apart(a, b, begin_s) for a, b in combinations(group, 2)):
+            return None
+        weights = {name: np.linalg.inv(told[name][1]) for name in group}
+        covariance = np.linalg.inv(sum(weights.values(), _NOTHING))
+        by_m = covariance @ sum((weights[name] @ told[name][0] for name in group), np.zeros(3))
+        against = [name for name in able if name not in group and self._denies(told[name], by_m, covariance)]
+        if len(against) >= len(group):
+            return None
+        north, east, down = by_m.tolist()
+        return Elsewhere(tuple(group), (north, east, down), covariance)
+
+    def _excess(self, name: str, begin_s: float) -> tuple[Matrix, Matrix]:
+        """What a source tells of the way since a time beyond what is believed, and its covariance."""
+        record = self.records[name]
+        by_m, spread = record.over(begin_s)
+        return np.array(by_m), spread + np.eye(3) * self._tolerance(begin_s, is_turned=not record.is_of_places)
+
+    def _is_told(self, by_m: Matrix, spread: Matrix, begin_s: float) -> bool:
+        """Whether a difference is more than its covariance explains, also along the directions that are known."""
+        if by_m @ np.linalg.solve(spread, by_m) <= CHI2_999[3]:
+            return False
+        values, directions = np.linalg.eigh(spread)
+        known = directions[:, values < _BLIND_M2].T @ by_m
+        return float(known @ known) > CHI2_999[3] * self._tolerance(begin_s, is_turned=False)
+
+    @staticmethod
+    def _denies(told: tuple[Matrix, Matrix], by_m: Matrix, covariance: Matrix) -> bool:
+        apart = told[0] - by_m
+        return float(apart @ np.linalg.solve(told[1] + covariance, apart)) > CHI2_999[3]
+
+    def _tolerance(self, begin_s: float, *, is_turned: bool) -> float:
+        """What any two ways since a time may differ by, m2: an error of scale, and of the heading that turns one of them."""
+        share = self._scale_std**2 + (self._heading_std_rad**2 if is_turned else 0.0)
+        return share * self._length(begin_s) ** 2 + _FLOOR_M2
+
+    def _travel(self, position: Vector3, now_s: float) -> None:
+        step = 0.0 if self._at is None else dist(position, self._at)
+        self._at = position
+        self._way_s.append(now_s)
+        self._way_m.append((self._way_m[-1] if self._way_m else 0.0) + step)
+        if len(self._way_s) > _KEPT:
+            del self._way_s[: _KEPT // 2], self._way_m[: _KEPT // 2]
+
+    def _length(self, begin_s: float) -> float:
+        """Of the way since a time."""
+        first = min(bisect_left(self._way_s, begin_s), len(self._way_m) - 1)
+        return self._way_m[-1] - self._way_m[first]
+
+    def _known(self, source: str, begin_s: float, now_s: float) -> bool:
+        record = self.records.get(source)
+        return record is not None and record.is_about(begin_s, now_s)
+
+    def _apart(self, a: str, b: str, begin_s: float) -> Vector3 | None:
+        """By how much two sources disagree since a time; None where they agree, or one cannot tell."""
+        one, two = self.records[a], self.records[b]
+        ((ax, ay, az), spread_a), ((bx, by, bz), spread_b) = one.over(begin_s), two.over(begin_s)
+        apart = (ax - bx, ay - by, az - bz)
+        tolerance = self._tolerance(begin_s, is_turned=one.is_of_places is not two.is_of_places)
+        if sum(value * value for value in apart) <= CHI2_999[3] * tolerance:
+            return None  # whatever their covariances are
+        spread = spread_a + spread_b + np.eye(3) * tolerance
+        if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
+            return None
+        values, directions = np.linalg.eigh(spread)
+        known = directions[:, values < _BLIND_M2]
+        north, east, down = (known @ (known.T @ apart)).tolist()
+        if north**2 + east**2 + down**2 <= CHI2_999[3] * tolerance:
+            return None  # nor is what they agree on
+        return (north, east, down)
+
+    def _differences(self, names: list[str], now_s: float) -> Iterator[tuple[str, str, Vector3]]:
+        for share in _WINDOWS:
+            begin_s = now_s - share * self._window_s
+            able = [name for name in names if self._known(name, begin_s, now_s)]
+            for a, b in combinations(able, 2):
+                apart = self._apart(a, b, begin_s)
+                if apart is not None:
+                    yield a, b, apart
+
+    def _verdict(self, names: list[str], now_s: float) -> Verdict:
+        against: dict[str, dict[str, Vector3]] = {}
+        for a, b, (x, y, z) in self._differences(names, now_s):
+            against.setdefault(a, {})[b] = (x, y, z)
+            against.setdefault(b, {})[a] = (-x, -y, -z)
+        if not against:
+            return Verdict()
+        worst = max(against, key=lambda name: len(against[name]))
+        others = against[worst]
+        if len(others) >= 2 and all(len(against[name]) < len(others) for name in others):
+            return Verdict(worst, tuple(others), next(iter(others.values())))
+        other = next(iter(others))
+        return Verdict("", (worst, other), others[other])

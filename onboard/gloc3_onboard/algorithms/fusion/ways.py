@@ -1,0 +1,58 @@
+"""What each source tells of the way flown, less what is believed of it: the material of the vote."""
+
+from gloc3.messages.frames import Vector3, conjugate, multiply
+from gloc3_onboard.algorithms.fusion.error_state import Matrix
+from gloc3_onboard.algorithms.fusion.inertial import Inertial, State
+from gloc3_onboard.algorithms.fusion.odometers import Report, way_of
+from gloc3_onboard.algorithms.fusion.vote import Vote
+
+
+class Ways:
+    """Books the reports of all sources for the vote."""
+
+    def __init__(self, inertial: Inertial, vote: Vote) -> None:
+        self._inertial, self._vote = inertial, vote
+        self._reports: dict[str, Report] = {}
+        self._places: dict[str, tuple[float, Vector3]] = {}
+
+    def clear(self) -> None:
+        """Forgets the last reports."""
+        self._reports.clear()
+        self._places.clear()
+
+    def book_motion(self, report: Report, state: State) -> None:
+        """An odometer's report, with the believed state at its time."""
+        before = self._reports.get(report.source)
+        self._reports[report.source] = report
+        record = self._vote.record(report.source)
+        if before is None:
+            return
+        told = way_of(before, report, state.ned_from_frd)
+        if told is None or not self._inertial.knows(told[0]):
+            record.forget()
+            return
+        since_s, way, is_new = told
+        axes = multiply(state.ned_from_frd, conjugate(report.attitude))
+        excess = _minus(way, self._believed(since_s, state))
+        record.add(report.t_s, excess, report.covariance[:3, :3], axes, is_new_reference=is_new)
+
+    def book_place(self, source: str, position_ned_m: Vector3, covariance: Matrix, state: State) -> None:
+        """A position from outside, with the believed state at its time."""
+        before = self._places.get(source)
+        self._places[source] = (state.t_s, position_ned_m)
+        record = self._vote.record(source)
+        record.is_of_places = True
+        if before is None:
+            return
+        if not self._inertial.knows(before[0]):
+            record.forget()
+            return
+        way = _minus(position_ned_m, before[1])
+        record.add(state.t_s, _minus(way, self._believed(before[0], state)), covariance)
+
+    def _believed(self, since_s: float, state: State) -> Vector3:
+        return _minus(state.position_ned_m, self._inertial.at(since_s).position_ned_m)
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

@@ -1,0 +1,4 @@
+"""Obstacles as points in the plane, and what moves among them.
+
+Made from scans, read by the limiter and the path follower.
+"""

@@ -1,0 +1,100 @@
+"""Tells what moves among obstacles: where something stands now that a scan of a moment ago saw through."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.messages.frames import Vector3
+
+Array = NDArray[np.float64]
+Points = list[tuple[float, float]]
+BINS: Final = 180
+AGE_S: Final = 0.4
+"""So old at least is the scan that the newest is compared with,"""
+OLDEST_S: Final = 0.8
+"""and no older."""
+THROUGH_M: Final = 0.12
+"""A place counts as seen through when what was behind it was so much farther away."""
+NOISE_M: Final = 0.05
+MOVING_M_S: Final = 0.15
+"""Slower motions than this are taken for noise."""
+FASTEST_M_S: Final = 1.5
+FORESIGHT_S: Final = (0.3, 0.6, 0.9, 1.2, 1.5)
+"""What moves is kept away from where it will be then as from where it is."""
+
+
+class _Look(NamedTuple):
+    """One scan of before."""
+
+    t_s: float
+    at_ne_m: Array
+    points_ne_m: Array
+    ranges_m: Array
+    """To the nearest point in each direction and the two beside it; infinite where nothing was hit."""
+
+
+class Movers:
+    """Remembers some scans, and says where what moves in the newest will soon be."""
+
+    def __init__(self) -> None:
+        self._looks: deque[_Look] = deque()
+        self._resets = 0
+
+    def see(self, points_ne_m: Sequence[tuple[float, float]], at: Vector3, t_s: float, resets: int = 0) -> Points:
+        """Takes a new scan in.
+
+        Args:
+            points_ne_m: what it has hit: north and east, in metres.
+            at: where the vehicle was.
+            t_s: when.
+            resets: how often the pose has jumped; scans from before a jump tell nothing.
+
+        Returns:
+            Places where something will be in the next moments: north and east, in metres.
+        """
+        points, here = np.array(points_ne_m, np.float64).reshape(-1, 2), np.array(at[:2])
+        looks = self._looks
+        if resets != self._resets or (looks and t_s <= looks[-1].t_s):
+            looks.clear()
+        self._resets = resets
+        while looks and t_s - looks[0].t_s > OLDEST_S:
+            looks.popleft()
+        while len(looks) > 1 and t_s - looks[1].t_s >= AGE_S:
+            looks.popleft()
+        soon: Points = []
+        if looks and t_s - looks[0].t_s >= AGE_S and len(looks[0].points_ne_m):
+            soon = _soon(points, looks[0], t_s - looks[0].t_s)
+        looks.append(_Look(t_s, here, points, _ranges_m(points - here)))
+        return soon
+
+
+def _soon(points: Array, before: _Look, duration_s: float) -> Points:
+    """Where the points will be that have come to places which an earlier scan saw through."""
+    offset = points - before.at_ne_m
+    came = points[np.hypot(*offset.T) < before.ranges_m[_bins(offset)] - THROUGH_M]
+    ways = came[:, None] - before.points_ne_m[None]
+    gaps = np.hypot(ways[:, :, 0], ways[:, :, 1])
+    nearest = gaps.argmin(axis=1)
+    rows = np.arange(len(came))
+    gap = gaps[rows, nearest]
+    speed = (gap - NOISE_M) / duration_s
+    is_moving = speed > MOVING_M_S
+    share = np.minimum(speed, FASTEST_M_S)[is_moving] / gap[is_moving]
+    velocity = ways[rows, nearest][is_moving] * share[:, None]
+    places = np.vstack([came[is_moving] + later_s * velocity for later_s in FORESIGHT_S])
+    return [(north, east) for north, east in places.tolist()]
+
+
+def _bins(offset: Array) -> NDArray[np.intp]:
+    return np.floor(np.arctan2(offset[:, 1], offset[:, 0]) * (BINS / (2.0 * math.pi))).astype(np.intp) % BINS
+
+
+def _ranges_m(offset: Array) -> Array:
+    ranges = np.full(BINS, np.inf)
+    np.minimum.at(ranges, _bins(offset), np.hypot(*offset.T))
+    nearest: Array = np.minimum(ranges, np.minimum(np.roll(ranges, 1), np.roll(ranges, -1)))
+    return nearest

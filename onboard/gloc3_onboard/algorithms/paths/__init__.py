@@ -1,0 +1,4 @@
+"""Keeps a vehicle on a path and inside its limits: path follower, limits, distances to walls and floor.
+
+Pure functions and small machines in NED.
+"""

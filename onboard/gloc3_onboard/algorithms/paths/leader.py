@@ -1,0 +1,100 @@
+"""Leads the vehicle along a way, and waits where it cannot follow: what the controllers that fly somewhere share."""
+
+import math
+from typing import Final
+
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import DriverState, Pose
+from gloc3_onboard.algorithms.paths.path_follower import PathFollower, Target
+
+GAP_S: Final = 0.5
+"""After so long without leading, the vehicle is brought back to where it left the way."""
+STEP_S: Final = 0.1
+DRIVER_S: Final = 0.5
+"""What the driver said longer ago does not count."""
+CALM_S: Final = 0.3
+"""A vehicle that has been slow for so long has come to rest."""
+PATIENCE_S: Final = 5.0
+"""So long its rest is waited for; in gusts it may never quite come."""
+
+
+class Leader:
+    """Moves the point of a `PathFollower` on only while the autopilot follows the stream of setpoints.
+
+    Args:
+        follower: the way.
+        now_s: when it begins.
+        at_rest_m_s: a vehicle that is no faster rests.
+    """
+
+    def __init__(self, follower: PathFollower, now_s: float, at_rest_m_s: float = 0.2) -> None:
+        self.follower: Final = follower
+        self._at_rest_m_s = at_rest_m_s
+        self._last_s = now_s
+        self._left_alone_s = 0.0
+        self._has_gap = False
+        self._refusal = ""
+        self._away_m = math.inf
+        self._at_end_s: float | None = None
+        self._calm_since_s: float | None = None
+
+    def is_there(self, within_m: float) -> bool:
+        """Whether the vehicle is at the end of the way, near enough, and rests."""
+        if self._at_end_s is None or self._away_m > within_m:
+            return False
+        is_calm = self._calm_since_s is not None and self._last_s - self._calm_since_s >= CALM_S
+        return is_calm or self._last_s - self._at_end_s > PATIENCE_S
+
+    def advance(
+        self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool = False
+    ) -> Target:
+        """Where the vehicle shall be now; called in every cycle in which it is known where it is.
+
+        Args:
+            pose: where it is.
+            driver: whether the autopilot follows.
+            now_s: the time.
+            is_waiting: the point stays where it is, for something else than the vehicle.
+        """
+        target = self._advance(pose, driver, now_s, is_waiting=is_waiting)
+        if math.hypot(*pose.velocity_ned_m_s) > self._at_rest_m_s:
+            self._calm_since_s = None
+        elif self._calm_since_s is None:
+            self._calm_since_s = now_s
+        self._away_m = math.dist(pose.position_ned_m, target.position_ned_m)
+        if self.follower.is_at_end and self._at_end_s is None:
+            self._at_end_s = now_s
+        return target
+
+    def _advance(self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool) -> Target:
+        duration_s, self._last_s = now_s - self._last_s, now_s
+        is_followed = driver is not None and driver.payload.is_guided and now_s - driver.t_s <= DRIVER_S
+        if duration_s > GAP_S or not is_followed:
+            self._has_gap = True
+        if not is_followed:
+            self._left_alone_s += min(duration_s, GAP_S)
+            self._refusal = driver.payload.refusal if driver is not None else ""
+            self.follower.halt()
+            return self.follower.advance(0.0, pose.position_ned_m)
+        self._left_alone_s = 0.0
+        if self._has_gap:
+            self._has_gap = False
+            self.follower.rejoin(pose.position_ned_m)
+        if is_waiting:
+            self.follower.halt()
+            return self.follower.advance(0.0, pose.position_ned_m)
+        return self.follower.advance(min(duration_s, STEP_S), pose.position_ned_m)
+
+    def problem(self, patience_s: float, follow_s: float = 30.0) -> str:
+        """Why it gets no further; empty where it does.
+
+        Args:
+            patience_s: longest wait for the vehicle to come to where it is led.
+            follow_s: longest wait for the autopilot to follow.
+        """
+        if self._left_alone_s > follow_s:
+            return "the autopilot does not follow our setpoints" + (f": {self._refusal}" if self._refusal else "")
+        is_late = self._at_end_s is not None and self._last_s - self._at_end_s > patience_s
+        if is_late or self.follower.waited_s > patience_s:
+            return f"the vehicle does not come to waypoint {self.follower.waypoint + 1}"
+        return ""

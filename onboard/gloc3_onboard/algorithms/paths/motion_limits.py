@@ -1,0 +1,431 @@
+"""Keeps setpoints inside the limits of the platform and the fence of the mission (DESIGN §7).
+
+What comes out is a point that moves: never faster and never with more acceleration than the platform may, and never so
+that it could not stop any more inside the fence and the band of heights. A wanted position that obeys all of this
+passes unchanged; any other is brought inside and approached. The rule behind the fence: the straight way on which the
+point would come to rest, were it to brake now, keeps the margin (or, from outside, does not lead farther out). Braking
+keeps that true, so there is always something that may be done, whatever the shape of the fence.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+from gloc3.errors import Misuse
+from gloc3.messages.frames import Vector3
+from gloc3.messages.vehicle import MotionLimits, Setpoint
+from gloc3.mission.model.fence import Fence
+from gloc3_onboard.algorithms.mapping.obstacle_field import SLACK_M, Detour, ObstacleField
+
+TOLERANCE_M: Final = 1e-6
+ROUNDING_M: Final = 1e-9
+"""So little that it does not add up while the point slides along a fence."""
+GAP_S: Final = 0.5
+"""After so long without a setpoint the stream begins anew, where the vehicle is then."""
+LONGEST_STEP_S: Final = 0.1
+"""The point moves on by no more than this from one setpoint to the next."""
+APPROACH_SHARE: Final = 0.7
+"""Part of the acceleration that braking is planned with; the rest is for turning."""
+OUT_M: Final = 1e-3
+"""So much nearer to the fence than the margin is outside, and more than a rounding."""
+SEEN_M: Final = 0.02
+"""A difference that is worth counting."""
+REACTION_S: Final = 0.4
+"""So much later the vehicle does what the point does; the fence is kept by the vehicle, not only by the point."""
+GENTLE_M_S2: Final = 0.8
+"""Braking before an obstacle is planned with no more than this, which the vehicle can follow without overshooting."""
+EASING_HZ: Final = 1.5
+"""Where it is to be slower at once, a fast point loses this share of its speed a second, and a slow one brakes gently: the
+vehicle would overshoot, and come back just when it can no longer be told to stay."""
+AMONG_M_S: Final = 0.6
+AMONG_HZ: Final = 0.7
+"""Where an obstacle is as near as it may be the point is no faster than the first; with each metre more by the second."""
+AHEAD_S: Final = 0.4
+"""Where the vehicle will be so much later is kept clear of obstacles, too."""
+IN_THE_WAY: Final = "an obstacle is in the way"
+_AT_REST: Final = (0.0, 0.0, 0.0)
+
+
+def careful_speed_m_s(quality: float, full_quality: float, hold_quality: float, careful_m_s: float) -> float:
+    """How fast a vehicle may fly with a pose of a quality: unlimited from `full_quality` on, not at all at a hold's.
+
+    Args:
+        quality: of the pose, 0 to 1.
+        full_quality: from which on it flies as fast as it may.
+        hold_quality: up to which it stays where it is.
+        careful_m_s: its speed just below `full_quality`; from there it falls in proportion.
+    """
+    if quality >= full_quality:
+        return math.inf
+    return careful_m_s * max(quality - hold_quality, 0.0) / (full_quality - hold_quality)
+
+
+class Limited(NamedTuple):
+    """A setpoint inside the limits."""
+
+    setpoint: Setpoint
+    is_clamped: bool
+    reason: str
+
+
+class SetpointLimiter:
+    """Limits a stream of setpoints; `see` tells it where the vehicle is before each."""
+
+    def __init__(self, limits: MotionLimits) -> None:
+        self._at: Vector3 | None = None
+        self._velocity: Vector3 = _AT_REST
+        self._target: Vector3 | None = None
+        self._last_s = -math.inf
+        self._vehicle_ned_m: Vector3 = _AT_REST
+        self._ahead_ned_m: Vector3 = _AT_REST
+        self._among_m_s = math.inf
+        self._seen_s = -math.inf
+        self._resets: int | None = None
+        self.obstacles: ObstacleField | None = None
+        """What stands around; may be replaced at any time. None where nobody looks."""
+        self._flees = False
+        self._detour = Detour()
+        self.careful_m_s = math.inf
+        """No faster than that for now, in any direction."""
+        self._eased_m_s = math.inf
+        """As it is slowing down to that."""
+        self.highest_m = math.inf
+        """Greatest height above the origin of NED; infinite while nothing limits it."""
+        self.limits = limits
+
+    @property
+    def limits(self) -> MotionLimits:
+        """What is kept to; may be replaced at any time, and the stream goes on."""
+        return self._limits
+
+    @limits.setter
+    def limits(self, limits: MotionLimits) -> None:
+        self._limits = limits
+        fence = limits.fence
+        self._flat = None if fence is None else Fence(area=fence.area, keep_out=fence.keep_out)
+        home = limits.home_ned_m
+        home_m = 0.0 if home is None else -home[2]
+        self._lowest_m = -math.inf if home is None else home_m + limits.height_min_m
+        self.highest_m = math.inf if home is None else home_m + limits.height_max_m
+        if fence is not None and fence.ceiling_m is not None:
+            self.highest_m = min(self.highest_m, fence.ceiling_m - limits.fence_margin_m)
+        self._lowest_m = min(self._lowest_m, self.highest_m)
+        self._room: tuple[Vector3 | None, float] = (None, math.inf)
+
+    def restart(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float) -> None:
+        """Begins a new stream at a place."""
+        self._at = self._vehicle_ned_m = self._ahead_ned_m = position_ned_m
+        self._velocity = velocity_ned_m_s
+        self._target = None
+        self._last_s = now_s
+
+    def see(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float, resets: int = 0) -> None:
+        """Says where the vehicle is.
+
+        A stream that has paused begins anew there. When the estimate has jumped, the point jumps with it, so that for
+        the vehicle nothing changes.
+
+        Args:
+            position_ned_m: the estimate's position.
+            velocity_ned_m_s: and velocity.
+            now_s: when it was valid.
+            resets: how often the estimate has jumped.
+        """
+        if self._at is None or now_s - self._last_s > GAP_S:
+            self.restart(position_ned_m, velocity_ned_m_s, now_s)
+        elif self._resets not in (None, resets):
+            expected = _plus(self._vehicle_ned_m, velocity_ned_m_s, now_s - self._seen_s)
+            self._at = _plus(self._at, _minus(position_ned_m, expected), 1.0)
+        self._vehicle_ned_m, self._seen_s, self._resets = position_ned_m, now_s, resets
+        self._ahead_ned_m = _plus(position_ned_m, velocity_ned_m_s, AHEAD_S)
+
+    def limit(self, wanted: Setpoint, now_s: float) -> Limited:
+        """The nearest setpoint that keeps all limits.
+
+        Raises:
+            Misuse: it has not been told where the vehicle is.
+        """
+        if self._at is None:
+            raise Misuse("the limiter has not been told where the vehicle is")
+        duration_s = min(max(now_s - self._last_s, 0.0), LONGEST_STEP_S)
+        self._last_s = max(now_s, self._last_s)
+        self._among_m_s, self._flees = math.inf, False
+        self._ease(duration_s)
+        if wanted.position_ned_m is None:
+            return self._limit_velocity(wanted, duration_s)
+        target, reason = self._inside(wanted.position_ned_m)
+        target, reason = self._clear_of_obstacles(target, reason)
+        feed_forward = wanted.velocity_ned_m_s
+        self._approach(target, self._motion_of(target, feed_forward, duration_s), duration_s)
+        if not reason and math.dist(self._at, target) > SEEN_M:
+            is_blocked = self._is_blocked(target)
+            reason = (
+                IN_THE_WAY if is_blocked else "it asks for more than the platform may do, or the fence is on the way"
+            )
+        if reason or (feed_forward is not None and not self._agree(feed_forward, self._velocity)):
+            feed_forward = self._velocity
+        return Limited(_with(wanted, self._at, feed_forward), bool(reason), reason)
+
+    def _limit_velocity(self, wanted: Setpoint, duration_s: float) -> Limited:
+        """Without a position the point is the vehicle itself."""
+        asked = wanted.velocity_ned_m_s or _AT_REST
+        self._at, self._target = self._vehicle_ned_m, None
+        north, east, down = self._slowed(asked)
+        if duration_s > 0.0:
+            braking, height_m = APPROACH_SHARE * self._limits.acceleration_m_s2, -self._at[2]
+            climb_m_s = _speed_to_stop(max(0.0, self.highest_m - height_m), braking, duration_s)
+            descent_m_s = _speed_to_stop(max(0.0, height_m - self._lowest_m), braking, duration_s)
+            down = min(max(down, -climb_m_s), descent_m_s)
+        self._velocity = self._next((north, east, down), duration_s)
+        is_clamped = math.dist(self._velocity, asked) > SEEN_M
+        reason = "it asks for more than the platform may do, or the fence is on the way" if is_clamped else ""
+        return Limited(_with(wanted, None, self._velocity), is_clamped, reason)
+
+    # --- the place that is aimed at ---
+
+    def _inside(self, position: Vector3) -> tuple[Vector3, str]:
+        """The nearest place where the vehicle may be, and what is wrong with the wanted one."""
+        assert self._at is not None
+        room_m, margin_m = self._room_m(), self._limits.fence_margin_m
+        is_out = room_m < margin_m - OUT_M
+        north, east, down = self._at if is_out else position
+        height_m = min(max(-down, self._lowest_m), self.highest_m)
+        reason = "it is too near to the fence, or outside, and goes straight back in" if is_out else ""
+        if not is_out and abs(height_m + down) > TOLERANCE_M:
+            reason = f"height {-down:.2f} m is outside {self._lowest_m:.2f} to {self.highest_m:.2f} m"
+        target = (north, east, -height_m)
+        if self._flat is None or room_m - math.dist(self._at, target) >= margin_m:
+            return target, reason
+        if self._flat.clearance_m(target) >= margin_m - ROUNDING_M:
+            return target, reason
+        if not is_out:
+            reason = f"({north:.2f}, {east:.2f}) m is nearer to the fence than {margin_m:g} m"
+        return self._pushed_in(self._flat, target), reason
+
+    def _room_m(self) -> float:
+        """How far inside the fence the point is."""
+        assert self._at is not None
+        if self._room[0] is not self._at:
+            self._room = (self._at, math.inf if self._flat is None else self._flat.clearance_m(self._at))
+        return self._room[1]
+
+    def _pushed_in(self, fence: Fence, place: Vector3) -> Vector3:
+        """Moves a place away from what it is too near to; stays at the present one where that leads nowhere."""
+        assert self._at is not None
+        margin_m, small_m = self._limits.fence_margin_m, 1e-3
+        north, east, down = place
+        for _ in range(12):
+            missing_m = margin_m - fence.clearance_m((north, east, down))
+            if missing_m <= ROUNDING_M:
+                return (north, east, down)
+            slope_n = fence.clearance_m((north + small_m, east, down)) - fence.clearance_m(
+                (north - small_m, east, down)
+            )
+            slope_e = fence.clearance_m((north, east + small_m, down)) - fence.clearance_m(
+                (north, east - small_m, down)
+            )
+            slope = math.hypot(slope_n, slope_e)
+            if slope < 1e-3 * small_m:
+                break
+            north += (missing_m + TOLERANCE_M) * slope_n / slope
+            east += (missing_m + TOLERANCE_M) * slope_e / slope
+        return (self._at[0], self._at[1], down)
+
+    def _motion_of(self, target: Vector3, told: Vector3 | None, duration_s: float) -> Vector3:
+        """How a target moves: as it says, if that is what it does. One that has just leapt does not move."""
+        before, self._target = self._target, target
+        if before is None or duration_s <= 0.0:
+            return _AT_REST
+        seen = _plus(_AT_REST, _minus(target, before), 1.0 / duration_s)
+        usual = (self._limits.speed_m_s, self._limits.climb_m_s)  # it may well be faster than what is followed now
+        if told is not None and self._agree(told, seen, usual):
+            return told
+        return seen if self._is_slow(seen, usual) else _AT_REST
+
+    # --- obstacles ---
+
+    def _clear_of_obstacles(self, target: Vector3, reason: str) -> tuple[Vector3, str]:
+        """The target, not too near to anything; away from here first, where something has come too near."""
+        assert self._at is not None
+        field, at = self.obstacles, self._at
+        if field is None or field.is_empty:
+            return target, reason
+        nearest_m, place = min((field.clearance_m(place), place) for place in (at, self._ahead_ned_m))
+        self._flees = nearest_m < field.keep_m - SLACK_M
+        if self._flees:
+            north, east, _ = field.refuge(place)
+            return self._kept_inside((north, east, target[2])), "an obstacle is too near"
+        self._among_m_s = AMONG_M_S + AMONG_HZ * max(0.0, nearest_m - field.keep_m)
+        if field.clearance_m(target) >= field.keep_m:
+            return target, reason
+        return self._kept_inside(field.pushed_out(target, at)), IN_THE_WAY
+
+    @property
+    def _in_the_way(self) -> ObstacleField | None:
+        """What may stop it; who gets out of the way of something is not stopped by what is not there yet."""
+        return self.obstacles.present if self.obstacles is not None and self._flees else self.obstacles
+
+    def _kept_inside(self, place: Vector3) -> Vector3:
+        """A place to flee to, not beyond the fence."""
+        if self._flat is None or self._flat.clearance_m(place) >= self._limits.fence_margin_m:
+            return place
+        return self._pushed_in(self._flat, place)
+
+    def _around(self, wish: Vector3, distance_m: float) -> Vector3:
+        """The wanted velocity, turned aside where something is in the way."""
+        assert self._at is not None
+        field, across = self._in_the_way, math.hypot(wish[0], wish[1])
+        if field is None or field.is_empty or across < TOLERANCE_M:
+            return wish
+        wanted_rad = math.atan2(wish[1], wish[0])
+        heading, free_m = self._detour.heading(field, self._at, wanted_rad, distance_m, self._last_s)
+        free_m = min(free_m, *field.free_m(self._ahead_ned_m, (heading,)))
+        # So fast that reacting and braking together take the way that is free.
+        braking = min(GENTLE_M_S2, APPROACH_SHARE * self._limits.acceleration_m_s2)
+        lost = braking * REACTION_S
+        speed = min(across, math.sqrt(lost * lost + 2.0 * braking * free_m) - lost)
+        return (speed * math.cos(heading), speed * math.sin(heading), wish[2])
+
+    def _is_clear(self, stop: Vector3, way_m: float) -> bool:
+        """Whether the way to a stop comes no nearer to an obstacle than it may, or than it is now."""
+        assert self._at is not None
+        field = self._in_the_way
+        if field is None or field.is_empty:
+            return True
+        now_m, least_m = field.clearance_m(self._at), field.keep_m - SLACK_M
+        if now_m - least_m >= way_m:
+            return True
+        return field.leg_clearance_m(self._at, stop) >= min(now_m, least_m) - ROUNDING_M
+
+    def _is_blocked(self, target: Vector3) -> bool:
+        assert self._at is not None
+        return self.obstacles is not None and self.obstacles.leg_clearance_m(self._at, target) < self.obstacles.keep_m
+
+    # --- the way there ---
+
+    def _approach(self, target: Vector3, moving: Vector3, duration_s: float) -> None:
+        """Moves the point on: onto the target where that may be, else towards it."""
+        assert self._at is not None
+        if duration_s <= 0.0:
+            return
+        at = self._at
+        way = _minus(target, at)
+        straight = (way[0] / duration_s, way[1] / duration_s, way[2] / duration_s)
+        change = math.dist(straight, self._velocity)
+        most = self._limits.acceleration_m_s2 * duration_s * 1.001 + 1e-3
+        is_near = change <= most and math.dist(straight, moving) <= most
+        if is_near and self._is_slow(straight) and self._may_go(straight, duration_s):
+            self._at, self._velocity = target, straight
+            return
+        # It keeps up with a moving target, and comes nearer to it no faster than it could stop there.
+        moving = self._slowed(moving)
+        behind = _plus(way, moving, -duration_s)
+        distance_m = math.hypot(*behind)
+        closing_m_s = _speed_to_stop(distance_m, APPROACH_SHARE * self._limits.acceleration_m_s2, duration_s)
+        wish = self._slowed(_plus(moving, behind, closing_m_s / max(distance_m, TOLERANCE_M)))
+        self._velocity = self._next(self._around(wish, distance_m), duration_s)
+        self._at = _plus(at, self._velocity, duration_s)
+
+    def _next(self, wish: Vector3, duration_s: float) -> Vector3:
+        """The velocity for the next step: as near to the wish as acceleration and fence allow."""
+        assert self._at is not None
+        most = self._limits.acceleration_m_s2 * duration_s
+        now = self._velocity
+        change = math.dist(wish, now)
+        turned = wish if change <= most else _plus(now, _minus(wish, now), most / change)
+        if self._may_go(turned, duration_s):
+            return turned
+        speed = math.hypot(*now)
+        braked = _plus(_AT_REST, now, max(0.0, 1.0 - most / speed) if speed > 0.0 else 0.0)
+        for share in (0.5, 0.25, 0.1):
+            mixed = _plus(braked, _minus(turned, braked), share)
+            if self._may_go(mixed, duration_s):
+                return mixed
+        return braked
+
+    def _may_go(self, velocity: Vector3, duration_s: float) -> bool:
+        """Whether, after a step with this velocity, the point can still stop inside."""
+        assert self._at is not None
+        at = self._at
+        speed = math.hypot(*velocity)
+        if speed == 0.0:
+            return True
+        reach_s = duration_s + 0.5 * speed / self._limits.acceleration_m_s2
+        stop = _plus(at, velocity, reach_s)
+        height_m, stop_m = -at[2], -stop[2]
+        if stop_m > max(self.highest_m, height_m) + TOLERANCE_M or stop_m < min(self._lowest_m, height_m) - TOLERANCE_M:
+            return False
+        reach_s += REACTION_S
+        stop = _plus(at, velocity, reach_s)
+        if not self._is_clear(stop, speed * reach_s):
+            return False
+        if self._flat is None:
+            return True
+        room_m, margin_m = self._room_m(), self._limits.fence_margin_m
+        if room_m - margin_m >= speed * reach_s:
+            return True
+        needed_m = min(room_m, margin_m) - ROUNDING_M
+        # A very short leg is taken for its begin, therefore the end is looked at as well.
+        return self._flat.clearance_m(stop) >= needed_m and self._flat.leg_clearance_m(at, stop) >= needed_m
+
+    # --- speeds ---
+
+    def _agree(self, told: Vector3, seen: Vector3, most: tuple[float, float] | None = None) -> bool:
+        """Whether a velocity that is told fits what is seen from one setpoint to the next."""
+        near_m_s = 0.05 + 0.5 * self._limits.acceleration_m_s2 * LONGEST_STEP_S
+        return math.dist(told, seen) <= near_m_s and self._is_slow(told, most)
+
+    def _is_slow(self, velocity: Vector3, most: tuple[float, float] | None = None) -> bool:
+        """Whether it is within speeds, across and up or down; within those of now if none are given."""
+        most_m_s, most_climb_m_s = most or self._speeds
+        across = math.hypot(velocity[0], velocity[1])
+        return across <= most_m_s * 1.001 + 1e-3 and abs(velocity[2]) <= most_climb_m_s * 1.001 + 1e-3
+
+    def _ease(self, duration_s: float) -> None:
+        """Slows down to `careful_m_s` as fast as the vehicle can follow."""
+        speed = math.hypot(*self._velocity)
+        braking = max(GENTLE_M_S2, EASING_HZ * speed)
+        self._eased_m_s = max(self.careful_m_s, speed - braking * duration_s)
+
+    @property
+    def _speeds(self) -> tuple[float, float]:
+        """How fast it may go now, across and up or down."""
+        return min(self._limits.speed_m_s, self._eased_m_s, self._among_m_s), min(
+            self._limits.climb_m_s, self._eased_m_s
+        )
+
+    def _slowed(self, velocity: Vector3) -> Vector3:
+        """The same direction, no faster than the platform may move across and up or down."""
+        across, along = math.hypot(velocity[0], velocity[1]), abs(velocity[2])
+        most_m_s, most_climb_m_s = self._speeds
+        share = min(
+            1.0,
+            most_m_s / across if across > 0.0 else 1.0,
+            most_climb_m_s / along if along > 0.0 else 1.0,
+        )
+        return (velocity[0] * share, velocity[1] * share, velocity[2] * share)
+
+
+def _speed_to_stop(distance_m: float, braking_m_s2: float, duration_s: float) -> float:
+    """The largest speed for the next step after which braking still ends before a distance, in m/s."""
+    lost = braking_m_s2 * duration_s
+    return min(math.sqrt(lost * lost + 2.0 * braking_m_s2 * distance_m) - lost, distance_m / duration_s)
+
+
+def _plus(a: Vector3, b: Vector3, share: float) -> Vector3:
+    return (a[0] + b[0] * share, a[1] + b[1] * share, a[2] + b[2] * share)
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def _with(wanted: Setpoint, position: Vector3 | None, velocity: Vector3 | None) -> Setpoint:
+    return Setpoint(
+        action_id=wanted.action_id, position_ned_m=position, velocity_ned_m_s=velocity, yaw_rad=wanted.yaw_rad
+    )
+
+
+def is_finite(setpoint: Setpoint) -> bool:
+    """Whether every number of a setpoint is finite."""
+    numbers = (*(setpoint.position_ned_m or ()), *(setpoint.velocity_ned_m_s or ()), setpoint.yaw_rad or 0.0)
+    return all(map(math.isfinite, numbers))

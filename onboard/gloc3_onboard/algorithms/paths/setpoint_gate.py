@@ -1,0 +1,34 @@
+"""Which setpoints may be obeyed: those of the owner of motion, finite, and young (DESIGN §7); the others are counted."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import Setpoint
+from gloc3_onboard.algorithms.paths.motion_limits import is_finite
+
+SETPOINT_AGE_S: Final = 0.25
+"""An older setpoint is dropped."""
+AHEAD_S: Final = 0.05
+"""One that claims to be valid later than this is dropped too: its age cannot be told."""
+
+
+class SetpointGate:
+    """Drops setpoints of anybody but the owner, those that are not finite, and those that are not of now."""
+
+    def __init__(self) -> None:
+        self.foreign = self.not_finite = self.stale = 0
+
+    def newest(self, envelopes: Sequence[Envelope[Setpoint]], owner: str, now_s: float) -> Envelope[Setpoint] | None:
+        """The last of some setpoints that may be obeyed; None if there is none."""
+        found = None
+        for envelope in envelopes:
+            if not owner or envelope.payload.action_id != owner:
+                self.foreign += 1
+            elif not is_finite(envelope.payload):
+                self.not_finite += 1
+            elif not -AHEAD_S <= now_s - envelope.t_s <= SETPOINT_AGE_S:
+                self.stale += 1
+            else:
+                found = envelope
+        return found

@@ -1,0 +1,92 @@
+"""Keeps a distance from the wall that a vehicle looks at, by moving its way to and fro (paper §VI: visual inspection)."""
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gloc3.messages.frames import Vector3
+
+VIEW_RAD: Final = math.radians(40.0)
+"""The wall is looked for so far to both sides of where the vehicle looks,"""
+FARTHEST_M: Final = 8.0
+"""and no farther away."""
+PIECE_M: Final = 1.5
+"""What counts of it lies so near to its nearest point."""
+FEWEST: Final = 5
+ROUGH_M: Final = 0.1
+"""A rougher piece is a corner or clutter: then the way stays where it was moved to."""
+MOST_M: Final = 1.5
+"""The way is moved by no more than this, at no more than the speed below."""
+SPEED_M_S: Final = 0.4
+
+
+class Wall(NamedTuple):
+    """The wall ahead."""
+
+    distance_m: float
+    """Square to the wall."""
+    toward_ne: tuple[float, float]
+    """Unit vector from the vehicle to it."""
+
+
+def wall_ahead(points_ne_m: Sequence[tuple[float, float]], at: Vector3, heading_rad: float) -> Wall | None:
+    """The wall that a vehicle looks at, from what its scanner has hit; None where there is none that is straight."""
+    offset = np.array(points_ne_m, np.float64).reshape(-1, 2) - at[:2]
+    distance = np.hypot(*offset.T)
+    off = np.arctan2(offset[:, 1], offset[:, 0]) - heading_rad
+    is_ahead = (np.abs((off + math.pi) % (2.0 * math.pi) - math.pi) < VIEW_RAD) & (distance < FARTHEST_M)
+    if not is_ahead.any():
+        return None
+    ahead = offset[is_ahead]
+    nearest = ahead[int(np.argmin(distance[is_ahead]))]
+    piece = ahead[np.hypot(*(ahead - nearest).T) < PIECE_M]
+    if len(piece) < FEWEST:
+        return None
+    middle = piece.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(piece - middle, full_matrices=False)
+    if sizes[1] / math.sqrt(len(piece)) > ROUGH_M or sizes[1] > 0.5 * sizes[0]:
+        return None
+    square_m = float(axes[1] @ middle)
+    north, east = (axes[1] * math.copysign(1.0, square_m)).tolist()
+    return Wall(abs(square_m), (north, east))
+
+
+class WallKeeper:
+    """Says how far to move the way so that it keeps its distance from the wall; tell it where the vehicle is."""
+
+    def __init__(self, distance_m: float) -> None:
+        self._distance_m = distance_m
+        self._shift: tuple[float, float] = (0.0, 0.0)
+        self.blind_s = 0.0
+        """For so long no wall has been seen."""
+
+    def unmoved(self, place: Vector3) -> Vector3:
+        """A place on the moved way as it would be on the way itself."""
+        return (place[0] - self._shift[0], place[1] - self._shift[1], place[2])
+
+    def moved(self, place: Vector3) -> Vector3:
+        """A place on the way, moved."""
+        return (place[0] + self._shift[0], place[1] + self._shift[1], place[2])
+
+    def see(self, wall: Wall | None, vehicle: Vector3, target: Vector3, duration_s: float) -> None:
+        """Takes in what wall is ahead.
+
+        Args:
+            wall: it.
+            vehicle: where the vehicle is.
+            target: where its way, not moved, wants it to be.
+            duration_s: since the last time.
+        """
+        if wall is None:
+            self.blind_s += duration_s
+            return
+        self.blind_s = 0.0
+        north, east = wall.toward_ne
+        target_m = wall.distance_m - (target[0] - vehicle[0]) * north - (target[1] - vehicle[1]) * east
+        wanted_m = min(max(target_m - self._distance_m, -MOST_M), MOST_M)
+        change = (wanted_m * north - self._shift[0], wanted_m * east - self._shift[1])
+        size_m = math.hypot(*change)
+        share = min(1.0, SPEED_M_S * duration_s / size_m) if size_m > 0.0 else 0.0
+        self._shift = (self._shift[0] + share * change[0], self._shift[1] + share * change[1])

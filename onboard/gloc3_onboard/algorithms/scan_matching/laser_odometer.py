@@ -1,0 +1,324 @@
+"""Laser odometry: each scan is fitted into a map of the walls that were seen on the last metres of the way."""
+
+from typing import Annotated, Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.frames import wrap_pi
+from gloc3.messages.perception import UNKNOWN_VARIANCE, LaserScan
+from gloc3_onboard.algorithms.scan_matching.correlative import Window
+from gloc3_onboard.algorithms.scan_matching.lines import lines_of
+from gloc3_onboard.algorithms.scan_matching.local_map import LocalMap
+from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
+from gloc3_onboard.algorithms.scan_matching.point_to_line import NEAR_M, Alignment, align, search
+from gloc3_onboard.algorithms.scan_matching.scan_points import (
+    FEWEST_BEAMS,
+    Mount,
+    ScanPoints,
+    Tilt,
+    fault_of,
+    points_of,
+)
+
+LEVEL: Final = Tilt()
+AT_BODY: Final = Mount()
+PATIENCE: Final = 5
+"""After so many bad scans in a row what was before is given up."""
+LONGEST_S: Final = 2.0
+"""A velocity is not believed for longer."""
+TOLD_M: Final = 0.1
+TOLD_SHARE: Final = 0.15
+TOLD_RAD: Final = 0.1
+TOLD_TURN_SHARE: Final = 0.5
+"""A motion that is told may be wrong by so much, and by this part of it."""
+FIRST_M_S: Final = 1.0
+FIRST_RAD_S: Final = 0.5
+"""The first motion of all is about so fast at most."""
+SURE_M: Final = 0.25
+SURE_RAD: Final = 0.15
+"""A scan that lies no farther from where it is expected is fitted at once, without a search."""
+CAUTION: Final = 1.8
+"""Residuals of things that are no walls, such as tops of boxes, are alike: errors are larger than they suggest."""
+DARK_S: Final = 2.0
+BETTER: Final = 0.1
+"""A place that was not expected must fit so much better."""
+LEAN: Final = 0.75
+"""Walls may lean: where they stand at another height is not known better than by so much of the climb."""
+LEVEL_M: Final = 0.03
+"""A climb that is less is none; one that goes on over many references counts from its begin."""
+NEW_LEVEL_M: Final = 0.2
+"""After such a climb the map begins anew."""
+_NO_DOUBT: Final = np.zeros((3, 3))
+_FLOOR: Final = np.diag((0.001**2, 0.001**2, 0.0002**2))
+"""No fit is better than this: walls are not quite straight, nor is the clock of the scanner."""
+
+
+class LaserOdometerSettings(Settings, frozen=True):
+    """Settings of the laser odometer."""
+
+    reach_m: Annotated[float, Bounds(1.0, 1000.0)] = 30.0
+    """The map holds the walls that were seen on so much of the way."""
+    key_distance_m: Annotated[float, Bounds(0.05, 10.0)] = 0.5
+    """The map takes in a scan after so much way,"""
+    key_turn_rad: Annotated[float, Bounds(0.02, 3.0)] = 0.35
+    """or so much turning,"""
+    key_share: Annotated[float, Bounds(0.1, 1.0)] = 0.7
+    """or when no more of a scan than this is on the map."""
+    good_share: Annotated[float, Bounds(0.1, 1.0)] = 0.6
+    """A scan of which less fits where it was expected is looked for all around."""
+    lowest_share: Annotated[float, Bounds(0.05, 1.0)] = 0.25
+    """A scan of which less fits into the map is lost."""
+    acceleration_m_s2: Annotated[float, Bounds(0.1, 50.0)] = 3.0
+    """How much the motion may change between two scans:"""
+    turn_acceleration_rad_s2: Annotated[float, Bounds(0.1, 100.0)] = 6.0
+    """with both, how far around the expected place a scan is looked for,"""
+    search_m: Annotated[float, Bounds(0.1, 5.0)] = 1.5
+    """but no farther than this,"""
+    search_rad: Annotated[float, Bounds(0.1, 3.2)] = 1.2
+    """and this."""
+
+
+class LaserMotion(msgspec.Struct, frozen=True, kw_only=True):
+    """How the body moved in the plane since a reference, on the level axes of the reference (x forward, y right)."""
+
+    t_s: float
+    reference_t_s: float
+    """When the pose was taken that the motion is told from."""
+    motion: Planar
+    covariance: Array
+    """3 by 3: x, y, heading; `UNKNOWN_VARIANCE` along what the walls do not tell."""
+    pose: Planar
+    """The body's pose since the begin, on the axes of the first scan."""
+    is_valid: bool = True
+    reason: str = ""
+    quality: float = 1.0
+    """Part of the scan that lies on walls of the map."""
+    is_degenerate: bool = False
+    """There is a direction that the walls do not tell."""
+
+
+class LaserOdometer:
+    """Tells motion from scans. A bad scan gives a motion that is not valid, with a reason, and changes nothing."""
+
+    def __init__(self, settings: LaserOdometerSettings | None = None, mount: Mount = AT_BODY) -> None:
+        self._settings = settings or LaserOdometerSettings()
+        self._mount = mount
+        self._has_begun = False
+        self._pose, self._t_s = Planar(), 0.0
+        self._ranges = b""
+        self._map = LocalMap(self._settings.reach_m)
+        self._key_pose, self._key_t_s, self._key_covariance = Planar(), 0.0, _NO_DOUBT
+        self._velocity: Planar | None = None
+        self._told: Planar | None = Planar()
+        self._heading_rad: float | None = None
+        self._travelled_m = 0.0
+        self._height_m: float | None = None
+        """From where climbs count: follows the height of what the motion is told from, `LEVEL_M` behind."""
+        self._map_height_m: float | None = None
+        """Of the scan that the map began with."""
+        self._bad = 0
+
+    def update(
+        self,
+        scan: LaserScan,
+        t_s: float,
+        tilt: Tilt = LEVEL,
+        heading_rad: float | None = None,
+        guess: Planar | None = None,
+    ) -> LaserMotion:
+        """Takes in a scan.
+
+        Args:
+            scan: it.
+            t_s: when it ended.
+            tilt: how the body stood.
+            heading_rad: the body's heading then, from anybody whose heading drifts slowly; only its change is used, and
+                only to expect where the scan lies.
+            guess: the body's motion since the call before, on the axes of then, if somebody knows about it; used so too.
+
+        Returns:
+            The motion since the reference.
+        """
+        self._told = self._told @ guess if self._told is not None and guess is not None else None
+        fault = fault_of(scan) or self._fault_in_time(scan, t_s)
+        if fault:
+            return self._nothing(t_s, fault)
+        expected = self._expected(t_s - self._t_s, heading_rad) if self._has_begun else Expected(Planar(), None)
+        points = points_of(scan, tilt, self._mount, self._skew(scan.duration_s, t_s, expected.motion, heading_rad))
+        if len(points.points_m) < FEWEST_BEAMS:
+            return self._nothing(t_s, "hardly anything of the scan is above the floor")
+        self._ranges = scan.ranges_m
+        if not self._has_begun:
+            self._height_m = self._map_height_m = tilt.height_m
+            return self._begin(points, Planar(), t_s, heading_rad, "the map begins with this scan")
+        found = self._fit(points.points_m, expected)
+        if found.share < self._settings.lowest_share:
+            return self._lose(points, expected, found.share, t_s, heading_rad)
+        return self._adopt(points, found, t_s, heading_rad, tilt.height_m)
+
+    # --- what is expected ---
+
+    def _fault_in_time(self, scan: LaserScan, t_s: float) -> str:
+        if not self._has_begun:
+            return ""
+        if t_s <= self._t_s:
+            if self._bad >= PATIENCE:
+                self._has_begun = False
+                return ""
+            return "the scan is not newer than the one before"
+        return "the scan is, beam for beam, the one before" if scan.ranges_m == self._ranges else ""
+
+    def _expected(self, duration_s: float, heading_rad: float | None) -> "Expected":
+        """The motion since the last good scan, and how wrong that may be."""
+        settings, told, velocity = self._settings, self._told, self._velocity
+        half_square = 0.5 * duration_s * duration_s
+        distance_m = settings.acceleration_m_s2 * half_square
+        turn_rad = settings.turn_acceleration_rad_s2 * half_square
+        motion = Planar()
+        if velocity is not None:
+            motion = velocity.part(min(duration_s, LONGEST_S))
+        else:
+            distance_m += FIRST_M_S * duration_s
+            turn_rad += FIRST_RAD_S * duration_s
+        if told is not None and distance_m > TOLD_M:  # over a short time nobody knows better than the last motion
+            motion = told
+            distance_m = TOLD_M + TOLD_SHARE * motion.distance_m
+            turn_rad = TOLD_RAD + TOLD_TURN_SHARE * abs(motion.yaw_rad)
+        # After a scan that did not fit, a heading that has leapt is not believed any longer.
+        if heading_rad is not None and self._heading_rad is not None and self._bad < 1:
+            motion = Planar(motion.x_m, motion.y_m, wrap_pi(heading_rad - self._heading_rad))
+            turn_rad = TOLD_RAD
+        return Expected(motion, Window(min(distance_m, settings.search_m), min(turn_rad, settings.search_rad)))
+
+    def _skew(self, scan_s: float, t_s: float, expected: Planar, heading_rad: float | None) -> Planar:
+        """The motion during a scan: as the last one was, which is smoother than what wheels tell."""
+        if not self._has_begun or scan_s <= 0.0:
+            return Planar()
+        share = min(1.0, scan_s / (t_s - self._t_s))
+        if self._velocity is None:
+            return expected.part(share)
+        before = self._velocity.part(min(scan_s, LONGEST_S))
+        return before if heading_rad is None else Planar(before.x_m, before.y_m, share * expected.yaw_rad)
+
+    # --- what is found ---
+
+    def _fit(self, points: Array, expected: "Expected") -> Alignment:
+        """Near the expected place if that is well known, else, or if it does not fit there, all around it."""
+        guess, window = self._pose @ expected.motion, expected.window
+        assert window is not None
+        is_sure = window.distance_m <= SURE_M and window.heading_rad <= SURE_RAD
+        near = align(points, self._map, guess, window.distance_m + NEAR_M) if is_sure else None
+        if near is not None and near.share >= self._settings.good_share:
+            return near
+        wide = Window(max(window.distance_m, SURE_M), max(window.heading_rad, SURE_RAD))
+        found = search(points, self._map, guess, wide)
+        return near if near is not None and near.share >= found.share - BETTER else found
+
+    def _adopt(
+        self, points: ScanPoints, found: Alignment, t_s: float, heading_rad: float | None, height_m: float | None
+    ) -> LaserMotion:
+        information = found.information._replace(sigma_m=CAUTION * found.information.sigma_m)
+        covariance = information.covariance(UNKNOWN_VARIANCE) + _FLOOR
+        climb_m = _between(height_m, self._height_m)
+        covariance[:2, :2] += max(0.0, LEAN * (abs(climb_m) - LEVEL_M)) ** 2 * np.eye(2)
+        step = self._pose.inverse() @ found.pose
+        self._velocity = step.part(1.0 / (t_s - self._t_s))
+        self._travelled_m += step.distance_m
+        self._settle(found.pose, t_s, heading_rad)
+        motion = self._key_pose.inverse() @ found.pose
+        report = LaserMotion(
+            t_s=t_s,
+            reference_t_s=self._key_t_s,
+            motion=motion,
+            covariance=_since(self._key_pose, self._key_covariance, found.pose, covariance),
+            pose=found.pose,
+            quality=found.share,
+            is_degenerate=found.information.is_degenerate,
+        )
+        settings = self._settings
+        is_far = motion.distance_m > settings.key_distance_m or abs(motion.yaw_rad) > settings.key_turn_rad
+        is_degenerate = found.information.is_degenerate
+        has_climbed = abs(_between(height_m, self._map_height_m)) > NEW_LEVEL_M
+        # Who does not know how far it has come may be far: the direction that is not known is only known so well.
+        is_far |= is_degenerate and t_s - self._key_t_s > DARK_S
+        if is_far or has_climbed or found.share < settings.key_share:
+            is_new = is_degenerate or has_climbed
+            self._take_in(points, t_s, covariance, is_new=is_new)
+            if height_m is not None:
+                self._height_m = height_m - max(-LEVEL_M, min(climb_m, LEVEL_M))
+                self._map_height_m = height_m if is_new or self._map_height_m is None else self._map_height_m
+        return report
+
+    def _take_in(self, points: ScanPoints, t_s: float, covariance: Array, *, is_new: bool) -> None:
+        """Makes the present place the reference, and its scan part of the map; or the begin of a new one.
+
+        Along a direction that is not known, a scan cannot be put where it belongs in the map.
+        """
+        if is_new:
+            self._map = LocalMap(self._settings.reach_m)
+        self._map.add(lines_of(points), self._pose, self._travelled_m)
+        self._key_pose, self._key_t_s = self._pose, t_s
+        self._key_covariance = _NO_DOUBT if is_new else covariance
+
+    def _lose(
+        self, points: ScanPoints, expected: "Expected", share: float, t_s: float, heading_rad: float | None
+    ) -> LaserMotion:
+        """The scan does not fit; after some of them what was before is given up."""
+        reason = f"only {100.0 * share:.0f} % of the scan fits into the map"
+        if self._bad < PATIENCE:
+            return self._nothing(t_s, reason)
+        return self._begin(points, self._pose @ expected.motion, t_s, heading_rad, f"{reason}: it begins anew")
+
+    # --- keeping books ---
+
+    def _begin(
+        self, points: ScanPoints, pose: Planar, t_s: float, heading_rad: float | None, reason: str
+    ) -> LaserMotion:
+        self._has_begun, self._velocity, self._travelled_m = True, None, 0.0
+        self._settle(pose, t_s, heading_rad)
+        self._take_in(points, t_s, _NO_DOUBT, is_new=True)
+        return self._nothing(t_s, reason)
+
+    def _settle(self, pose: Planar, t_s: float, heading_rad: float | None) -> None:
+        self._pose, self._t_s, self._heading_rad = pose, t_s, heading_rad
+        self._told, self._bad = Planar(), -1
+
+    def _nothing(self, t_s: float, reason: str) -> LaserMotion:
+        """No motion; the pose is what somebody told, or that of the last good scan."""
+        self._bad += 1
+        pose = self._pose @ (self._told or Planar())
+        return LaserMotion(
+            t_s=t_s,
+            reference_t_s=self._key_t_s,
+            motion=self._key_pose.inverse() @ pose,
+            covariance=UNKNOWN_VARIANCE * np.eye(3),
+            pose=pose,
+            is_valid=False,
+            reason=reason,
+            quality=0.0,
+        )
+
+
+class Expected(NamedTuple):
+    """The motion that is expected since the last good scan."""
+
+    motion: Planar
+    window: Window | None
+    """How wrong that may be; None before the first scan."""
+
+
+def _between(height_m: float | None, before_m: float | None) -> float:
+    """The climb from one height to another; 0 where one of them is not known."""
+    return 0.0 if height_m is None or before_m is None else height_m - before_m
+
+
+def _since(key: Planar, key_covariance: Array, pose: Planar, covariance: Array) -> Array:
+    """Covariance of a pose as seen from another, with independent errors of both, on the axes of the other."""
+    x, y = pose.x_m - key.x_m, pose.y_m - key.y_m
+    lever = np.array(((1.0, 0.0, -y), (0.0, 1.0, x), (0.0, 0.0, 1.0)))
+    turn = np.eye(3)
+    turn[:2, :2] = key.rotation().T
+    result: Array = turn @ (covariance + lever @ key_covariance @ lever.T) @ turn.T
+    return result

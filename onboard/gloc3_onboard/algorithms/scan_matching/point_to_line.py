@@ -1,0 +1,128 @@
+"""Point-to-line alignment: turns and moves a scan until its points lie on the walls of a map.
+
+Gauss-Newton on the distances across the walls (Censi, "An ICP variant using a point-to-line metric", ICRA 2008), with
+neighbours looked up anew in each step and far points counting less (Cauchy's weights).
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gloc3.messages.frames import wrap_pi
+from gloc3_onboard.algorithms.scan_matching.correlative import Window, candidates
+from gloc3_onboard.algorithms.scan_matching.information import NOTHING, SOLVED, Information, information_of
+from gloc3_onboard.algorithms.scan_matching.local_map import LocalMap
+from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
+
+STEPS: Final = 20
+STILL_M: Final = 5e-4
+STILL_RAD: Final = 2e-4
+FIT_M: Final = 0.04
+"""A point so near to its wall lies on it."""
+NEAR_M: Final = 0.15
+"""Neighbours are looked for so near at the end."""
+COARSE_M: Final = 0.4
+FEW: Final = 120
+TRIAL_STEPS: Final = 3
+"""Candidates of the coarse search are tried with fewer points and steps."""
+CLEAR: Final = 0.6
+"""After one that fits so well the others are not tried."""
+CLEARLY: Final = 0.08
+"""So much more of a scan must fit where a search has found it along what the walls hardly tell."""
+SPREAD: Final = 1.5
+"""Standard deviation over median of the sizes, for a normal distribution, rounded up."""
+FINEST_M: Final = 0.005
+"""No scanner is taken for better than this."""
+
+
+class Alignment(NamedTuple):
+    """Where a scan fits into a map."""
+
+    pose: Planar
+    information: Information
+    share: float
+    """Part of the points that lie on a wall."""
+    residual_m: float
+    """Robust standard deviation of the points on walls."""
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another place might fit better."""
+        return self.share < CLEAR or self.information.is_degenerate
+
+    def without_hearsay(self, guess: Planar) -> Planar:
+        """The pose, but as guessed along what the walls do not tell."""
+        north, east, turn = self.pose.x_m - guess.x_m, self.pose.y_m - guess.y_m, self.pose.yaw_rad - guess.yaw_rad
+        north, east, turn = self.information.known_part(np.array((north, east, wrap_pi(turn)))).tolist()
+        return Planar(guess.x_m + north, guess.y_m + east, wrap_pi(guess.yaw_rad + turn))
+
+
+def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps: int = STEPS) -> Alignment:
+    """Fits points to a map.
+
+    Args:
+        points: of the scan; shape (n, 2).
+        walls: the map.
+        guess: where the scan was taken, about.
+        within_m: how far from its wall a point may be at first.
+        steps: no more than so many.
+    """
+    pose, reach_m = guess, within_m
+    found = Alignment(pose, NOTHING, 0.0, 0.0)
+    for _ in range(steps):
+        turned = points @ pose.rotation().T
+        here = np.array((pose.x_m, pose.y_m))
+        near = walls.neighbours(turned + here, reach_m)
+        is_near = near.distance_m < np.inf
+        if np.count_nonzero(is_near) < SOLVED:
+            return Alignment(pose, NOTHING, 0.0, 0.0)
+        turned, n = turned[is_near], near.normals[is_near]
+        off = np.einsum("ij,ij->i", n, turned + here - near.feet_m[is_near])
+        size = np.abs(off)
+        sigma = max(SPREAD * _median(size), FINEST_M)
+        weights = 1.0 / (1.0 + (off / (2.0 * sigma)) ** 2)
+        jacobian, swings = _jacobians(turned, n)
+        known = information_of(jacobian, swings, weights, near.angle_std_rad[is_near], sigma)
+        north, east, turn = known.solve(-jacobian.T @ (weights * off)).tolist()
+        pose = Planar(pose.x_m + north, pose.y_m + east, wrap_pi(pose.yaw_rad + turn))
+        found = Alignment(pose, known, float(np.count_nonzero(size < FIT_M)) / len(points), sigma)
+        if reach_m <= NEAR_M and abs(north) + abs(east) < STILL_M and abs(turn) < STILL_RAD:
+            break
+        reach_m = max(0.6 * reach_m, NEAR_M)
+    return found
+
+
+def search(points: Array, walls: LocalMap, guess: Planar, window: Window) -> Alignment:
+    """Fits points to a map from a guess that may be far off.
+
+    Args:
+        points: of the scan; shape (n, 2).
+        walls: the map.
+        guess: where the scan was taken, about.
+        window: how wrong that may be.
+    """
+    few = points[:: max(1, len(points) // FEW)]
+    best = align(few, walls, guess, COARSE_M, steps=TRIAL_STEPS)
+    for place in candidates(points, walls.feet_m, guess, window) if best.is_doubtful else ():
+        trial = align(few, walls, place, COARSE_M, steps=TRIAL_STEPS)
+        best = trial if trial.share > best.share + (CLEARLY if best.share > CLEAR else 0.0) else best
+        if not best.is_doubtful:
+            break
+    found = align(points, walls, best.pose, 2.0 * NEAR_M)
+    if not found.information.is_degenerate:
+        return found
+    # Along what the walls do not tell, a search finds something at random, unless much more of the scan fits there.
+    expected = align(points, walls, found.without_hearsay(guess), NEAR_M)
+    return found if found.share > expected.share + CLEARLY else expected
+
+
+def _jacobians(points: Array, normals: Array) -> tuple[Array, Array]:
+    """Of the distances across the lines, by north, east and heading; and the same along the lines."""
+    px, py, nx, ny = *points.T, *normals.T
+    return np.column_stack((nx, ny, ny * px - nx * py)), np.column_stack((-ny, nx, nx * px + ny * py))
+
+
+def _median(values: Array) -> float:
+    """Much faster than `np.median` for some hundred values."""
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])

@@ -1,0 +1,116 @@
+"""From ranges to points: what of a scan is there, made level, and what is wrong with it."""
+
+from math import cos, sin
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.messages.frames import Vector3
+from gloc3.messages.perception import LaserScan
+from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
+
+FEWEST_BEAMS: Final = 20
+FLOOR_M: Final = 0.15
+"""What is lower than this above the floor, and a share of its distance, is taken for the floor."""
+FLOOR_SHARE: Final = 0.02
+
+
+class Tilt(NamedTuple):
+    """How the body stands in the world, but for its heading."""
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    height_m: float | None = None
+    """Of the body above the floor; None while nobody knows it: then nothing is taken for the floor."""
+
+
+class Mount(NamedTuple):
+    """Where the scanner sits on the body."""
+
+    position_frd_m: Vector3 = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
+    """Clockwise seen from above: where its middle beam looks."""
+
+
+class ScanPoints(NamedTuple):
+    """What a scan has hit, in the level plane of the body: x forward, y right."""
+
+    points_m: Array
+    """In the order of the beams; shape (n, 2)."""
+    beams: NDArray[np.intp]
+    """Index of each point's beam."""
+    ranges_m: Array
+    """Distance of each point from the scanner."""
+    step_rad: float
+    """Angle from beam to beam."""
+    size: int
+    """How many beams the scan has."""
+
+
+def ranges_of(scan: LaserScan) -> Array:
+    """The ranges of a scan as numbers, in metres."""
+    return np.frombuffer(scan.ranges_m, "<f4").astype(np.float64)
+
+
+def _nothing_m(scan: LaserScan) -> float:
+    """From here on nothing was seen: a little less than the maximum, which 32 bits may have rounded down."""
+    return scan.range_max_m * (1.0 - 1e-6)
+
+
+def fault_of(scan: LaserScan) -> str:
+    """Why nothing can be told from a scan; empty when something can."""
+    if not scan.is_valid:
+        return scan.reason or "the scanner says that its scan is not valid"
+    if len(scan.ranges_m) % 4 or len(scan.ranges_m) < 4 * FEWEST_BEAMS:
+        return f"the scan has {len(scan.ranges_m)} bytes, which is not a range of 4 for each of {FEWEST_BEAMS} beams or more"
+    if not (np.isfinite(scan.angle_min_rad) and np.isfinite(scan.angle_step_rad) and scan.angle_step_rad != 0.0):
+        return "the scan does not say where its beams look"
+    ranges = ranges_of(scan)
+    is_hit = (ranges > max(scan.range_min_m, 0.0)) & (ranges < _nothing_m(scan))
+    if np.count_nonzero(is_hit) >= FEWEST_BEAMS:
+        return ""
+    if not np.any(np.isfinite(ranges)):
+        return "no range of the scan is a number"
+    if not np.any(ranges > 0.0):
+        return "all ranges of the scan are zero"
+    if np.all(ranges[np.isfinite(ranges)] >= _nothing_m(scan)):
+        return "nothing is in reach of the scanner"
+    return f"only {np.count_nonzero(is_hit)} beams of the scan have hit anything"
+
+
+def points_of(scan: LaserScan, tilt: Tilt, mount: Mount, motion: Planar) -> ScanPoints:
+    """The points of a scan without fault, where they were when it ended, without the floor.
+
+    Args:
+        scan: it.
+        tilt: how the body stood.
+        mount: where the scanner sits.
+        motion: the motion of the body during the scan, by which earlier beams are moved back.
+    """
+    ranges = ranges_of(scan)
+    size = len(ranges)
+    is_hit = (ranges > max(scan.range_min_m, 0.0)) & (ranges < _nothing_m(scan))
+    beams = np.flatnonzero(is_hit)
+    ranges = ranges[beams]
+    # Angles of the scan are counter-clockwise, those of the body clockwise.
+    angles = mount.yaw_rad - (scan.angle_min_rad + scan.angle_step_rad * beams)
+    x, y, z = mount.position_frd_m
+    forward, right = ranges * np.cos(angles) + x, ranges * np.sin(angles) + y
+    if motion.distance_m > 0.0 or motion.yaw_rad:
+        forward, right = _moved_back(forward, right, 1.0 - beams / (size - 1), motion)
+    sr, cr, sp, cp = sin(tilt.roll_rad), cos(tilt.roll_rad), sin(tilt.pitch_rad), cos(tilt.pitch_rad)
+    level = np.column_stack((cp * forward + sp * (sr * right + cr * z), cr * right - sr * z))
+    if tilt.height_m is not None:
+        below = cp * (sr * right + cr * z) - sp * forward
+        is_kept = tilt.height_m - below > FLOOR_M + FLOOR_SHARE * ranges
+        level, beams, ranges = level[is_kept], beams[is_kept], ranges[is_kept]
+    return ScanPoints(level, beams, ranges, abs(scan.angle_step_rad), size)
+
+
+def _moved_back(forward: Array, right: Array, shares: Array, motion: Planar) -> tuple[Array, Array]:
+    """Points seen a share of the motion before its end, on the axes of its end."""
+    turn = -shares * motion.yaw_rad
+    c, s = np.cos(turn), np.sin(turn)
+    ahead, aside = forward - shares * motion.x_m, right - shares * motion.y_m
+    return c * ahead - s * aside, s * ahead + c * aside

@@ -1,0 +1,160 @@
+"""FDM, feature detection and matching (paper §VI): points found once, followed, and matched in the right picture."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gloc3_onboard.algorithms.vision.corners import GridCorners, Pixels
+from gloc3_onboard.algorithms.vision.lucas_kanade import PatchTracker
+from gloc3_onboard.algorithms.vision.picture import LightEvener, Picture, problem
+from gloc3_onboard.algorithms.vision.point_tracker import NO_PIXELS, Ids, PointTracker
+from gloc3_onboard.algorithms.vision.stereo_match import StereoMatcher
+from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
+
+_GAP_S: Final = 1.0
+"""After so long without a usable picture nothing is looked for again."""
+TURNED_BACK_AFTER: Final = 5
+"""After so many in a row that are not newer than the last, time itself has gone back."""
+_FEW: Final = 8
+_MATCHED_SHARE: Final = 0.4
+"""With less of the points matched that were matched before a pair of pictures is held to be a bad one, at first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MatcherOptions:
+    """How a matcher works."""
+
+    cell_px: int = 40
+    """One point in each square of this side."""
+    levels: int = 4
+    """Halvings of the resolution at which points are looked for that are not where they were headed for."""
+    nearest_m: float = 0.4
+    """Nearest that anything is expected to be."""
+    keep_share: float = 0.7
+    """With less of the points left, new ones are added."""
+    may_repeat: bool = False
+    """Whether two pictures may be the same to the last bit; else the second is refused."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureSet:
+    """The points of one pair of pictures."""
+
+    t_s: float
+    ids: Ids
+    """Growing numbers, (n,): the same for the same point from picture to picture."""
+    pixels: Pixels
+    """Column and row in the left picture, (n, 2)."""
+    right_pixels: Pixels
+    """The same in the right one, (n, 2); not-a-number for points without a match."""
+    reason: str = ""
+    """Why there are none; empty where all is well."""
+
+
+class FeatureMatcher:
+    """Follows points from pair to pair and matches them between the two pictures.
+
+    Args:
+        rig: the calibrated pair.
+        options: how it works.
+    """
+
+    def __init__(self, rig: StereoRig, options: MatcherOptions | None = None) -> None:
+        self._rig = rig
+        self._options = options or MatcherOptions()
+        self._light = LightEvener()
+        self._patches = PatchTracker()
+        self._points = PointTracker(GridCorners(self._options.cell_px), self._patches, self._options.levels)
+        self._stereo = StereoMatcher(rig, self._options.nearest_m, self._patches)
+        self._raw: tuple[Picture, Picture] | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins anew: what comes next has no points in common with what was."""
+        self._points.forget()
+        self._offset_ids: Ids = self._points.ids
+        self._offset_px: Pixels = NO_PIXELS
+        self._t_s = -np.inf
+        self._is_poor = False
+        self._turned_back = 0
+
+    def update(self, left: Picture, right: Picture, t_s: float) -> FeatureSet:
+        """The points of a pair of pictures that were taken at one time.
+
+        Args:
+            left: grey values, of the size that the calibration says.
+            right: the same of the right camera.
+            t_s: when; must grow.
+        """
+        reason = self._problem(left, right, t_s)
+        if reason:
+            return _nothing(t_s, reason)
+        if t_s - self._t_s > _GAP_S:
+            self.forget()
+        left, right = self._light.even(left), self._light.even(right)
+        points = self._points
+        if points.has_anchor:
+            reason = points.follow(left, t_s - self._t_s)
+            if reason:
+                return _nothing(t_s, reason)
+        offsets = self._known_offsets()
+        right_px = self._stereo.match(left, points.pixels, points.contrast, right, points.pixels + offsets)
+        is_matched = np.isfinite(right_px[:, 0])
+        if points.has_anchor and is_matched.sum() < _MATCHED_SHARE * np.isfinite(offsets[:, 0]).sum():
+            reason = points.undo(self._stereo.complaint() or "the right picture does not show what the left one does")
+            if reason:
+                return _nothing(t_s, reason)
+            right_px = NO_PIXELS
+        points.accept()
+        if not points.has_anchor or self._is_poor or len(points.ids) < self._options.keep_share * points.anchored:
+            right_px = self._anchor(left, right, right_px)
+        self._offset_ids, self._offset_px = points.ids, right_px - points.pixels
+        self._t_s = t_s
+        self._is_poor = int(np.isfinite(right_px[:, 0]).sum()) < _FEW
+        if self._is_poor:
+            return _nothing(t_s, self._stereo.complaint() or "too little to see that both pictures show")
+        return FeatureSet(t_s=t_s, ids=points.ids, pixels=points.pixels, right_pixels=right_px)
+
+    def _problem(self, left: Picture, right: Picture, t_s: float) -> str:
+        if not np.isfinite(t_s):
+            return "the time is not a number"
+        if t_s <= self._t_s:
+            self._turned_back += 1
+            if self._turned_back < TURNED_BACK_AFTER:
+                return "the time does not grow"
+            self.forget()
+        self._turned_back = 0
+        for name, picture, camera in (("left", left, self._rig.left), ("right", right, self._rig.right)):
+            found = problem(picture, camera)
+            if found:
+                return f"{name}: {found}"
+        before, self._raw = self._raw, (left, right)
+        if before is not None and not self._options.may_repeat:
+            for name, old, new in (("left", before[0], left), ("right", before[1], right)):
+                if np.array_equal(old, new):
+                    return f"{name}: the same picture again"
+        return ""
+
+    def _known_offsets(self) -> Pixels:
+        """From the left to the right place of each point, as it last was; not-a-number where that is not known."""
+        ids = self._points.ids
+        if len(ids) == 0 or len(self._offset_ids) == 0:
+            return np.full((len(ids), 2), np.nan, np.float32)
+        at = np.searchsorted(self._offset_ids, ids).clip(max=len(self._offset_ids) - 1)
+        return np.where((self._offset_ids[at] == ids)[:, None], self._offset_px[at], np.float32(np.nan))
+
+    def _anchor(self, left: Picture, right: Picture, right_px: Pixels) -> Pixels:
+        """Takes this picture as the anchor, keeps the points that both pictures show, and adds others."""
+        is_kept = np.isfinite(right_px[:, 0])
+        self._points.keep(is_kept)
+        new_px = self._points.candidates(left)
+        contrast = self._patches.contrast(left, new_px)
+        new_right = self._stereo.match(left, new_px, contrast, right, self._stereo.search(left, new_px, right))
+        is_new = np.isfinite(new_right[:, 0])
+        self._points.anchor(left, new_px[is_new])
+        return np.concatenate([right_px[is_kept], new_right[is_new]])
+
+
+def _nothing(t_s: float, reason: str) -> FeatureSet:
+    return FeatureSet(t_s=t_s, ids=np.zeros(0, np.int32), pixels=NO_PIXELS, right_pixels=NO_PIXELS, reason=reason)

@@ -1,0 +1,69 @@
+"""Patches followed from one picture into another (Lucas and Kanade 1981; in pyramids: Bouguet 2000)."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.camera.opencv import load_opencv
+from gloc3_onboard.algorithms.vision.corners import Pixels
+from gloc3_onboard.algorithms.vision.picture import Picture
+
+_ITERATIONS: Final = 15
+_PRECISION_PX: Final = 0.01
+_GREY: Final = 128.0
+
+
+class PatchTracker:
+    """Finds patches again.
+
+    Args:
+        window_px: side of a patch.
+        error_max: greatest mean difference of the grey values of a patch and what was found for it, as a share of the
+            patch's contrast; patches that have nothing in common differ by about one.
+    """
+
+    def __init__(self, window_px: int = 17, error_max: float = 0.55) -> None:
+        self._cv2 = load_opencv()
+        self._window = (window_px, window_px)
+        self._error_max = error_max
+        self._criteria = (self._cv2.TERM_CRITERIA_COUNT | self._cv2.TERM_CRITERIA_EPS, _ITERATIONS, _PRECISION_PX)
+
+    def contrast(self, picture: Picture, points: Pixels) -> Pixels:
+        """Mean difference of the patches' grey values from the middle grey of an evened picture, (n,)."""
+        cv2 = self._cv2
+        away = cv2.blur(cv2.absdiff(picture, _GREY), self._window)
+        height, width = picture.shape
+        column, row = np.rint(points).astype(np.intp).T
+        found: Pixels = away[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float32)
+        return found
+
+    def find(
+        self, of: Picture, points: Pixels, contrast: Pixels, into: Picture, guess: Pixels, levels: int
+    ) -> tuple[Pixels, NDArray[np.bool_]]:
+        """Where patches around points are in another picture, (n, 2), and which of them were found.
+
+        Args:
+            of: the picture that the points are in.
+            points: the middles of the patches, (n, 2).
+            contrast: that of the patches, (n,).
+            into: the other picture.
+            guess: where to begin to look.
+            levels: halvings of the resolution to begin at; each doubles how far the guess may be off.
+        """
+        if len(points) == 0:
+            return points, np.zeros(0, bool)
+        found, status, error = self._cv2.calcOpticalFlowPyrLK(
+            of,
+            into,
+            points,
+            guess.copy(),
+            winSize=self._window,
+            maxLevel=levels,
+            criteria=self._criteria,
+            flags=self._cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )
+        height, width = into.shape
+        is_good = (status.ravel() == 1) & (error.ravel() < self._error_max * contrast) & np.isfinite(found).all(axis=1)
+        is_good &= (found >= 1.0).all(axis=1) & (found[:, 0] <= width - 2.0) & (found[:, 1] <= height - 2.0)
+        return found, is_good

@@ -1,0 +1,171 @@
+"""Where a vehicle is, by an external camera that sees the bright lamp on it."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.camera.geometry import matrix, unproject
+from gloc3.camera.model import CameraModel
+from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
+from gloc3.messages.perception import UNKNOWN_VARIANCE, PositionFix
+from gloc3_onboard.algorithms.vision.bright_spots import Picture, Spot, SpotFinder
+from gloc3_onboard.algorithms.vision.spot_track import SpotTrack
+from gloc3_onboard.calibration.fit import misfit
+
+Array = NDArray[np.float64]
+
+_FULL_WEIGHT: Final = 2000.0
+"""A lamp of so many grey values is as good as it gets."""
+_OF_LENGTH: Final = 0.3
+"""A spot that is longer than wide is so much less sure for each pixel."""
+_TURNED_BACK_AFTER: Final = 5
+
+
+class FollowerSettings(NamedTuple):
+    """Where the camera stands, and what is known of the lamp."""
+
+    position_ned_m: Vector3 = (0.0, 0.0, 0.0)
+    """Origin of the stand."""
+    ned_from_frd: Quaternion = IDENTITY
+    """How the stand is turned; how the camera sits on it says its model."""
+    lever_frd_m: Vector3 = (0.0, 0.0, 0.0)
+    """The lamp on the body of the vehicle."""
+    threshold_grey: int = 200
+    """The lamp is at least so bright in the picture."""
+    most_area_px: int = 1500
+    """And no larger than this."""
+    spot_std_px: float = 0.3
+    """How well its centre is found."""
+    pointing_std_rad: float = 0.0005
+    """How well it is known where the camera looks."""
+    range_m: float = 10.0
+    """How far the vehicle usually is; it matters only where the height does not tell."""
+    range_std_m: float = 10.0
+    is_range_told: bool = True
+    """Whether the lamp is placed along the line of sight, by its height; else only the direction is told."""
+    most_m_s2: float = 6.0
+    """How fast the vehicle's motion may change."""
+
+
+class OpticalFollower:
+    """Finds the lamp again in every picture and says where it is, with what is uncertain along the line of sight.
+
+    One camera tells a direction. The lamp's height, if it is given, cuts it; what is left of the uncertainty along the
+    ray is in the covariance. Two lights that may both be the lamp give no position.
+
+    Args:
+        camera: The external camera.
+        settings: Where it stands, and what is known of the lamp.
+    """
+
+    def __init__(self, camera: CameraModel, settings: FollowerSettings | None = None) -> None:
+        self.camera: Final = camera
+        self.settings: Final = settings or FollowerSettings()
+        self._finder = SpotFinder(self.settings.threshold_grey, self.settings.most_area_px)
+        self._track = SpotTrack()
+        stand = matrix(self.settings.ned_from_frd)
+        self._ned_from_rdf = stand @ matrix(camera.frd_from_rdf)
+        self._eye = np.array(self.settings.position_ned_m) + stand @ np.array(camera.position_frd_m)
+        self._range_m = self.settings.range_m
+        self._last_s = -math.inf
+        self._last_picture: Picture | None = None
+        self._turned_back = 0
+
+    def update(self, picture: Picture, t_s: float, down_m: float = math.nan, down_std_m: float = 0.1) -> PositionFix:
+        """Takes a picture.
+
+        Args:
+            picture: Grey values, (rows, columns), 8 bit.
+            t_s: Its time of exposure.
+            down_m: How far the lamp is below the origin of the platform's frame; not-a-number where it is not known.
+            down_std_m: How well that is known.
+
+        Returns:
+            The place of the lamp; invalid, with a reason, where it is not seen or could be either of two lights.
+        """
+        reason = self._trouble(picture, t_s)
+        if reason:
+            return self._nowhere(reason)
+        self._last_s = t_s
+        self._last_picture = picture.copy() if picture.flags.writeable else picture
+        spots = self._finder.find(picture)
+        most_px_s2 = self.settings.most_m_s2 * max(self.camera.focal_px) / max(self._range_m, 0.5)
+        silent_s = self._track.silent_s(t_s)
+        spot, reason = self._track.take(spots, t_s, most_px_s2)
+        if spot is None:
+            is_long = math.isfinite(silent_s) and silent_s > 0.5
+            return self._nowhere(f"{reason} (lost for {silent_s:.1f} s)" if is_long else reason)
+        return self._place(spot, down_m, down_std_m)
+
+    def without_picture(self, reason: str) -> PositionFix:
+        """What is told when there is no picture that can be used."""
+        return self._nowhere(reason)
+
+    def _trouble(self, picture: Picture, t_s: float) -> str:
+        """Why a picture cannot be used at all; empty where it can."""
+        if picture.ndim != 2 or picture.dtype != np.uint8:
+            return "not a picture of grey bytes"
+        reason = misfit(self.camera, picture.shape[1], picture.shape[0])
+        if reason:
+            return reason
+        if not math.isfinite(t_s):
+            return "the picture has no time"
+        if t_s <= self._last_s:
+            self._turned_back += 1
+            if self._turned_back < _TURNED_BACK_AFTER:
+                return "the picture is not newer than the last"
+            self._last_s = -math.inf
+            self._track = SpotTrack()
+        self._turned_back = 0
+        if self._last_picture is not None and np.array_equal(picture, self._last_picture):
+            return "the picture is the last one again"
+        return ""
+
+    def _place(self, spot: Spot, down_m: float, down_std_m: float) -> PositionFix:
+        flat = unproject(self.camera, np.array([[spot.column, spot.row]]))[0]
+        if not np.isfinite(flat).all():
+            return self._nowhere("the lens cannot show a light there")
+        ray = self._ned_from_rdf @ np.array([flat[0], flat[1], 1.0])
+        ray = ray / np.linalg.norm(ray)
+        range_m, range_std_m = self._range(float(ray[2]), down_m, down_std_m)
+        if not range_m > 0.0:
+            return self._nowhere("the height places the light behind the camera")
+        self._range_m = range_m
+        spot_std_px = self.settings.spot_std_px + _OF_LENGTH * max(0, spot.longer_px - 1)
+        across_m = range_m * math.hypot(spot_std_px / min(self.camera.focal_px), self.settings.pointing_std_rad)
+        along_m2 = range_std_m**2 if self.settings.is_range_told else UNKNOWN_VARIANCE
+        covariance = across_m**2 * np.eye(3) + (along_m2 - across_m**2) * np.outer(ray, ray)
+        if along_m2 < across_m**2:
+            covariance = across_m**2 * np.eye(3)
+        place = self._eye + range_m * ray
+        return PositionFix(
+            source="tracker",
+            position_ned_m=(float(place[0]), float(place[1]), float(place[2])),
+            covariance=covariance.reshape(-1).tolist(),
+            lever_frd_m=self.settings.lever_frd_m,
+            quality=min(1.0, spot.weight / _FULL_WEIGHT),
+        )
+
+    def _range(self, slope: float, down_m: float, down_std_m: float) -> tuple[float, float]:
+        """How far along the ray, and how well that is known: by the height, where the ray is steep enough to tell."""
+        usual = self.settings.range_std_m**-2
+        if not (math.isfinite(down_m) and math.isfinite(down_std_m)) or down_std_m <= 0.0:
+            return self.settings.range_m, self.settings.range_std_m
+        told = (slope / down_std_m) ** 2
+        mean_m = (usual * self.settings.range_m + slope * (down_m - float(self._eye[2])) / down_std_m**2) / (
+            usual + told
+        )
+        return mean_m, 1.0 / math.sqrt(usual + told)
+
+    def _nowhere(self, reason: str) -> PositionFix:
+        return PositionFix(
+            source="tracker",
+            position_ned_m=(0.0, 0.0, 0.0),
+            covariance=(np.eye(3) * UNKNOWN_VARIANCE).reshape(-1).tolist(),
+            lever_frd_m=self.settings.lever_frd_m,
+            is_valid=False,
+            reason=reason,
+            quality=0.0,
+        )

@@ -1,0 +1,130 @@
+"""Points of one camera followed from picture to picture, with numbers that stay theirs."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3_onboard.algorithms.vision.corners import GridCorners, Pixels
+from gloc3_onboard.algorithms.vision.lucas_kanade import PatchTracker
+from gloc3_onboard.algorithms.vision.picture import Picture
+
+Ids = NDArray[np.int32]
+
+NO_PIXELS: Final[Pixels] = np.zeros((0, 2), np.float32)
+
+_FEW: Final = 8
+_PATIENCE: Final = 3
+"""Bad pictures in a row after which points are looked for anew."""
+_BACK_MAX_PX: Final = 1.0
+"""Farthest from where it began that a point may be when it is followed there and back."""
+_NEAR_LEVELS: Final = 1
+_NEAR_SHARE: Final = 0.7
+"""With less of the points found where they were headed for they are looked for farther away."""
+
+
+class PointTracker:
+    """Follows points.
+
+    Patches are taken from one picture, the anchor, as long as enough of them are seen, so that errors do not add up from
+    picture to picture.
+
+    Args:
+        corners: finds points.
+        patches: finds them again.
+        levels: halvings of the resolution at which points are looked for that are not where they were headed for.
+        least_share: with less of the points found again a picture is held to be a bad one, at first.
+    """
+
+    def __init__(self, corners: GridCorners, patches: PatchTracker, levels: int, least_share: float = 0.5) -> None:
+        self._least_share = least_share
+        self._corners = corners
+        self._patches = patches
+        self._levels = levels
+        self._next_id = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins anew: what comes next has no points in common with what was."""
+        self.ids: Ids = np.zeros(0, np.int32)
+        """Growing numbers, (n,)."""
+        self.pixels: Pixels = NO_PIXELS
+        """Where the points are, (n, 2)."""
+        self.anchored = 0
+        """Points that the anchor had."""
+        self.contrast: Pixels = NO_PIXELS[:, 0]
+        """Of the patches around the points, (n,)."""
+        self._anchor: Picture | None = None
+        self._anchor_px: Pixels = NO_PIXELS
+        self._speed_px_s: Pixels = NO_PIXELS
+        self._bad = 0
+        self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s)
+
+    @property
+    def has_anchor(self) -> bool:
+        """Whether there is anything to look for."""
+        return self._anchor is not None
+
+    def follow(self, picture: Picture, after_s: float) -> str:
+        """Finds the points in a picture that was taken some time after the last one; says why not.
+
+        After some pictures in a row in which they are not found, there is no anchor any more, and no complaint.
+        """
+        assert self._anchor is not None
+        headed_for = (self.pixels + self._speed_px_s * np.float32(after_s)).astype(np.float32)
+        start, contrast = self._anchor_px, self.contrast
+        found, is_good = self._patches.find(self._anchor, start, contrast, picture, headed_for, _NEAR_LEVELS)
+        if is_good.sum() < _NEAR_SHARE * len(found):
+            found, is_good = self._look_far(picture)
+        count = int(is_good.sum())
+        if count < max(_FEW, self._least_share * len(found)):
+            return self._complain(f"only {count} of {len(found)} points are seen again")
+        self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s)
+        self._speed_px_s = ((found - self.pixels) / np.float32(after_s)).astype(np.float32)
+        self.pixels = found
+        self.keep(is_good)
+        return ""
+
+    def undo(self, reason: str) -> str:
+        """Takes the last `follow` back, because the picture has turned out to be a bad one; says why, as that does."""
+        self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s = self._before
+        return self._complain(reason)
+
+    def accept(self) -> None:
+        """The last picture was a good one."""
+        self._bad = 0
+
+    def _complain(self, reason: str) -> str:
+        self._bad += 1
+        if self._bad < _PATIENCE:
+            return reason
+        self.forget()
+        return ""
+
+    def _look_far(self, picture: Picture) -> tuple[Pixels, NDArray[np.bool_]]:
+        """Finds points that are not where they were headed for: there and back, because much looks alike from afar."""
+        assert self._anchor is not None
+        start, contrast, find = self._anchor_px, self.contrast, self._patches.find
+        found, is_good = find(self._anchor, start, contrast, picture, self.pixels, self._levels)
+        back, is_back = find(picture, found, contrast, self._anchor, start - self.pixels + found, self._levels)
+        return found, is_good & is_back & (np.abs(back - start).max(axis=1, initial=0.0) < _BACK_MAX_PX)
+
+    def keep(self, which: NDArray[np.bool_]) -> None:
+        """Forgets all other points."""
+        self.ids, self.pixels, self._anchor_px = self.ids[which], self.pixels[which], self._anchor_px[which]
+        self.contrast, self._speed_px_s = self.contrast[which], self._speed_px_s[which]
+
+    def candidates(self, picture: Picture) -> Pixels:
+        """Points that could be added, (m, 2)."""
+        return self._corners.find(picture, self.pixels)
+
+    def anchor(self, picture: Picture, added: Pixels) -> None:
+        """Makes this picture the anchor, in which the points are now, and adds others."""
+        ids = np.arange(self._next_id, self._next_id + len(added), dtype=np.int32)
+        self._next_id += len(added)
+        drift = np.median(self._speed_px_s, axis=0) if len(self._speed_px_s) else np.zeros(2, np.float32)
+        self._speed_px_s = np.concatenate([self._speed_px_s, np.tile(drift, (len(added), 1))]).astype(np.float32)
+        self.ids = np.concatenate([self.ids, ids])
+        self.pixels = np.concatenate([self.pixels, added]).astype(np.float32)
+        self.contrast = self._patches.contrast(picture, self.pixels)
+        self._anchor, self._anchor_px, self.anchored = picture, self.pixels, len(self.ids)

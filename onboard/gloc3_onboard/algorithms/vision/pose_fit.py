@@ -1,0 +1,173 @@
+"""The motion of a stereo camera between two views of the same points: robust least squares with the depths eliminated.
+
+Points are rays and inverse depths in the first view. What is measured in the second is ray and disparity; what was
+measured in the first is the inverse depth, with its variance. Both poses and depths are estimated, the depths by the
+Schur complement, so that the covariance of the pose holds what the depths are not known by. Outliers lose their weight by
+Geman and McClure's function (Barron, CVPR 2019, for its place among others).
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.camera.geometry import Array
+
+_ROUNDS: Final = 12
+_STEP_MIN: Final = 1e-2
+"""Of the estimate's own standard deviation, squared: a step that is less is the last one."""
+_GATE: Final = 9.0
+"""Squared residual over its variance, from which on a measurement has little weight."""
+_WIDE: Final = 4.0
+"""The same in medians of all: a bad first guess must not make outliers of all points."""
+_INLIER: Final = 11.3
+"""99 % of the squared residuals of three measurements are below it."""
+_BEHIND: Final = 0.05
+"""Of a point's depth before: nearer than that share is held to be behind the camera."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Points:
+    """Points of a first view, and what a second one measures of them. Rays are rectified, (n, 2)."""
+
+    rays: Array
+    inverse_m: Array
+    """Inverse depths in the first view, (n,)."""
+    inverse_variance: Array
+    """Their variances, 1/m2."""
+    seen: Array
+    """In the second view: ray right, ray down, disparity, (n, 3); the disparity not-a-number where it has none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """Standard deviations of the measurements, in units of rays."""
+
+    ray: float
+    disparity: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseFit:
+    """Where the second view is, in the axes of the first."""
+
+    position_m: Array
+    rotation: Array
+    """First from second, (3, 3)."""
+    covariance: Array
+    """6 by 6: position in the first view's axes, then rotation vector in the second's."""
+    is_inlier: NDArray[np.bool_]
+    squares: Array
+    """Squared residuals over their variance, (n,)."""
+    inverse_m: Array
+    """Inverse depths in the first view, by both views."""
+    inverse_variance: Array
+    has_converged: bool
+
+
+def fit_pose(points: Points, baseline_m: float, noise: Noise, position_m: Array, rotation: Array) -> PoseFit | None:
+    """Fits a pose to points, from a first guess; None where the normal equations have no solution."""
+    prior, variance = points.inverse_m, points.inverse_variance
+    ray3 = np.column_stack([points.rays, np.ones(len(points.rays))])
+    given = points.seen.T
+    known = np.array([noise.ray**-2, noise.ray**-2, noise.disparity**-2])
+    weights = np.where(np.isfinite(given), known[:, None], 0.0)
+    given = np.nan_to_num(given)
+    inverse, p, r = prior.copy(), position_m.copy(), rotation.copy()
+    has_converged = False
+    for _ in range(_ROUNDS):
+        residual, j_pose, j_depth, is_ahead = _linearize(ray3, inverse, baseline_m, p, r, given)
+        drift = inverse - prior
+        squares = np.where(is_ahead, (weights * residual * residual).sum(axis=0) + drift * drift / variance, 1e6)
+        gate = max(_GATE, _WIDE * float(np.median(squares)))
+        robust = (gate / (gate + squares)) ** 2
+        w = weights * robust
+        wj_depth = w * j_depth
+        own = (wj_depth * j_depth).sum(axis=0) + robust / variance + 1e-12
+        cross = (wj_depth[:, :, None] * j_pose).sum(axis=0)
+        pull = (wj_depth * residual).sum(axis=0) + robust * drift / variance
+        wj_pose = (w[:, :, None] * j_pose).reshape(-1, 6)
+        share = cross / own[:, None]
+        information = j_pose.reshape(-1, 6).T @ wj_pose - share.T @ cross
+        gradient = wj_pose.T @ residual.reshape(-1) - share.T @ pull
+        inverted = _inverse(information)
+        if inverted is None:
+            return None
+        covariance = inverted
+        step = -(covariance @ gradient)
+        inverse = np.maximum(inverse - (pull + cross @ step) / own, 1e-4)
+        p = p + step[:3]
+        r = _straight(r @ rotation_of(step[3:]))
+        if -float(gradient @ step) < _STEP_MIN:
+            has_converged = True
+            break
+    return PoseFit(
+        position_m=p,
+        rotation=r,
+        covariance=covariance,
+        is_inlier=squares < _INLIER,
+        squares=squares,
+        inverse_m=inverse,
+        inverse_variance=1.0 / own + ((share @ covariance) * share).sum(axis=1),
+        has_converged=has_converged,
+    )
+
+
+def _linearize(
+    ray3: Array, inverse: Array, baseline_m: float, p: Array, r: Array, given: Array
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """What is measured, less what is expected (3, n), its slopes, and which points lie ahead.
+
+    The slopes are those by the pose (3, n, 6) and by the inverse depth (3, n). Measured are ray right, ray down and
+    disparity of the point in the second view; with q the point times its inverse depth, they are qx/qz, qy/qz, b/qz.
+    """
+    seen = (ray3 - inverse[:, None] * p) @ r
+    is_ahead = seen[:, 2] > _BEHIND
+    scale = 1.0 / np.where(is_ahead, seen[:, 2], 1.0)
+    x, y = seen[:, 0] * scale, seen[:, 1] * scale
+    disparity = (baseline_m * inverse) * scale
+    measured = np.stack([x, y, disparity])
+    j_pose = np.empty((3, len(ray3), 6))
+    shift = (inverse * scale)[:, None]
+    axis_x, axis_y, axis_z = -r.T
+    along = measured[:, :, None] * axis_z
+    j_pose[0, :, :3] = shift * (axis_x - along[0])
+    j_pose[1, :, :3] = shift * (axis_y - along[1])
+    j_pose[2, :, :3] = shift * -along[2]
+    # A turn of the second view moves the point in it by the cross product of both.
+    j_pose[0, :, 3], j_pose[0, :, 4], j_pose[0, :, 5] = x * y, -1.0 - x * x, y
+    j_pose[1, :, 3], j_pose[1, :, 4], j_pose[1, :, 5] = 1.0 + y * y, -x * y, -x
+    j_pose[2, :, 3], j_pose[2, :, 4], j_pose[2, :, 5] = disparity * y, -disparity * x, 0.0
+    by_x, by_y, by_z = (-(p @ r)).tolist()
+    j_depth: Array = np.stack([by_x - x * by_z, by_y - y * by_z, baseline_m - disparity * by_z]) * scale
+    return measured - given, j_pose, j_depth, is_ahead
+
+
+def rotation_of(vector_rad: Array) -> Array:
+    """The matrix of a rotation vector (Rodrigues' formula)."""
+    angle = float(np.sqrt(vector_rad @ vector_rad))
+    x, y, z = vector_rad.tolist()
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < 1e-8:
+        return np.asarray(np.eye(3) + cross)
+    turned: Array = np.eye(3) + np.sin(angle) / angle * cross + (1.0 - np.cos(angle)) / angle**2 * (cross @ cross)
+    return turned
+
+
+def _straight(rotation: Array) -> Array:
+    """The matrix with its rounding errors, which would grow from product to product, taken out (a step of Newton's)."""
+    straight: Array = 1.5 * rotation - 0.5 * rotation @ (rotation.T @ rotation)
+    return straight
+
+
+def _inverse(information: Array) -> Array | None:
+    """The inverse of a symmetric matrix; None if it is not positive definite."""
+    if not np.isfinite(information).all():
+        return None
+    try:
+        back = np.linalg.inv(np.linalg.cholesky(information))
+    except np.linalg.LinAlgError:
+        return None
+    inverse: Array = back.T @ back
+    return inverse

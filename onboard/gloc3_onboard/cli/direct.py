@@ -1,0 +1,37 @@
+"""What commands need that speak to an autopilot by themselves, while `gloc3 onboard` is not running."""
+
+from pathlib import Path
+
+from gloc3.clock import Clock
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.mavlink.signing_key import read_signing_key
+from gloc3.mavlink.transport.endpoints import parse_url
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.companion.station_link import ONBOARD_CONTROLLER
+
+
+def signing_of(url: str, clock: Clock) -> Signing | None:
+    """What signs a link whose URL names a key (`?key=FILE`); None for one that does not.
+
+    Raises:
+        Refused: the URL is wrong.
+        InputError: there is no key in the file, or others than its owner may read it.
+    """
+    file = parse_url(url).key
+    if not file:
+        return None
+    return Signing(read_signing_key(Path(file).expanduser()), link_id=0, now=timestamp(clock.utc_s()))
+
+
+def heartbeat_of(own: Address) -> Heartbeat:
+    """Our heartbeat: an autopilot that waits to be spoken to says nothing before it."""
+    return Heartbeat(own, vehicle_type=ONBOARD_CONTROLLER)
+
+
+def beat(heart: Heartbeat, link: AutopilotLink, now_s: float) -> None:
+    """Sends a heartbeat when it is time."""
+    heart.tick(now_s)
+    for message in heart.outgoing():
+        link.send_message(message)

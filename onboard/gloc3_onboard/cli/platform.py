@@ -1,0 +1,267 @@
+"""The command `gloc3 platform`: make, check and show platform files."""
+
+import asyncio
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Literal, TypeVar
+
+import msgspec
+from cyclopts import App
+
+from gloc3.cli.counting import counted
+from gloc3.cli.narration import narrate
+from gloc3.errors import Refused
+from gloc3.messages.vehicle import Style, VehicleClass
+from gloc3_onboard.cli.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID, Flag
+
+T = TypeVar("T")
+NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")
+
+app = App(
+    name="gloc3 platform",
+    help="""Make, check and show platform files: what a vehicle is, can do, is limited to, and is made of.
+
+    For example:
+
+    - `gloc3 platform new --autopilot serial:///dev/ttyACM0:57600`: asks, and writes a file from what the autopilot tells
+    - `gloc3 platform check my.yaml`: everything that `gloc3 onboard` would refuse, with file, line and column
+    - `gloc3 platform show my.yaml`
+
+    Exit codes: 0 done, or fit to be used; 1 something is wrong in the file; 2 wrong use.""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+
+@app.command
+def check(platform: str, /, *, json: Flag = False) -> int:
+    """Check a platform file: everything that `gloc3 onboard` would refuse, at once.
+
+    Args:
+        platform: A platform file, or the name of one that is installed, such as pelican.
+        json: Print the report as JSON.
+    """
+    from gloc3_onboard.cli.platform_report import report_on
+
+    report = report_on(platform)
+    if json:
+        print(msgspec.json.format(msgspec.json.encode(report.as_dict()), indent=2).decode())  # noqa: T201
+        return 0 if report.is_ok else 1
+    for finding in report.findings:
+        print(finding)  # noqa: T201
+    errors = sum(not finding.is_warning for finding in report.findings)
+    warnings = len(report.findings) - errors
+    noted = f" ({counted(warnings, 'warning')})" if warnings else ""
+    verdict = f"can be used{noted}" if report.is_ok else f"cannot be used: {counted(errors, 'error')}"
+    print(f"{report.file} {verdict}")  # noqa: T201
+    return 0 if report.is_ok else 1
+
+
+@app.command
+def show(platform: str, /) -> int:
+    """Show a platform: its limits, failsafes, frames, capabilities, devices, hosts and components.
+
+    Args:
+        platform: A platform file, or the name of one that is installed, such as pelican.
+    """
+    from gloc3_onboard.cli.platform_report import described, report_on
+
+    report = report_on(platform)
+    if report.platform is None:
+        for finding in report.findings:
+            narrate(str(finding))
+        return 1
+    print("\n".join(described(report.platform)))  # noqa: T201
+    return 0
+
+
+@app.command
+def schema(*, out: Path | None = None) -> int:
+    """Print the JSON Schema of platform files, by which editors complete, explain and check them.
+
+    It knows the installed components with their ports and settings, and the installed kinds of arguments.
+
+    Args:
+        out: The file to write it to, instead of printing it.
+    """
+    from gloc3.documents.json_schema import as_text
+    from gloc3.platform.schema import platform_schema
+
+    text = as_text(platform_schema())
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        try:
+            out.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise Refused(f"{out} cannot be written: {error.strerror or error}") from error
+    return 0
+
+
+@app.command
+def new(
+    *,
+    autopilot: str = DEFAULT_AUTOPILOT,
+    name: str | None = None,
+    type: str | None = None,  # noqa: A002 # as the option is called
+    mass_kg: float | None = None,
+    speed_m_s: float | None = None,
+    height_max_m: float | None = None,
+    battery_wh: float | None = None,
+    arm: bool | None = None,
+    on_stop: Literal["hold", "land"] | None = None,
+    camera: str | None = None,
+    file: Path | None = None,
+    wait: float = 20.0,
+    system_id: int = 1,
+    yes: Flag = False,
+) -> int:
+    """Make a platform file from a connected autopilot: it asks what the autopilot cannot tell, writes and explains it.
+
+    What an option answers is not asked. Run it while `gloc3 onboard` is not running; nothing is changed on the autopilot.
+
+    Args:
+        autopilot: Where the autopilot is, as for gloc3 onboard.
+        name: Of the platform: small letters, digits and _.
+        type: What it is, such as quadrotor or hexarotor.
+        mass_kg: Its mass, in kilograms.
+        speed_m_s: Greatest horizontal speed, in metres a second.
+        height_max_m: Greatest height above home, in metres.
+        battery_wh: Energy of the full battery, in watt hours.
+        arm: Whether a mission may arm the vehicle.
+        on_stop: In flight, when the onboard process is told to end.
+        camera: Where the pictures of a camera come from that looks down, such as v4l2:///dev/video0; an empty text for none.
+        file: Where to write; default: NAME.yaml here. A file that is there is left alone.
+        wait: How long to listen to the autopilot, in seconds; it ends as soon as everything is known.
+        system_id: The vehicle's MAVLink system.
+        yes: Ask nothing: what no option answers is supposed, and told.
+    """
+    if not 0.0 < wait < float("inf"):
+        raise Refused("--wait must be above 0 seconds")
+    if not 1 <= system_id <= MOST_SYSTEM_ID:
+        raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
+    from gloc3_onboard.cli.platform_new import KINDS, Answers, look, platform_text
+    from gloc3_onboard.cli.platform_report import report_on
+
+    narrate(f"listening at {autopilot}")
+    found = asyncio.run(look(autopilot, wait, system_id))
+    narrate(f"found {found.title}")
+    kind = KINDS.get(found.setup.vehicle) if found.setup.vehicle is not None else None
+    if kind is None or (found.setup.vehicle is VehicleClass.PLANE and found.setup.style is not Style.ARDUPILOT):
+        raise Refused(f"there are no components to begin with for {found.title}; see docs/autopilots.md")
+    ask = _Asking(may_ask=not yes)
+    answers = Answers(
+        name=ask("--name", "Name of the platform", name, f"my_{kind.template}", _name),
+        type=ask("--type", f"What is it ({', '.join(kind.types)})", type, kind.types[0], _one_of(kind.types)),
+        mass_kg=ask("--mass-kg", "Mass in kg", mass_kg, kind.mass_kg, _positive),
+        speed_m_s=ask("--speed-m-s", "Greatest speed in m/s", speed_m_s, kind.speed_m_s, _positive),
+        height_max_m=ask("--height-max-m", "Greatest height above home in m", height_max_m, kind.heights_m[1], _number),
+        battery_wh=ask("--battery-wh", "Energy of the full battery in Wh", battery_wh, kind.battery_wh, _positive),
+        arm=ask("--arm", "May a mission arm it (yes, no)", arm, False, _yes_or_no),
+        on_stop=ask("--on-stop", "Told to end in flight (hold, land)", on_stop, "hold", _one_of(("hold", "land"))),
+        camera=ask(
+            "--camera",
+            "Source of a camera that looks down (such as v4l2:///dev/video0, or nothing)",
+            camera,
+            "",
+            _camera,
+        ),
+    )
+    path = file or Path(f"{answers.name}.yaml")
+    try:
+        with path.open("x") as stream:
+            stream.write(platform_text(found, answers))
+    except FileExistsError:
+        raise Refused(f"{path} is there already; --file names another, or move it away") from None
+    report = report_on(str(path))
+    for finding in report.findings:
+        narrate(str(finding))
+    narrate(
+        f"wrote {path}. Read it: limits and power are suppositions; the failsafes are what the autopilot's parameters say.\n"
+        f"Then:  gloc3 platform check {path}   what would be refused\n"
+        f"       gloc3 doctor {path} --autopilot {autopilot}   the checks before a start\n"
+        f"       gloc3 onboard {path} --autopilot {autopilot}   fly it; install in place of it makes a service"
+    )
+    return 0 if report.is_ok else 1
+
+
+class _Asking:
+    """Asks a person, where there is one, for what no option has answered."""
+
+    def __init__(self, *, may_ask: bool) -> None:
+        self._may_ask = may_ask
+        if may_ask and not sys.stdin.isatty():
+            raise Refused("nobody can be asked here; answer by options, and let --yes suppose the rest")
+
+    def __call__(self, option: str, question: str, given: T | None, default: T, read: Callable[[str], T]) -> T:
+        """The answer; raises `Refused` where an option's is none."""
+        if given is not None:
+            try:
+                return read(str(given))
+            except ValueError as error:
+                raise Refused(f"{option}: {error}") from None
+        shown = (
+            {True: "yes", False: "no", "": "nothing"}.get(default, str(default))
+            if isinstance(default, bool | str)
+            else f"{default:g}"
+        )
+        if not self._may_ask:
+            narrate(f"supposed: {option} {shown}")
+            return default
+        while True:
+            text = input(f"{question} [{shown}]: ").strip()
+            try:
+                return read(text) if text else default
+            except ValueError as error:
+                narrate(f"  {error}")
+
+
+def _name(text: str) -> str:
+    if not NAME.fullmatch(text):
+        raise ValueError(f"{text!r} is no name: small letters, digits and _, a letter first, at most 32")
+    return text
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no number") from None
+    if not -1e6 < value < 1e6:
+        raise ValueError(f"{text} is too large")
+    return value
+
+
+def _positive(text: str) -> float:
+    if (value := _number(text)) <= 0.0:
+        raise ValueError(f"{text} must be above 0")
+    return value
+
+
+def _yes_or_no(text: str) -> bool:
+    known = {"yes": True, "y": True, "true": True, "no": False, "n": False, "false": False}
+    if text.lower() not in known:
+        raise ValueError(f"{text!r} is neither yes nor no")
+    return known[text.lower()]
+
+
+def _camera(text: str) -> str:
+    from gloc3_onboard.sources.url import parse_source
+
+    if text:
+        try:
+            parse_source("ground_camera", text)
+        except Refused as refusal:
+            raise ValueError(str(refusal)) from None
+    return text
+
+
+def _one_of(known: tuple[str, ...]) -> Callable[[str], str]:
+    def read(text: str) -> str:
+        if text not in known:
+            raise ValueError(f"{text!r} is none of {', '.join(known)}")
+        return text
+
+    return read

@@ -1,0 +1,228 @@
+"""A new platform file: what a connected autopilot tells, what a person answers, and the components of its class."""
+
+import asyncio
+from collections.abc import Iterator
+from importlib.resources import files
+from typing import Final, NamedTuple
+
+from gloc3.clock import Clock
+from gloc3.errors import NotHeard
+from gloc3.mavlink.transport.endpoints import open_endpoint
+from gloc3.messages.readiness import AutopilotSetup
+from gloc3.messages.vehicle import Style, VehicleClass
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.checks.failsafes import action_of
+from gloc3_onboard.checks.parameters import CONTINUE, HOLD, LAND, RETURN, Failsafe
+from gloc3_onboard.checks.tables import table_of
+from gloc3_onboard.cli.direct import beat, heartbeat_of, signing_of
+
+LOOK_EVERY_S: Final = 0.1
+ALLOWED: Final = (HOLD, RETURN, LAND)
+CAMERA: Final = ("ground_camera", "ground_recorder")
+"""What of the installed files there is only with a camera."""
+
+
+def _noted(text: str, note: str) -> str:
+    """A line with a comment behind it."""
+    return f"{text:<32}# {note}"
+
+
+class Kind(NamedTuple):
+    """A class of vehicle: whose components it has, and what is supposed of it."""
+
+    template: str
+    """The installed platform whose capabilities and components these are."""
+    types: tuple[str, ...]
+    """What it may be called, the likeliest first."""
+    mass_kg: float
+    speed_m_s: float
+    climb_m_s: float
+    landing_m_s: float
+    acceleration_m_s2: float
+    heights_m: tuple[float, float]
+    fence_margin_m: float
+    power: str
+    battery_wh: float
+    more: tuple[str, ...] = ()
+    """Further limits, with what they are."""
+
+
+KINDS: Final = {
+    VehicleClass.COPTER: Kind(
+        "copter", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
+        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0,
+    ),
+    VehicleClass.ROVER: Kind(
+        "rover", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,
+        "hover_w: 5, per_m_s_w: 20, avionics_w: 12", 74.0,
+    ),
+    VehicleClass.BOAT: Kind(
+        "rover", ("boat",), 10.0, 2.0, 1.0, 0.5, 0.5, (-0.5, 0.5), 3.0,
+        "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0,
+    ),
+    VehicleClass.SUB: Kind(
+        "submarine", ("auv", "rov"), 11.0, 1.0, 0.5, 0.3, 0.5, (-40.0, 0.5), 1.0,
+        "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0,
+    ),
+    VehicleClass.PLANE: Kind(
+        "plane", ("aircraft",), 3.0, 25.0, 3.0, 0.8, 2.0, (20.0, 100.0), 30.0,
+        "hover_w: 200, per_m_s_w: 4, climb_w_per_m_s: 60, avionics_w: 12", 150.0,
+        (
+            _noted("  survey_height_m: 50", "of take-offs and patterns that say none"),
+            _noted("  survey_speed_m_s: 18", "of ways that say none; AIRSPEED_CRUISE"),
+            _noted("  survey_acceptance_m: 30", "so near it comes to waypoints"),
+            _noted("  speed_min_m_s: 13", "AIRSPEED_MIN"),
+            _noted("  turn_radius_m: 80", "WP_LOITER_RAD"),
+        ),
+    ),
+}  # fmt: skip
+"""By class; a plane is ArduPilot's, whose plans its components know."""
+
+
+class Found(NamedTuple):
+    """What the autopilot has told."""
+
+    setup: AutopilotSetup
+    origin_geo: tuple[float, float, float] | None
+    """Where it is; None where it knows no position."""
+
+    @property
+    def title(self) -> str:
+        """What it is, in words."""
+        setup = self.setup
+        version = ".".join(map(str, setup.firmware)) if setup.firmware else "of an unknown version"
+        style = "PX4" if setup.style is Style.PX4 else "ArduPilot"
+        return f"{style} {version}, {setup.vehicle or 'vehicle of an unknown class'}"
+
+
+class Answers(NamedTuple):
+    """What a person knows."""
+
+    name: str
+    type: str
+    mass_kg: float
+    speed_m_s: float
+    height_max_m: float
+    battery_wh: float
+    arm: bool
+    on_stop: str
+    camera: str
+    """A source's URL; empty for none."""
+
+
+async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
+    """Listens to the autopilot until it has told everything, or the time is up.
+
+    Raises:
+        Refused: the link cannot be opened.
+        NotHeard: no autopilot is heard.
+    """
+    loop = asyncio.get_running_loop()
+    clock = Clock(loop)
+    link = AutopilotLink(loop, clock, system_id, signing=signing_of(autopilot, clock))
+    endpoint = await open_endpoint(autopilot, loop, link.receive)
+    link.open(endpoint)
+    try:
+        end_s, heart = loop.time() + wait_s, heartbeat_of(link.own)
+        while loop.time() < end_s:
+            beat(heart, link, loop.time())
+            await asyncio.sleep(LOOK_EVERY_S)
+            setup, stamped = link.setup(), link.pose()
+            if setup.is_complete and setup.firmware and stamped is not None and stamped.pose.origin_geo is not None:
+                break
+        setup, stamped = link.setup(), link.pose()
+    finally:
+        link.close()
+        await endpoint.close()
+    if setup.style is None or setup.vehicle is None:
+        raise NotHeard(
+            f"no autopilot is heard at {autopilot} within {wait_s:g} s{f'; {endpoint.problem}' if endpoint.problem else ''}"
+        )
+    return Found(setup, stamped.pose.origin_geo if stamped is not None else None)
+
+
+def platform_text(found: Found, answers: Answers) -> str:
+    """The platform file."""
+    setup = found.setup
+    assert setup.vehicle is not None
+    kind = KINDS[setup.vehicle]
+    lines = [
+        f"# {answers.name}: made from its autopilot, {found.title}. Check it with: gloc3 platform check",
+        f"platform: {answers.name}",
+        f"vehicle: {{type: {answers.type}, mass_kg: {answers.mass_kg:g}}}",
+        _noted(f"arm: {str(answers.arm).lower()}", "whether a mission may arm the vehicle"),
+        _noted(f"on_stop: {answers.on_stop}", "in flight, when the onboard process is told to end: hold or land"),
+        *_frame(found.origin_geo),
+        _noted("limits:", "missions are checked against them, and the vehicle is held to them"),
+        f"  speed_m_s: {answers.speed_m_s:g}",
+        f"  climb_m_s: {min(kind.climb_m_s, answers.speed_m_s):g}",
+        _noted(f"  landing_m_s: {kind.landing_m_s:g}", "in the last part of a landing"),
+        f"  acceleration_m_s2: {kind.acceleration_m_s2:g}",
+        _noted(f"  height_min_m: {kind.heights_m[0]:g}", "of waypoints, above home"),
+        f"  height_max_m: {answers.height_max_m:g}",
+        _noted(f"  fence_margin_m: {kind.fence_margin_m:g}", "that waypoints and legs keep from a mission's fence"),
+        *kind.more,
+        "# The energy of a mission is estimated with this: correct it after some flights.",
+        f"power: {{{kind.power}, battery_wh: {answers.battery_wh:g}, reserve: 0.2}}",
+        *_failsafes(setup),
+        "",
+    ]
+    if answers.camera:
+        lines += [
+            _noted("devices:", "where the data of sensors comes from"),
+            f"  ground_camera: {answers.camera!r}",
+            "",
+        ]
+    notes = ["# What its missions can ask for, which component does it, what that takes for itself, and what it needs."]
+    return "\n".join([*lines, *notes, _components(kind.template, answers)])
+
+
+def _frame(origin_geo: tuple[float, float, float] | None) -> list[str]:
+    if origin_geo is None:
+        return [
+            "# The autopilot knew no position: without frames missions are flown in geographic coordinates only. Such as:",
+            "# frames: {site: {origin: {geo: [39.5528, 2.6285, 2.0]}, x_axis_bearing_deg: 0}}",
+        ]
+    latitude, longitude, altitude = origin_geo
+    geo = f"{latitude:.7f}, {longitude:.7f}, {altitude:.1f}"
+    return [
+        _noted("frames:", "in which missions are written: x, y to the left of it, height"),
+        f"  site: {{origin: {{geo: [{geo}]}}, x_axis_bearing_deg: 0}}   # where it stood when this was made",
+    ]
+
+
+def _failsafes(setup: AutopilotSetup) -> Iterator[str]:
+    """What the autopilot is set to do by itself, as it has told; what no platform file allows is a comment."""
+    table, ask = table_of(setup.style or Style.PX4, setup.vehicle), setup.parameters.get
+    rows, notes = [], []
+    for name, failsafe in (
+        ("link_loss", table.link_loss),
+        ("low_battery", table.low_battery),
+        ("pose_lost", table.pose_lost),
+    ):
+        action, source = action_of(setup, failsafe), _source(setup, failsafe)
+        if action in ALLOWED:
+            limit = failsafe.limit(ask)
+            when = (
+                {"link_loss": f", after_s: {limit:g}", "low_battery": f", at: {limit:g}"}.get(name, "") if limit else ""
+            )
+            rows.append(f"  {name}: {{action: {action}{when}}}{source}")
+        elif action is None:
+            notes.append(f"# {name}: {failsafe.parameter} could not be read")
+        elif action != CONTINUE:
+            notes.append(f"# {name}: it would {action}, which no mission can be checked against{source}")
+    yield _noted(f"failsafes:{'' if rows else ' {}'}", "as its parameters say; the checks before a start compare")
+    yield from [*rows, *notes]
+
+
+def _source(setup: AutopilotSetup, failsafe: Failsafe) -> str:
+    value = setup.parameters.get(failsafe.parameter)
+    return "" if value is None else f"   # {failsafe.parameter} {value:g}"
+
+
+def _components(template: str, answers: Answers) -> str:
+    """Capabilities and components of an installed platform."""
+    text = (files("gloc3_onboard.platforms") / f"{template}.yaml").read_text()
+    text = text[text.index("\ncapabilities:") + 1 :]
+    lines = [line for line in text.splitlines() if answers.camera or not any(name in line for name in CAMERA)]
+    return "\n".join(lines).replace("settings: {arm: true}", f"settings: {{arm: {str(answers.arm).lower()}}}") + "\n"

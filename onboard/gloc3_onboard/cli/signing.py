@@ -1,0 +1,210 @@
+"""The command `gloc3 signing`: makes the keys of signed MAVLink links, and gives them to an autopilot."""
+
+import asyncio
+import ipaddress
+import os
+import secrets
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Annotated, Final
+
+from cyclopts import App, Parameter
+
+from gloc3.cli.narration import narrate
+from gloc3.clock import Clock
+from gloc3.errors import NotHeard, Refused
+from gloc3.mavlink.signing import KEY_BYTES, timestamp
+from gloc3.mavlink.signing_key import read_signing_key
+from gloc3.mavlink.transport.endpoints import SERIAL_SCHEMES, open_endpoint, parse_url
+from gloc3_onboard.autopilot.signing_setup import Setup, Signs
+
+HEAR_S: Final = 5.0
+"""So long an autopilot is waited for, which sends a heartbeat each second."""
+COUNT_S: Final = 1.5
+FAILED: Final = 1
+
+app = App(
+    name="gloc3 signing",
+    help="""Make the key of signed MAVLink links, and give it to an autopilot, which then drops what is not signed with it.
+
+    For example, with the autopilot on a cable, and the same file for everybody who is to reach it:
+
+    - `gloc3 signing new radio.key`
+    - `gloc3 signing set --autopilot serial:///dev/ttyACM0:115200 --key radio.key`
+    - `gloc3 onboard my.yaml --autopilot 'serial:///dev/ttyAMA0:921600?key=radio.key' --signing-key radio.key`
+    - `gloc3 station --signing-key radio.key`
+
+    Exit codes: 0 done; 1 the autopilot does not do it; 2 wrong use; 130 interrupted.""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+Autopilot = Annotated[str, Parameter(help="Where the autopilot is, as for `gloc3 onboard`.")]
+Key = Annotated[Path, Parameter(help="The file with the key, which nobody else may read.")]
+Yes = Annotated[bool, Parameter(negative=(), help="Do it without asking.")]
+OverNetwork = Annotated[
+    bool, Parameter(negative=(), help="Send the key over a network, where whoever listens can read it.")
+]
+
+
+@app.command
+def new(file: Path, /) -> int:
+    """Make a key: 32 random bytes, in a file that nobody else may read.
+
+    Args:
+        file: Where it goes; a file that is there is left alone.
+    """
+    try:
+        number = os.open(file.expanduser(), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise Refused(f"{file} is there already; a key that is in use is not overwritten") from None
+    with os.fdopen(number, "w") as out:
+        out.write(f"{secrets.token_hex(KEY_BYTES)}\n")
+    narrate(f"{file} has a new key; everybody who is to reach the vehicle needs a copy of the file")
+    return 0
+
+
+@app.command
+def show(*, autopilot: Autopilot, key: Key) -> int:
+    """Tell how an autopilot signs what it sends; nothing is changed."""
+    return asyncio.run(_show(autopilot, read_signing_key(key.expanduser())))
+
+
+@app.command(name="set")
+def set_(
+    *,
+    autopilot: Autopilot,
+    key: Key,
+    present_key: Annotated[Path | None, Parameter(help="The file with the key that it has now, if it has one.")] = None,
+    yes: Yes = False,
+    over_network: OverNetwork = False,
+) -> int:
+    """Give an autopilot a key, after showing what that does, and look whether it signs with it."""
+    _refuse_detour(autopilot, over_network)
+    present = None if present_key is None else read_signing_key(present_key.expanduser())
+    return asyncio.run(_set(autopilot, key, read_signing_key(key.expanduser()), present, is_asked=not yes))
+
+
+@app.command
+def remove(*, autopilot: Autopilot, key: Key, yes: Yes = False) -> int:
+    """Have an autopilot forget its key, so that it takes unsigned frames again."""
+    return asyncio.run(_remove(autopilot, read_signing_key(key.expanduser()), is_asked=not yes))
+
+
+def _refuse_detour(url: str, is_allowed: bool) -> None:
+    """A key is sent over a cable, or within this computer."""
+    wanted = parse_url(url)
+    if is_allowed or wanted.scheme in SERIAL_SCHEMES or wanted.host == "localhost":
+        return
+    try:
+        is_here = ipaddress.ip_address(wanted.host).is_loopback
+    except ValueError:
+        is_here = False
+    if not is_here:
+        raise Refused(
+            f"{url} is a network, over which the key would go unencrypted; connect the autopilot by cable, as "
+            "serial:///dev/ttyACM0:115200, or add --over-network if nobody else can listen there"
+        )
+
+
+def _confirmed(question: str) -> None:
+    """Asks a person.
+
+    Raises:
+        Refused: they said no, or there is nobody to ask.
+    """
+    if not sys.stdin.isatty():
+        raise Refused("there is nobody to ask; add --yes to do it without asking")
+    narrate(question)
+    if input("type yes to go on: ").strip().lower() != "yes":
+        raise Refused("nothing was sent")
+
+
+@asynccontextmanager
+async def _heard(url: str, key: bytes, present: bytes | None) -> AsyncIterator[Setup]:
+    """The autopilot behind a link, once it has been heard, and how it signs.
+
+    Raises:
+        NotHeard: it is not heard.
+    """
+    loop = asyncio.get_running_loop()
+    made: list[Setup] = []
+    endpoint = await open_endpoint(url, loop, lambda data: made[0].receive(data) if made else None)
+    try:
+        setup = Setup(endpoint, key, present, timestamp(Clock(loop).utc_s()))
+        made.append(setup)
+        for _ in range(round(HEAR_S / COUNT_S)):
+            await setup.look(COUNT_S)
+            if setup.signs.total() > 1:
+                break
+        if setup.autopilot is None:
+            why = endpoint.problem if not endpoint.is_connected and endpoint.problem else "no heartbeat comes"
+            raise NotHeard(f"{url}: no autopilot is heard: {why}")
+        yield setup
+    finally:
+        await endpoint.close()
+
+
+def _who(setup: Setup) -> str:
+    assert setup.autopilot is not None
+    return f"{setup.family} {setup.autopilot.system}/{setup.autopilot.component}"
+
+
+def _how(setup: Setup) -> str:
+    """How what was heard is signed."""
+    return ", ".join(f"{count} {signs}" for signs, count in setup.signs.most_common()) or "nothing more was heard"
+
+
+async def _show(url: str, key: bytes) -> int:
+    async with _heard(url, key, None) as setup:
+        narrate(f"{_who(setup)}: of its frames {_how(setup)}")
+        return 0 if setup.signs[Signs.OURS] == setup.signs.total() else FAILED
+
+
+async def _set(url: str, file: Path, key: bytes, present: bytes | None, *, is_asked: bool) -> int:
+    async with _heard(url, key, present) as setup:
+        narrate(f"{_who(setup)} at {url}: of its frames {_how(setup)}")
+        if setup.is_armed:
+            raise Refused("it is armed; a key is set on the ground")
+        if setup.signs[Signs.OTHER] and not setup.signs[Signs.PRESENT]:
+            narrate("it has another key, and may take a new one only from who has that; see --present-key")
+        narrate(f"it is sent the key of {file} (SETUP_SIGNING), unencrypted, over {url} alone")
+        narrate(
+            "it then signs all that it sends, and drops what is not signed with this key; ArduPilot: not on its USB port"
+        )
+        if is_asked:
+            _confirmed(f"keep {file}: without it only the autopilot's own means bring you in again")
+        if setup.signs[Signs.PRESENT]:
+            setup.sign_with(Signs.PRESENT)
+        setup.give()
+        setup.sign_with(Signs.OURS)
+        setup.forget()
+        await setup.look(HEAR_S, until=Signs.OURS)
+        setup.forget()
+        await setup.look(COUNT_S)
+        narrate(f"{_who(setup)} now: of its frames {_how(setup)}")
+        if setup.signs[Signs.OURS]:
+            return 0
+        narrate("it has not taken the key: this firmware may have no signing, or has another key already")
+        return FAILED
+
+
+async def _remove(url: str, key: bytes, *, is_asked: bool) -> int:
+    async with _heard(url, key, None) as setup:
+        narrate(f"{_who(setup)} at {url}: of its frames {_how(setup)}")
+        if setup.is_armed:
+            raise Refused("it is armed; a key is removed on the ground")
+        narrate("it is told to forget its key; from then on it takes unsigned frames of everybody")
+        if is_asked:
+            _confirmed("whoever reaches its links can then command it")
+        setup.sign_with(Signs.OURS)
+        setup.take_away()
+        setup.sign_with(None)
+        setup.forget()
+        await setup.look(HEAR_S, until=Signs.NOT)
+        setup.forget()
+        await setup.look(COUNT_S)
+        narrate(f"{_who(setup)} now: of its frames {_how(setup)}")
+        return 0 if setup.signs[Signs.NOT] else FAILED

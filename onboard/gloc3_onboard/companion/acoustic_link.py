@@ -1,0 +1,126 @@
+"""The platform's end of an acoustic modem: a summary now and then while no station is heard otherwise, and orders taken."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, Final
+
+from gloc3.exchange import Publisher
+from gloc3.exchange.acoustic import AcousticCode, Order, Receipt, Verb, summary_of
+from gloc3.exchange.base import Exchange
+from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import CiEvent, Health, MissionSummary, StationHeard, Summary, VehicleSummary
+
+SENDER: Final = "acoustic"
+"""Under which name orders reach the command interface, and stand in the log."""
+PERIOD_S: Final = 60.0
+IN_CONTACT_S: Final = 5.0
+"""While a station is heard otherwise, nothing is told by sound."""
+_VERBS: Final = {Verb.HOLD: EmergencyVerb.HOLD, Verb.SURFACE: EmergencyVerb.LAND}
+_LIFE: Final = 0
+"""Orders are of one life over all starts of this process: an order that is played again later is known to the journal."""
+_KINDS: Final = 16
+"""Orders of one number, one of each kind, count as several requests."""
+
+
+class AcousticLink:
+    """Sends a summary at most every `period_s`, and the receipts of orders; nothing else.
+
+    Args:
+        platform: its name.
+        exchange: the platform's middleware.
+        loop: wakes it.
+        boot: a random number for this start of the process.
+        send: puts a frame on the modem.
+        key: of the link; None for none.
+        period_s: how often a summary is sent.
+    """
+
+    def __init__(
+        self,
+        platform: str,
+        exchange: Exchange,
+        loop: asyncio.AbstractEventLoop,
+        boot: int,
+        send: Callable[[bytes], None],
+        key: bytes | None = None,
+        period_s: float = PERIOD_S,
+    ) -> None:
+        self.code: Final = AcousticCode(platform, key)
+        self._platform, self._loop, self._send, self._period_s = platform, loop, send, period_s
+        self._publisher = Publisher(exchange, platform, "acoustic_link", boot)
+        self._vehicle: VehicleSummary | None = None
+        self._mission: MissionSummary | None = None
+        self._health = Health.IDLE
+        self._worst = 7
+        self._heard_s = float("-inf")
+        self._newest = -1
+        """The sequence of the last order that was taken."""
+        self._outcomes: dict[int, bool] = {}
+        """By the sequence of an order: whether it was accepted."""
+        topics: dict[str, Callable[[Envelope[Any]], None]] = {
+            "ci/vehicle": self._take_vehicle,
+            "ci/mission": self._take_mission,
+            "ci/summary": self._take_summary,
+            "ci/event": self._take_event,
+            "ci/heard": self._take_heard,
+            "ci/reply": self._take_reply,
+        }
+        self._undo = [exchange.subscribe(f"{platform}/{topic}", take) for topic, take in topics.items()]
+        self._timer = loop.call_later(period_s, self._tell)
+
+    def close(self) -> None:
+        """Falls silent."""
+        self._timer.cancel()
+        for undo in self._undo:
+            undo()
+
+    def receive(self, data: bytes) -> None:
+        """Takes a frame from the modem; an order that has come already is answered again, and not carried out.
+
+        One that is older than the last is refused, so that its sender learns of a clock that has been set back.
+        """
+        order = self.code.decode(data)
+        if not isinstance(order, Order):
+            return
+        sequence = order.number * _KINDS + order.verb
+        if sequence in self._outcomes:
+            self._send(self.code.encode(Receipt(order.number, self._outcomes[sequence])))
+        elif order.number >= self._newest // _KINDS and sequence != self._newest:
+            self._newest = sequence
+            body = Emergency(verb=_VERBS[order.verb], author="an operator, by acoustic modem")
+            request = CiRequest(sender=SENDER, boot=_LIFE, sequence=sequence, body=body, way=SENDER)
+            self._publisher.publish(f"{self._platform}/ci/request", request, self._loop.time())
+        elif sequence != self._newest:
+            self._send(self.code.encode(Receipt(order.number, False)))
+
+    def _tell(self) -> None:
+        self._timer = self._loop.call_later(self._period_s, self._tell)
+        now_s = self._loop.time()
+        if self._vehicle is None or now_s - self._heard_s < IN_CONTACT_S:
+            return
+        summary = summary_of(self._vehicle, self._mission, self._health, self._worst)
+        self._send(self.code.encode(summary))
+
+    def _take_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
+        self._vehicle = envelope.payload
+
+    def _take_mission(self, envelope: Envelope[MissionSummary]) -> None:
+        self._mission = envelope.payload
+
+    def _take_summary(self, envelope: Envelope[Summary]) -> None:
+        self._health = envelope.payload.health
+
+    def _take_event(self, envelope: Envelope[CiEvent]) -> None:
+        if self._loop.time() - self._heard_s >= IN_CONTACT_S:
+            self._worst = min(self._worst, int(envelope.payload.severity))
+
+    def _take_heard(self, envelope: Envelope[StationHeard]) -> None:
+        del envelope
+        self._heard_s, self._worst = self._loop.time(), 7
+
+    def _take_reply(self, envelope: Envelope[CiReply]) -> None:
+        reply = envelope.payload
+        if reply.sender == SENDER:
+            accepted = self._outcomes[reply.sequence] = reply.outcome is Outcome.ACCEPTED
+            self._send(self.code.encode(Receipt(reply.sequence // _KINDS, accepted)))

@@ -1,0 +1,102 @@
+"""What the onboard computer tells other people's ground stations by itself: status texts, and how the computer is doing.
+
+Our own stations get both as events and topics. MAVLink, common: STATUSTEXT, ONBOARD_COMPUTER_STATUS.
+"""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from gloc3.exchange.base import Exchange
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Address, MavlinkMessage
+from gloc3.mavlink.services.statustext import StatusTextSender
+from gloc3.messages.envelope import Envelope, Event, Severity
+from gloc3_onboard.process.vitals import UNKNOWN, Vitals
+
+PERIOD_S: Final = 5.0
+MOST_TEXTS: Final = 10
+"""In a period; what is more is counted and told at its end."""
+_CORES, _HISTORY = 8, 10
+
+
+def computer_status(vitals: Vitals, utc_s: float) -> MavlinkMessage:
+    """ONBOARD_COMPUTER_STATUS; what is not known is left at the protocol's word for that."""
+    unknown_32 = 0xFFFFFFFF
+    cpu = UNKNOWN if vitals.cpu_percent is None else vitals.cpu_percent
+    return codec.message(
+        "ONBOARD_COMPUTER_STATUS",
+        time_usec=round(utc_s * 1e6),
+        uptime=round(vitals.uptime_s * 1e3) & unknown_32,
+        cpu_cores=bytes([UNKNOWN] * _CORES),
+        cpu_combined=bytes([cpu] + [UNKNOWN] * (_HISTORY - 1)),
+        gpu_cores=bytes([UNKNOWN] * 4),
+        gpu_combined=bytes([UNKNOWN] * _HISTORY),
+        temperature_board=127,
+        temperature_core=(127,) * 8,
+        fan_speed=(0x7FFF,) * 4,
+        ram_usage=vitals.memory_used_mib or unknown_32,
+        ram_total=vitals.memory_total_mib or unknown_32,
+        storage_type=(0,) + (unknown_32,) * 3,
+        storage_usage=(vitals.disk_used_mib, *(unknown_32,) * 3),
+        storage_total=(vitals.disk_total_mib, *(unknown_32,) * 3),
+        link_type=(unknown_32,) * 6,
+        link_tx_rate=(unknown_32,) * 6,
+        link_rx_rate=(unknown_32,) * 6,
+        link_tx_max=(unknown_32,) * 6,
+        link_rx_max=(unknown_32,) * 6,
+    )
+
+
+class Herald:
+    """Sends texts on every link to stations.
+
+    Args:
+        exchange: brings the components' events.
+        platform: whose.
+        own: as whom it sends.
+        loop: wakes it.
+        send: sends a message to all stations.
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        platform: str,
+        own: Address,
+        loop: asyncio.AbstractEventLoop,
+        send: Callable[[MavlinkMessage], None],
+    ) -> None:
+        self._texts = StatusTextSender(own)
+        self.least_severity = Severity.WARNING
+        """Events that are at least so severe are told."""
+        self._loop, self._send = loop, send
+        self._said = self._unsaid = 0
+        self._unsubscribe = exchange.subscribe(f"{platform}/components/*/event", self._hear)
+        self._timer = loop.call_later(PERIOD_S, self._tick)
+
+    def close(self) -> None:
+        """Says nothing any more."""
+        self._unsubscribe()
+        self._timer.cancel()
+
+    def _hear(self, envelope: Envelope[Event]) -> None:
+        event = envelope.payload
+        if event.severity > self.least_severity:
+            return
+        if self._said >= MOST_TEXTS:
+            self._unsaid += 1
+            return
+        self._said += 1
+        self._say(event.severity, f"{envelope.source.component}: {event.text}")
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self._texts.say(severity, text)
+        for message in self._texts.outgoing():
+            self._send(message)
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(PERIOD_S, self._tick)
+        if self._unsaid:
+            self._say(Severity.WARNING, f"and {self._unsaid} more")
+        self._said = self._unsaid = 0

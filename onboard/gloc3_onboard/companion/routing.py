@@ -1,0 +1,229 @@
+"""The MAVLink router of the onboard process: its links, each with a way in and a way out."""
+
+import asyncio
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final, Literal
+
+from gloc3.mavlink.codec import Frame, Parser
+from gloc3.mavlink.outlet import Outlet
+from gloc3.mavlink.router import Router
+from gloc3.mavlink.services.lanes import DATAGRAM_BYTES, Lanes
+from gloc3.mavlink.signed_only import SignedOnly
+from gloc3.mavlink.transport.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
+from gloc3.mavlink.transport.serial_line import SerialEndpoint
+from gloc3.mavlink.transport.udp import UdpEndpoint
+from gloc3.messages.link_traffic import LinkTraffic
+from gloc3.messages.readiness import LinkCondition
+
+BITS_PER_BYTE: Final = 10.0
+"""On a serial line, with start and stop bits."""
+
+
+SETTLE_S: Final = 0.5
+"""So often it is counted what was passed on without a closer look."""
+Keep = Callable[[str, Literal["in", "out"], bytes], None]
+"""Takes a link's URL, a direction, and a frame."""
+
+
+def keep_nothing(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
+    """For links whose traffic nobody wants."""
+
+
+class RoutedLink:
+    """One link: what it hears goes to a listener and to the other links, what is sent shares its line.
+
+    Args:
+        url: where it leads.
+        router: the other links.
+        loop: the process's loop.
+        listener: gets the frames that are heard and may be used; None where they are only passed on.
+        signed_only: tells which frames may be used and passed on; None where all may.
+        keep: gets each frame that is heard, or is sent as our own, for a log.
+        withheld: tells which frames go to the listener alone; None where none does.
+    """
+
+    is_datagram = True
+    """Whoever sends through it gives whole frames."""
+
+    def __init__(
+        self,
+        url: str,
+        router: Router,
+        loop: asyncio.AbstractEventLoop,
+        listener: Callable[[list[Frame]], object] | None = None,
+        keep: Keep = keep_nothing,
+        signed_only: SignedOnly | None = None,
+        withheld: Callable[[Frame], bool] | None = None,
+    ) -> None:
+        self._withheld = withheld
+        self._loop, self._router, self._listener = loop, router, listener
+        wanted = parse_url(url)
+        self.url: Final = wanted.address
+        self._keep, self._signed_only = keep, signed_only
+        self._parser = Parser()
+        self._own = Parser(is_datagram=True)
+        self._endpoint: Endpoint | None = None
+        self._lanes: Lanes | None = None
+        self._settling: asyncio.TimerHandle | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        line_bit_s = wanted.line_bit_s
+        self._is_paced = line_bit_s is not None or wanted.scheme in SERIAL_SCHEMES
+        self.outlet: Final = Outlet(self._write, None if line_bit_s is None else line_bit_s / BITS_PER_BYTE)
+        self.routed: Final = router.attach(self.url, self._forward)
+        self._last = LinkCondition(self.url, "not open")
+        self._looked: tuple[float, int, int] = (loop.time(), 0, 0)
+
+    def open(self, endpoint: Endpoint) -> None:
+        """Begins; the endpoint's owner passes what it hears to `receive`."""
+        self._endpoint = endpoint
+        self._parser = Parser(is_datagram=endpoint.is_datagram)
+        if isinstance(endpoint, UdpEndpoint) and not self._is_paced:
+            self.routed.post, self.routed.outgoing = endpoint.post, endpoint.outgoing
+            self._router.change()
+        if endpoint.is_datagram and self._signed_only is None and self._withheld is None:
+            self._lanes = Lanes(self._router, self.routed)
+            if isinstance(endpoint, UdpEndpoint):
+                is_plain = self._listener is None and self._keep is keep_nothing
+                told = None if is_plain else self._tell
+                endpoint.go_direct(lambda: Lanes(self._router, self.routed), told, self._router.change)
+            self._settle()
+
+    def close(self) -> None:
+        """Sends nothing any more."""
+        self._settle()
+        for timer in (self._timer, self._settling):
+            if timer is not None:
+                timer.cancel()
+        self._last = self.condition()
+        self._endpoint = self.routed.post = self._lanes = None
+        self.routed.outgoing = lambda: None
+        self._router.change()
+
+    def receive(self, data: bytes) -> None:
+        """Takes in what the endpoint has heard: what may be passed on goes first, all else can wait."""
+        if self._lanes is None:
+            self._examine(data)
+        elif self._lanes.pass_on(data):
+            self._tell(data)
+        else:
+            self._examine(data)
+            self._lanes.learn(data, self._loop.time())
+
+    def _tell(self, data: bytes) -> None:
+        """Tells who wants to know of what was passed on."""
+        frames = self._parser.receive(data)
+        for frame in frames:
+            self._keep(self.url, "in", frame.raw)
+        if self._listener is not None:
+            self._listener(frames)
+
+    def _settle(self) -> None:
+        if self._lanes is not None:
+            self._lanes.settle(self._loop.time())
+            if isinstance(self._endpoint, UdpEndpoint):
+                self._endpoint.tend()
+            self._settling = self._loop.call_later(SETTLE_S, self._settle)
+
+    def _examine(self, data: bytes) -> None:
+        """Takes in what has no lane."""
+        now_s, gate = self._loop.time(), self._signed_only
+        frames = self._parser.receive(data)
+        good = frames if gate is None else [frame for frame in frames if gate.passes(frame, now_s)]
+        if good:
+            withheld = self._withheld
+            passed = good if withheld is None else [frame for frame in good if not withheld(frame)]
+            self._router.route(self.routed, passed, now_s)
+        for frame in frames:
+            self._keep(self.url, "in", frame.raw)
+        if good and self._listener is not None:
+            self._listener(good)
+
+    def send(self, data: bytes) -> None:
+        """Sends a frame of our own."""
+        self._keep(self.url, "out", data)
+        self.routed.put(self._own.receive(data))
+
+    def _forward(self, frames: Sequence[Frame]) -> None:
+        """Frames that came together leave a network together: one datagram costs as much as one frame."""
+        if self._is_paced:
+            now_s = self._loop.time()
+            if self.outlet.rate_byte_s is None:
+                self._ask_rate()
+            for frame in frames:
+                self.outlet.put(frame, now_s)
+            if self._timer is None:
+                self._wait()
+        elif self._endpoint is None:
+            return
+        elif len(frames) == 1:
+            self._endpoint.send(frames[0].raw)
+        else:
+            for piece in _pieces(frames):
+                self._endpoint.send(piece)
+
+    def _ask_rate(self) -> None:
+        """Takes over the rate of a line that has found it by itself; before that nothing is sent there."""
+        endpoint = self._endpoint
+        if isinstance(endpoint, SerialEndpoint) and endpoint.is_connected:
+            self.outlet.rate_byte_s = endpoint.baud / BITS_PER_BYTE
+
+    def condition(self) -> LinkCondition:
+        """How it is, and what has passed; rates are those since this was asked last. May be called from any thread."""
+        endpoint = self._endpoint
+        if endpoint is None:
+            return self._last
+        now_s, counts, outlet = self._loop.time(), self.routed.counts, self.outlet
+        bytes_in, bytes_out = endpoint.bytes_received, endpoint.bytes_sent
+        was_s, was_in, was_out = self._looked
+        period_s = max(1e-3, now_s - was_s)
+        self._looked = now_s, bytes_in, bytes_out
+        dropped = {kind.value: count for kind, count in outlet.dropped.items() if count}
+        if endpoint.dropped:
+            dropped["link"] = endpoint.dropped
+        refused = {} if self._signed_only is None else self._signed_only.refused()
+        if counts.refused:
+            refused["senders without room, or keys"] = counts.refused
+        traffic = LinkTraffic(
+            frames_in=counts.frames_in,
+            frames_out=max(0, counts.frames_out - sum(dropped.values()) - outlet.overtaken - outlet.waiting),
+            bytes_in=bytes_in,
+            bytes_out=bytes_out,
+            bytes_in_s=round((bytes_in - was_in) / period_s, 1),
+            bytes_out_s=round((bytes_out - was_out) / period_s, 1),
+            lost=counts.lost,
+            damaged_bytes=self._parser.bytes_dropped,
+            waiting=outlet.waiting,
+            overtaken=outlet.overtaken,
+            dropped=dropped,
+            returned=counts.returned,
+            unroutable=counts.unroutable,
+            refused=refused,
+            genuine=0 if self._signed_only is None else self._signed_only.genuine,
+        )
+        problem = "" if endpoint.is_connected else endpoint.problem or "nothing is heard there"
+        return LinkCondition(self.url, problem, bytes_in, traffic)
+
+    def _wait(self) -> None:
+        next_s = self.outlet.next_s()
+        if next_s is not None:
+            self._timer = self._loop.call_at(next_s, self._pump)
+
+    def _pump(self) -> None:
+        self._timer = None
+        self.outlet.pump(self._loop.time())
+        self._wait()
+
+    def _write(self, data: bytes) -> None:
+        if self._endpoint is not None:
+            self._endpoint.send(data)
+
+
+def _pieces(frames: Sequence[Frame]) -> Iterator[bytes]:
+    """Frames put together, none larger than what a network carries in one piece."""
+    piece = b""
+    for frame in frames:
+        if piece and len(piece) + len(frame.raw) > DATAGRAM_BYTES:
+            yield piece
+            piece = b""
+        piece += frame.raw
+    yield piece

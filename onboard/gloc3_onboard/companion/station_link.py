@@ -1,0 +1,195 @@
+"""A MAVLink link to stations: our exchanger's topics in TUNNEL frames, and the heartbeat of component 191."""
+
+import asyncio
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+from msgspec.structs import replace
+
+from gloc3.clock import Clock
+from gloc3.component.supervision import HEARTBEAT_STATE
+from gloc3.exchange import Publisher
+from gloc3.exchange.base import Exchange
+from gloc3.exchange.mavlink import MavlinkExchange
+from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
+from gloc3.exchange.tunnel.happenings import Happening, Trouble
+from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
+from gloc3.mavlink import codec
+from gloc3.mavlink.codec import Address, Encoder, Frame, MavlinkMessage, Parser
+from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID, GROUND_STATION
+from gloc3.mavlink.signed_only import SignedOnly
+from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.messages.command_interface import CiRequest, StationRole
+from gloc3.messages.envelope import Envelope, Event, Severity
+from gloc3.messages.summaries import CiEvent, Health, StationHeard, Summary
+from gloc3.messages.teleoperation import VelocityDemand
+from gloc3.messages.topics import TopicTable
+from gloc3_onboard.autopilot.link import COMPANION, ByteLink
+
+HEARD_PERIOD_S: Final = 0.5
+NOBODY_S: Final = 6.0
+"""When no station was heard for so long, nobody is there; longer than until the server takes them for out of contact."""
+ONBOARD_CONTROLLER: Final = 18
+
+
+def heartbeat(health: Health) -> MavlinkMessage:
+    """The heartbeat that tells the platform's health; the custom mode says which of quiet and working, absent and faulty."""
+    return codec.message(
+        "HEARTBEAT",
+        type=ONBOARD_CONTROLLER,
+        autopilot=AUTOPILOT_INVALID,
+        system_status=HEARTBEAT_STATE[health],
+        custom_mode=list(Health).index(health),
+        mavlink_version=3,
+    )
+
+
+class HeartbeatSource:
+    """Sends a heartbeat once a second, from the summaries of the supervised work: without these there is none."""
+
+    def __init__(
+        self, exchange: Exchange, platform: str, sends: Callable[[], list[Callable[[MavlinkMessage], None]]]
+    ) -> None:
+        self._sends = sends
+        self._sent_s = float("-inf")
+        self._health: Health | None = None
+        self._unsubscribe = exchange.subscribe(f"{platform}/ci/summary", self._take)
+
+    def close(self) -> None:
+        """Sends none any more."""
+        self._unsubscribe()
+
+    def _take(self, envelope: Envelope[Summary]) -> None:
+        health = envelope.payload.health
+        if envelope.t_s - self._sent_s < 0.99 and health is self._health:
+            return
+        self._sent_s, self._health = envelope.t_s, health
+        message = heartbeat(health)
+        for send in self._sends():
+            send(message)
+
+
+class StationLink:
+    """One link, with any number of stations on it.
+
+    Args:
+        platform: the platform's name.
+        system_id: of the vehicle.
+        loop: the process's loop.
+        exchange: the platform's middleware.
+        topics: the topics that are known.
+        boot: a random number for this start of the process.
+        budget: what the link carries.
+        signing: signs all that is sent, and judges all that is heard; None on a link without a key.
+        role: of all stations on it.
+        way: what the link is called in the record of commands.
+    """
+
+    def __init__(
+        self,
+        platform: str,
+        system_id: int,
+        loop: asyncio.AbstractEventLoop,
+        exchange: Exchange,
+        topics: TopicTable,
+        boot: int,
+        budget: LinkBudget = RADIO,
+        signing: Signing | None = None,
+        role: StationRole = StationRole.OPERATOR,
+        way: str = "",
+    ) -> None:
+        self._loop = loop
+        self._role, self._way = role, f"{way}, signed" if signing is not None else way
+        self._signing = signing
+        self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
+        """Judges what is heard; None on a link without a key."""
+        self._clock = Clock(loop)
+        self._endpoint: ByteLink | None = None
+        self._parser = Parser()
+        own = Address(system_id, COMPANION)
+        self._encoder = Encoder(*own, signing)
+        tunnel = TunnelEndpoint(Role.PLATFORM, platform, own, boot, topics, budget)
+        self._exchange = MavlinkExchange(tunnel, loop, self.send)
+        self._tunnel_id = codec.shape("TUNNEL").id
+        self._heartbeat_id = codec.shape("HEARTBEAT").id
+        self._part = self._exchange.bridge(exchange, topics, platform, self._marked, self._leaves)
+        self._withdraw = self._exchange.declare_alive(platform)
+        self._publisher = Publisher(exchange, platform, "station_link", boot)
+        self._heard_topic = f"{platform}/ci/heard"
+        self._heard_s: dict[str, float] = {}
+        self._reached: frozenset[str] = frozenset()
+        """The stations to which what is published here gets."""
+        self._event_topic = f"{platform}/components/station_link/event"
+        self._exchange.listen(self._happened)
+
+    def open(self, endpoint: ByteLink) -> None:
+        """Begins to talk over an endpoint, whose owner passes what it hears to `receive`."""
+        self._parser = Parser(is_datagram=endpoint.is_datagram)
+        self._endpoint = endpoint
+
+    def close(self) -> None:
+        """Says nothing any more."""
+        self._part()
+        self._exchange.close()
+        self._endpoint = None
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends one message as the companion."""
+        if self._endpoint is not None:
+            if self._signing is not None:
+                self._signing.advance(timestamp(self._clock.utc_s()))
+            self._endpoint.send(self._encoder.encode(message))
+
+    def receive(self, data: bytes) -> None:
+        """Takes in what the endpoint has heard."""
+        now_s, gate = self._loop.time(), self.signed_only
+        frames = self._parser.receive(data)
+        self.take(frames if gate is None else [frame for frame in frames if gate.passes(frame, now_s)])
+
+    def take(self, frames: Iterable[Frame]) -> None:
+        """Takes in frames that somebody else has found and judged."""
+        for frame in frames:
+            if frame.message_id == self._tunnel_id:
+                message = frame.decode()
+                if message is not None:
+                    self._hear(frame.sender)
+                    self._exchange.receive(message, frame.sender)
+            elif frame.message_id == self._heartbeat_id:
+                message = frame.decode()
+                if message is not None and message.type == GROUND_STATION:
+                    self._hear(frame.sender)
+
+    def _marked(self, envelope: Envelope[Any]) -> Envelope[Any]:
+        """A request says how it came, and what its sender may do, by what is known here."""
+        if not isinstance(envelope.payload, CiRequest | VelocityDemand):
+            return envelope
+        request = replace(envelope.payload, role=self._role, way=self._way)
+        return replace(envelope, payload=request)
+
+    def _leaves(self, envelope: Envelope[Any]) -> bool:
+        """Events of a silence are asked for at the next contact, behind its summary; nothing is queued for nobody."""
+        if not isinstance(envelope.payload, CiEvent):
+            return True
+        return self._loop.time() - max(self._heard_s.values(), default=float("-inf")) < NOBODY_S
+
+    def _happened(self, happening: Happening) -> None:
+        """What a person should know of the link is an event as any other: logged, and told to the stations."""
+        if isinstance(happening, Trouble):
+            self._warn(happening.text)
+
+    def _warn(self, text: str) -> None:
+        event = Event(severity=Severity.WARNING, text=text)
+        self._publisher.publish(self._event_topic, event, self._loop.time())
+
+    def _hear(self, sender: Address) -> None:
+        """A station is known by the name that it gives itself, as long as it is silent by its MAVLink system."""
+        peers = self._exchange.endpoint.peers()
+        now_s, peer = self._loop.time(), next((p for p in peers if p.address == sender), None)
+        station, is_reached = (str(sender.system), False) if peer is None else (peer.name, peer.is_alive)
+        is_news = is_reached and station not in self._reached
+        if is_news or now_s - self._heard_s.get(station, float("-inf")) >= HEARD_PERIOD_S:
+            self._heard_s[station] = now_s
+            self._reached = self._reached | {station} if is_reached else self._reached - {station}
+            heard = StationHeard(station=station, is_reached=is_reached)
+            self._publisher.publish(self._heard_topic, heard, now_s)

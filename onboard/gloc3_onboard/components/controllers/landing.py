@@ -1,0 +1,147 @@
+"""CC: automatic landing (paper §VI), flown by the autopilot in its own mode."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Final
+
+from gloc3.component.action import ActionPerformer
+from gloc3.component.component import Controller
+from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.errors import Refused
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import yaw_of
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
+from gloc3.messages.vehicle import AutopilotState, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose, Setpoint
+from gloc3.mission.model.arguments import LandOrder
+from gloc3.mission.model.states import ActionState
+from gloc3_onboard.algorithms.paths.leader import Leader
+from gloc3_onboard.algorithms.paths.path_follower import PathFollower
+
+ACCEPTANCE_M: Final = 0.25
+"""So near the vehicle comes to a landing place before it goes down."""
+
+
+class LandingSettings(Settings, frozen=True):
+    """Settings of the landing controller."""
+
+    timeout_s: Annotated[float, Bounds(1.0, 3600.0)] = 180.0
+    """The landing fails after this time."""
+    speed_m_s: Annotated[float, Bounds(0.1, 20.0)] = 1.0
+    """Speed of the way to a landing place that is elsewhere."""
+    may_approach: bool = True
+    """Whether the vehicle can be led to a landing place that is elsewhere; not what lands on wings, at home."""
+    settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
+    """Longest wait for the vehicle to come to the landing place."""
+    repeat_s: Annotated[float, Bounds(0.2, 60.0)] = 2.0
+    """The manoeuvre is asked for again after this time while the autopilot does not land."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
+    """A pose older than this is lost."""
+
+
+class LandingController(ActionPerformer, Controller[LandingSettings]):
+    """Flies to the place if one is given, asks for the manoeuvre until it is flown, and watches for the disarming."""
+
+    settings_type = LandingSettings
+    performs: ClassVar = {"land": LandOrder}
+
+    pose = Input(Pose)
+    autopilot = Input(AutopilotState)
+    driver = Input(DriverState)
+    setpoint_wanted = Output(Setpoint, frame="ned")
+    manoeuvre_wanted = Output(Manoeuvre)
+
+    def __init__(self) -> None:
+        self._settings = LandingSettings()
+        self._pose: Pose | None = None
+        self._leader: Leader | None = None
+        self._yaw_rad = 0.0
+        self._since_s = 0.0
+        self._asked_s = -math.inf
+
+    def initialize(self, settings: LandingSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def stop(self) -> None:
+        """Forgets the action."""
+        self.drop_action()
+
+    def begin_action(self, capability: str, arguments: LandOrder, now_s: float) -> None:
+        """Lays the way to the place, if one is given. Landing here works without a pose."""
+        self._leader = None
+        self._since_s, self._asked_s = now_s, -math.inf
+        if arguments.at_ned_m is None:
+            return
+        if not self._settings.may_approach:
+            raise Refused("the autopilot chooses where this vehicle lands: land without a place")
+        pose = self._pose
+        if pose is None:
+            raise Refused("there is no valid pose to fly to a landing place with")
+        north, east, _ = arguments.at_ned_m
+        place = (north, east, pose.position_ned_m[2])
+        follower = PathFollower(pose.position_ned_m, [place], self._settings.speed_m_s, acceleration_m_s2=1.0)
+        self._yaw_rad = yaw_of(pose.ned_from_frd)
+        self._leader = Leader(follower, now_s)
+
+    def pause_action(self, now_s: float) -> None:
+        """The time that is left stands still."""
+        self._since_s -= now_s
+
+    def resume_action(self, now_s: float) -> None:
+        """Asks for the manoeuvre again."""
+        self._since_s += now_s
+        self._asked_s = -math.inf
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Flies to the place, then lands."""
+        pose, driver, autopilot = inbox.latest(self.pose), inbox.latest(self.driver), inbox.latest(self.autopilot)
+        is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
+        self._pose = pose.payload if pose is not None and is_fresh and pose.payload.is_valid else None
+        results: list[Result] = []
+        if self.is_running:
+            is_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
+            state = autopilot.payload if autopilot is not None and is_known else None
+            if state is not None and state.is_connected and not state.is_armed:
+                self.advance(now_s, 1.0, ActionState.DONE)
+            elif now_s - self._since_s > self._settings.timeout_s:
+                reason = f"not landed after {self._settings.timeout_s:g} s"
+                self.advance(now_s, 0.0, ActionState.FAILED, reason)
+            elif self._leader is not None:
+                results += self._approach(self._leader, driver, now_s)
+            else:
+                results += self._descend(driver, now_s)
+        return [*results, *self.action_reports(now_s)]
+
+    def _approach(self, leader: Leader, driver: Envelope[DriverState] | None, now_s: float) -> list[Result]:
+        if self._pose is None:
+            return []
+        action_id = self.action_id
+        target = leader.advance(self._pose, driver, now_s)
+        problem = leader.problem(self._settings.settle_s)
+        if problem:
+            self.advance(now_s, 0.0, ActionState.FAILED, f"the landing place is not reached: {problem}")
+            return []
+        if leader.is_there(ACCEPTANCE_M):
+            self._leader = None
+        self.advance(now_s, 0.3 * leader.follower.progress)
+        setpoint = Setpoint(
+            action_id=action_id,
+            position_ned_m=target.position_ned_m,
+            velocity_ned_m_s=target.velocity_ned_m_s,
+            yaw_rad=self._yaw_rad,
+        )
+        return [setpoint]
+
+    def _descend(self, driver: Envelope[DriverState] | None, now_s: float) -> list[Result]:
+        """A landing that is refused, lost or broken off is asked for again: there is nothing better to do."""
+        is_ours = driver is not None and driver.payload.manoeuvre_id == self.action_id
+        is_flown = driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.RUNNING
+        if is_flown:
+            self.advance(now_s, 0.5)
+        elif driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.FAILED:
+            self.advance(now_s, 0.3, reason=driver.payload.manoeuvre_reason)
+        if is_flown or now_s - self._asked_s < self._settings.repeat_s:
+            return []
+        self._asked_s = now_s
+        return [Manoeuvre(action_id=self.action_id, kind=ManoeuvreKind.LAND)]

@@ -1,0 +1,140 @@
+"""CC: the limiter between the controllers and the driver: one owner of motion, inside the limits and the fence."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+from gloc3.component.component import Controller
+from gloc3.component.ports import Inbox, Input, Keep, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.errors import Refused
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, ObstacleScan, Pose, Setpoint
+from gloc3_onboard.algorithms.mapping.movers import Movers
+from gloc3_onboard.algorithms.mapping.obstacle_field import ObstacleField
+from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter, careful_speed_m_s
+from gloc3_onboard.algorithms.paths.setpoint_gate import SetpointGate
+
+
+class LimiterSettings(Settings, frozen=True):
+    """Settings of the limiter."""
+
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
+    """Without a pose younger than this nothing passes: the fence could not be kept."""
+    keep_m: Annotated[float, Bounds(0.3, 10.0)] = 1.1
+    """Distance from the vehicle's middle to any obstacle that is wanted, in metres."""
+    obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
+    """Obstacles that were seen longer ago do not count."""
+    full_quality: Annotated[float, Bounds(0.0, 1.0)] = 0.7
+    """With a pose of less quality the vehicle slows down."""
+    hold_quality: Annotated[float, Bounds(0.0, 0.99)] = 0.3
+    """With a pose of no more quality it stays where it is."""
+    careful_m_s: Annotated[float, Bounds(0.05, 10.0)] = 0.6
+    """Its speed just below `full_quality`, in m/s; from there it falls to none at `hold_quality`."""
+
+
+class Limiter(Controller[LimiterSettings]):
+    """Passes the owner's setpoints and manoeuvres on, within the limits; drops everybody else's."""
+
+    settings_type = LimiterSettings
+    loggable = ("clamped", "foreign", "stale", "not_finite", "reason")
+
+    setpoint_wanted = Input(Setpoint, Keep.ALL)
+    manoeuvre_wanted = Input(Manoeuvre, Keep.ALL)
+    grant = Input(MotionGrant)
+    limits = Input(MotionLimits)
+    pose = Input(Pose)
+    obstacles = Input(ObstacleScan)
+    setpoint = Output(Setpoint, frame="ned")
+    manoeuvre = Output(Manoeuvre)
+
+    def __init__(self) -> None:
+        self.clamped = self.foreign = self.stale = self.not_finite = 0
+        self.reason = ""
+        """Why the last setpoint was changed or held back; empty if it was not."""
+        self._settings = LimiterSettings()
+        self._gate = SetpointGate()
+        self._limiter: SetpointLimiter | None = None
+        self._movers = Movers()
+        self._seen_s = -math.inf
+
+    def initialize(self, settings: LimiterSettings) -> None:
+        """Adopts the settings; refuses a quality for a hold that is not below the one for full speed."""
+        if settings.hold_quality >= settings.full_quality:
+            raise Refused("hold_quality must be less than full_quality")
+        self._settings = settings
+
+    def start(self) -> None:
+        """Waits for the limits."""
+        self._limiter = None
+        self._movers, self._seen_s = Movers(), -math.inf
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Limits what the owner of motion wants."""
+        for limits in inbox.new(self.limits):
+            if self._limiter is None:
+                self._limiter = SetpointLimiter(limits.payload)
+            self._limiter.limits = limits.payload
+        grant = inbox.latest(self.grant)
+        owner = grant.payload.action_id if grant is not None else ""
+        for scan in inbox.new(self.obstacles):
+            self._look_around(scan, inbox.latest(self.pose))
+        results: list[Result] = []
+        for manoeuvre in inbox.new(self.manoeuvre_wanted):
+            if owner and manoeuvre.payload.action_id == owner:
+                results.append(self._limit_manoeuvre(manoeuvre.payload, inbox.latest(self.pose)))
+            else:
+                self._gate.foreign += 1
+        wanted = self._gate.newest(inbox.new(self.setpoint_wanted), owner, now_s)
+        if wanted is not None:
+            results += self._limit(wanted, inbox.latest(self.pose), now_s)
+        gate = self._gate
+        self.foreign, self.stale, self.not_finite = gate.foreign, gate.stale, gate.not_finite
+        return results
+
+    def _look_around(self, scan: Envelope[ObstacleScan], pose: Envelope[Pose] | None) -> None:
+        if self._limiter is None or pose is None or not scan.payload.is_valid or scan.t_s <= self._seen_s:
+            return
+        self._seen_s = scan.t_s
+        at, points = pose.payload.position_ned_m, scan.payload.points_ne_m
+        soon = self._movers.see(points, at, scan.t_s, pose.payload.reset_counter)
+        self._limiter.obstacles = ObstacleField(points, at, self._settings.keep_m, soon)
+
+    def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
+        if self._limiter is None:
+            self.reason = "the limits are not known yet"
+            return []
+        if pose is None or not pose.payload.is_valid or now_s - pose.t_s > self._settings.pose_limit_s:
+            self.reason = "there is no valid pose to keep the fence with"
+            return []
+        place = pose.payload
+        self._limiter.see(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
+        if now_s - self._seen_s > self._settings.obstacles_limit_s:
+            self._limiter.obstacles = None
+        settings = self._settings
+        self._limiter.careful_m_s = careful_speed_m_s(
+            place.quality, settings.full_quality, settings.hold_quality, settings.careful_m_s
+        )
+        limited = self._limiter.limit(wanted.payload, wanted.t_s)
+        self.clamped += limited.is_clamped
+        self.reason = limited.reason
+        if limited.is_clamped and self._limiter.careful_m_s < math.inf:
+            slow = f"no more than {self._limiter.careful_m_s:.2f} m/s" if self._limiter.careful_m_s else "it holds"
+            self.reason = f"the pose rests on too little (quality {place.quality:.2f}): {slow}"
+        return [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
+
+    def _limit_manoeuvre(self, manoeuvre: Manoeuvre, pose: Envelope[Pose] | None) -> Manoeuvre:
+        """A take-off's height counts from the ground below, where home is."""
+        if manoeuvre.kind is not ManoeuvreKind.TAKE_OFF or self._limiter is None:
+            return manoeuvre
+        limits = self._limiter.limits
+        highest_m = limits.height_max_m
+        ground_ned_m = limits.home_ned_m or (pose.payload.position_ned_m if pose is not None else None)
+        if ground_ned_m is not None:
+            highest_m = min(highest_m, self._limiter.highest_m + ground_ned_m[2])
+        if manoeuvre.height_m <= highest_m:
+            return manoeuvre
+        self.clamped += 1
+        return Manoeuvre(
+            action_id=manoeuvre.action_id, kind=manoeuvre.kind, height_m=highest_m, may_arm=manoeuvre.may_arm
+        )

@@ -1,0 +1,71 @@
+"""What controllers share that lead a vehicle along waypoints: what they perform, what they hear, and how a way begins."""
+
+from abc import abstractmethod
+from typing import ClassVar
+
+from gloc3.component.action import ActionPerformer
+from gloc3.component.ports import Inbox, Input, Output
+from gloc3.errors import Refused
+from gloc3.messages.frames import Vector3
+from gloc3.messages.vehicle import DriverState, Home, Pose, Setpoint
+from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome
+from gloc3_onboard.algorithms.paths.path_follower import next_ahead
+
+
+class WayPerformer(ActionPerformer):
+    """Mix this into a controller that follows waypoints, and returns home, with setpoints."""
+
+    performs: ClassVar = {
+        "follow_waypoints": FollowWaypointsOrder,
+        "go_to": FollowWaypointsOrder,
+        "return_home": ReturnHome,
+    }
+
+    pose = Input(Pose)
+    home = Input(Home)
+    driver = Input(DriverState)
+    setpoint_wanted = Output(Setpoint, frame="ned")
+
+    _pose: Pose | None = None
+    """The newest that is not lost."""
+    _home_ned_m: Vector3 | None = None
+    _order: FollowWaypointsOrder | None = None
+
+    def see(self, inbox: Inbox, now_s: float, pose_limit_s: float) -> None:
+        """Takes in where the vehicle and its home are; a pose older than the limit is lost."""
+        latest = inbox.latest(self.pose)
+        is_fresh = inbox.is_fresh(self.pose, now_s, pose_limit_s)
+        self._pose = latest.payload if latest is not None and is_fresh else None
+        if (home := inbox.latest(self.home)) is not None:
+            self._home_ned_m = home.payload.position_ned_m
+
+    def wanted(self, arguments: FollowWaypointsOrder | ReturnHome) -> tuple[Pose, FollowWaypointsOrder]:
+        """Where the vehicle is, and the way that is asked for.
+
+        Raises:
+            Refused: either is not known, or the way is empty.
+        """
+        pose = self._pose
+        if pose is None or not pose.is_valid:
+            raise Refused("there is no valid pose")
+        if isinstance(arguments, FollowWaypointsOrder):
+            order = arguments
+        elif self._home_ned_m is None:
+            raise Refused("home is not known")
+        else:
+            order = self.way_home(arguments, self._home_ned_m, pose.position_ned_m)
+        if not order.waypoints_ned_m:
+            raise Refused("there is no waypoint")
+        return pose, order
+
+    @abstractmethod
+    def way_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
+        """The way from where the vehicle is to home."""
+
+    def passed(self, order: FollowWaypointsOrder, here_ned_m: Vector3) -> int:
+        """Waypoints that an earlier attempt has passed; never the last."""
+        count = len(order.waypoints_ned_m)
+        passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
+        if passed and not order.hold_s:
+            passed = next_ahead(here_ned_m, order.waypoints_ned_m, passed, order.acceptance_m)
+        return passed

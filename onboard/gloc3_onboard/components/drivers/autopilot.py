@@ -1,0 +1,355 @@
+"""AD: the autopilot driver: streams the owner's setpoints, commands manoeuvres, and gives way to the human pilot."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+from gloc3.component.component import ActuatorDriver
+from gloc3.component.ports import Actuation, Inbox, Input, Keep, Output, Result
+from gloc3.errors import Misuse, Refused
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
+from gloc3.messages.vehicle import (
+    AutopilotPose,
+    AutopilotState,
+    DriverState,
+    EmergencyDisarm,
+    FlightMode,
+    LandedState,
+    Manoeuvre,
+    MotionGrant,
+    MotionLimits,
+    Pose,
+    Setpoint,
+    TakeOver,
+)
+from gloc3_onboard.components.drivers.manoeuvres import (
+    Arm,
+    AutopilotCommand,
+    Climb,
+    Disarm,
+    DriverSettings,
+    ManoeuvreMachine,
+    SetMode,
+)
+from gloc3_onboard.components.drivers.pilot_watch import PilotWatch
+from gloc3_onboard.components.drivers.setpoint_stream import Send, SetpointStream
+from gloc3_onboard.sensors.devices import AutopilotControl
+
+STATE_PERIOD_S: Final = 0.2
+SURRENDER_S: Final = 10.0
+"""A stop that was refused, and is not repeated within this time, is forgotten."""
+
+
+class Step(NamedTuple):
+    """Write: the command of a manoeuvre's step."""
+
+    command: AutopilotCommand
+
+
+class Abandon(NamedTuple):
+    """Write: let no command of ours be repeated any more."""
+
+
+class ForcedDisarm(NamedTuple):
+    """Write: disarm now, in flight too."""
+
+
+class AutopilotDriver(ActuatorDriver[DriverSettings]):
+    """The only component that moves the vehicle.
+
+    A quiet one does everything but write, and so is ready to go on. `primary` is then bound to the topic `driver` of the
+    working one, from which it hears who has control.
+    """
+
+    settings_type = DriverSettings
+    loggable = ("foreign", "stale", "not_finite", "clamped", "expired")
+
+    setpoint = Input(Setpoint, Keep.ALL)
+    manoeuvre = Input(Manoeuvre, Keep.ALL)
+    grant = Input(MotionGrant)
+    limits = Input(MotionLimits)
+    autopilot = Input(AutopilotState, Keep.ALL)
+    autopilot_pose = Input(AutopilotPose)
+    pose = Input(Pose)
+    take_over = Input(TakeOver, Keep.ALL)
+    emergency = Input(EmergencyDisarm, Keep.ALL)
+    primary = Input(DriverState, Keep.ALL)
+    driver = Output(DriverState)
+
+    def __init__(self, device: AutopilotControl) -> None:
+        self.foreign = self.stale = self.not_finite = self.clamped = self.expired = 0
+        self._control = device
+        self._settings = DriverSettings()
+        self._watch = PilotWatch()
+        self._stream = SetpointStream()
+        self._now_s = 0.0
+        self._reset()
+
+    def _reset(self) -> None:
+        self._autopilot: AutopilotState | None = None
+        self._is_autopilot_known = False
+        """Whether that state is young enough to tell whether the autopilot obeys."""
+        self._machine = ManoeuvreMachine(self._settings)
+        self._stream.stop()
+        self._is_quiet = False
+        self._owner = ""
+        self._asked: tuple[FlightMode, float] | None = None
+        """The mode that was commanded for the stream, and when."""
+        self._ticket = 0
+        self._refusal = ""
+        self._climbs_from_down_m: float | None = None
+        self._surrendered_s = -math.inf
+        self._rests_since_s: float | None = None
+        self._rest_seen_s = -math.inf
+        self._mean_ned_m_s = (0.0, 0.0, 0.0)
+        """Velocity, averaged."""
+        self._rested_s = 0.0
+        self._had_control = True
+        self._reported: DriverState | None = None
+        self._reported_s = -math.inf
+
+    # --- the local command interface ---
+
+    def initialize(self, settings: DriverSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def start(self) -> None:
+        """Looks afresh at the autopilot; moves nothing until it is granted motion."""
+        self._reset()
+
+    def goquiet(self) -> None:
+        """Goes on in the shadow of the driver that moves the vehicle now."""
+        self._is_quiet = True
+        self._surrendered_s = -math.inf
+
+    def resume(self) -> None:
+        """Steps in: what its primary has commanded is ours, and so is the hold that it may have left behind."""
+        self._is_quiet = False
+        self._watch.step_in(self._now_s)
+        self._machine.repeat(self._now_s)
+        self._asked = None
+
+    def stop(self) -> None:
+        """Refused in flight unless the autopilot has confirmed a mode of its own."""
+        state = self._autopilot
+        if state is not None and self._is_airborne and state.mode is FlightMode.GUIDED and not self._watch.has_control:
+            raise Refused("the vehicle flies on our setpoints; hold has been commanded, ask again when it is confirmed")
+
+    def make_safe(self) -> None:
+        """Stops the stream and commands the autopilot's hold, if the vehicle flies on our setpoints."""
+        self._surrendered_s = self._now_s
+        is_guided = self._autopilot is not None and self._autopilot.mode is FlightMode.GUIDED
+        is_ours = self._stream.since_s is not None or (is_guided and self._is_airborne)
+        self._stream.stop()
+        if is_ours and not self._watch.has_control:
+            self._watch.command(FlightMode.HOLD, self._now_s)
+            self._control.command_mode(FlightMode.HOLD)
+
+    def actuate(self, write: Any) -> None:
+        """Writes to the autopilot."""
+        match write:
+            case Send():
+                self._control.send_setpoint(write.position_ned_m, write.velocity_ned_m_s, write.yaw_rad)
+            case Step(command=command):
+                self._machine.ticket = self._command(command)
+            case SetMode():
+                self._ticket = self._command(write)
+            case ForcedDisarm():
+                self._control.command_disarm(is_forced=True)
+            case Abandon():
+                self._control.abandon_commands()
+            case _:
+                raise Misuse(f"{type(write).__name__} cannot be written to an autopilot")
+
+    def _command(self, command: AutopilotCommand) -> int:
+        match command:
+            case SetMode(mode=mode):
+                return self._control.command_mode(mode)
+            case Arm():
+                return self._control.command_arm()
+            case Disarm():
+                return self._control.command_disarm()
+            case Climb(height_m=height_m):
+                return self._control.command_take_off(height_m)
+
+    # --- the cycle ---
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Obeys the owner of motion."""
+        self._now_s = now_s
+        self._observe(now_s, inbox)
+        is_idle = self._watch.has_control or now_s - self._surrendered_s < SURRENDER_S
+        writes: list[Any] = self._let_go() if is_idle else [*self._manoeuvre(now_s, inbox)]
+        send = self._stream.take(
+            inbox.new(self.setpoint),
+            self._owner,
+            now_s,
+            may_fly=not is_idle and self._may_fly,
+            is_guided=self._is_guided,
+        )
+        if send is not None:
+            self._machine.finish()
+        elif self._machine.is_taking_over and self._is_guided and self._is_airborne:
+            send = self._stream.brake(now_s)
+        if send is not None:
+            writes.append(send)
+        if not is_idle:
+            writes += self._mode(now_s)
+        if inbox.new(self.emergency):
+            writes = [*self._let_go(), ForcedDisarm()]
+        for write in writes:
+            self._note(write.command if isinstance(write, Step) else write, now_s)
+        return [*(Actuation(write) for write in writes), *self._report(now_s)]
+
+    def _observe(self, now_s: float, inbox: Inbox) -> None:
+        if self._is_quiet:
+            for primary in inbox.new(self.primary):
+                if primary.payload.has_pilot_control:
+                    self._watch.lose(primary.payload.pilot_reason)
+        for limits in inbox.new(self.limits):
+            self._stream.adopt(limits.payload)
+        for state in inbox.new(self.autopilot):
+            pose = self._stream.pose
+            may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
+            self._watch.lands_into = self._control.manners.lands_into
+            self._watch.see(state.payload, now_s, is_shadow=self._is_quiet, may_settle=may_settle)
+            self._autopilot = state.payload
+        self._is_autopilot_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
+        for take_over in inbox.new(self.take_over):
+            if take_over.payload.is_resumed:
+                self._watch.yield_back()
+        grant = inbox.latest(self.grant)
+        self._owner = grant.payload.action_id if grant is not None else ""
+        self._stream.see(inbox.latest(self.pose), inbox.latest(self.autopilot_pose), is_guided=self._is_guided)
+
+    def _note(self, write: Any, now_s: float) -> None:
+        """Tells the watch what is ours."""
+        match write:
+            case SetMode(mode=mode):
+                self._watch.command(mode, now_s)
+            case Arm():
+                self._watch.command_arm(now_s)
+            case Disarm() | ForcedDisarm():
+                self._watch.command_disarm(now_s)
+            case Climb():
+                self._watch.command(FlightMode.TAKE_OFF, now_s)
+                pose = self._stream.pose
+                self._climbs_from_down_m = None if pose is None else pose.position_ned_m[2]
+
+    def _look_at_rest(self, now_s: float) -> None:
+        """For how long the vehicle has stood still, as far as is known."""
+        pose = self._stream.young_pose(now_s)
+        if pose is not None:
+            share = 1.0 - math.exp(-(now_s - self._rest_seen_s) / max(self._settings.at_rest_over_s, 1e-6))
+            north, east, down = (
+                mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, pose.velocity_ned_m_s, strict=True)
+            )
+            self._mean_ned_m_s, self._rest_seen_s = (north, east, down), now_s
+        if pose is None or math.hypot(*self._mean_ned_m_s) > self._settings.at_rest_m_s:
+            self._rests_since_s = None
+        elif self._rests_since_s is None:
+            self._rests_since_s = now_s
+        self._rested_s = 0.0 if self._rests_since_s is None else now_s - self._rests_since_s
+
+    @property
+    def _climbed_m(self) -> float | None:
+        pose, begin = self._stream.pose, self._climbs_from_down_m
+        return None if pose is None or begin is None else begin - pose.position_ned_m[2]
+
+    @property
+    def _is_airborne(self) -> bool:
+        state = self._autopilot
+        return state is not None and state.is_armed and state.landed is not LandedState.ON_GROUND
+
+    @property
+    def _is_guided(self) -> bool:
+        return self._autopilot is not None and self._autopilot.mode is FlightMode.GUIDED
+
+    def _let_go(self) -> list[Any]:
+        self._stream.stop()
+        self._asked = None
+        self._machine.abandon(self._watch.reason or "the driver was told to stop")
+        had_control, self._had_control = self._had_control, not self._watch.has_control
+        return [Abandon()] if had_control and self._watch.has_control else []
+
+    def _manoeuvre(self, now_s: float, inbox: Inbox) -> list[Step]:
+        self._had_control = True
+        for envelope in inbox.new(self.manoeuvre):
+            if not self._owner or envelope.payload.action_id != self._owner:
+                self._stream.gate.foreign += 1
+                continue
+            self._stream.stop()
+            self._asked = None
+            self._machine.begin(envelope.payload, now_s, self._control.manners)
+        if self._machine.action_id != self._owner:
+            self._machine.abandon("motion was given to somebody else")
+        answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None
+        state = self._autopilot if self._is_autopilot_known else None
+        self._look_at_rest(now_s)
+        return [Step(command) for command in self._machine.advance(now_s, state, answer, self._rested_s)]
+
+    # --- setpoints ---
+
+    @property
+    def _may_fly(self) -> bool:
+        """Only in the air; while the autopilot flies a manoeuvre for the owner, only to end a climb."""
+        state = self._autopilot
+        if state is None or not state.is_connected or not state.is_armed:
+            return False
+        if self._machine.is_under_way and not self._machine.is_climbing:
+            return False
+        return state.landed in (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
+
+    def _mode(self, now_s: float) -> list[SetMode]:
+        """Commands guided for a stream, hold where there is none; repeats until the autopilot has it."""
+        wanted, state = self._wanted_mode(now_s), self._autopilot
+        if wanted is None or state is None or state.mode is wanted:
+            self._asked, self._refusal = None, ""
+            return []
+        answer = self._control.answer(self._ticket) if self._ticket else None
+        self._refusal = "" if answer is None or answer.is_accepted else answer.reason
+        if self._asked is not None:
+            mode, asked_s = self._asked
+            is_obeyed = not self._is_autopilot_known and answer is not None and answer.is_accepted
+            if mode is wanted and (is_obeyed or now_s - asked_s < self._settings.repeat_s):
+                return []  # unseen, a pilot may have chosen another mode since: what was obeyed is not repeated
+        self._asked = (wanted, now_s)
+        return [SetMode(wanted)]
+
+    def _wanted_mode(self, now_s: float) -> FlightMode | None:
+        state, since_s = self._autopilot, self._stream.since_s
+        if state is None or not state.is_connected or self._machine.is_under_way:
+            return None
+        if since_s is not None:
+            return FlightMode.GUIDED if now_s - since_s >= self._control.manners.stream_before_guided_s else None
+        is_led_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
+        return FlightMode.HOLD if is_led_by_us and self._is_airborne else None
+
+    # --- report ---
+
+    def _report(self, now_s: float) -> list[DriverState]:
+        machine, stream, gate = self._machine, self._stream, self._stream.gate
+        self.foreign, self.stale, self.not_finite = gate.foreign, gate.stale, gate.not_finite
+        self.clamped, self.expired = stream.clamped, stream.expired
+        state = DriverState(
+            action_id=self._owner,
+            is_streaming=stream.since_s is not None,
+            has_pilot_control=self._watch.has_control,
+            pilot_reason=self._watch.reason,
+            manoeuvre_id=machine.action_id,
+            manoeuvre=machine.kind,
+            manoeuvre_state=machine.state,
+            manoeuvre_reason=machine.reason,
+            foreign=self.foreign,
+            stale=self.stale,
+            not_finite=self.not_finite,
+            clamped=self.clamped,
+            expired=self.expired,
+            is_guided=stream.since_s is not None and self._is_guided,
+            refusal=self._refusal,
+        )
+        if state == self._reported and now_s - self._reported_s < STATE_PERIOD_S - 1e-9:
+            return []
+        self._reported, self._reported_s = state, now_s
+        return [state]

@@ -1,0 +1,104 @@
+"""AD: keeps the autopilot's own geofence like that of the loaded mission, in frame geo: uploaded and read back."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+from gloc3.component.component import ActuatorDriver
+from gloc3.component.ports import Actuation, Inbox, Input, Output, Result
+from gloc3.component.settings import NoSettings
+from gloc3.messages.vehicle import FenceProgress, FenceState, GeoFence
+from gloc3.mission.formats.items import FenceArea
+from gloc3_onboard.sensors.devices import Answer
+
+REPORT_PERIOD_S = 1.0
+RETRY_S = 5.0
+
+
+class FenceControl(Protocol):
+    """How an autopilot is given a fence. Nothing blocks."""
+
+    def command_fence(self, areas: Sequence[FenceArea]) -> int:
+        """Uploads areas in place of those before, and reads them back; without areas it clears the fence."""
+
+    def answer(self, ticket: int) -> Answer | None:
+        """The answer to a command; None while there is none."""
+
+
+class SendFence(NamedTuple):
+    """Write: the areas to upload."""
+
+    areas: tuple[FenceArea, ...]
+
+
+class AutopilotFence(ActuatorDriver[NoSettings]):
+    """Uploads a fence when it changes; tries again when that fails. It leaves a fence alone that it has not set."""
+
+    geofence = Input(GeoFence)
+    fence_state = Output(FenceState)
+
+    def __init__(self, device: FenceControl) -> None:
+        self._control = device
+        self._forget()
+
+    def _forget(self) -> None:
+        self._wanted: GeoFence | None = None
+        self._ticket: int | None = None
+        self._sent_s = float("-inf")
+        self._state = FenceState(digest="", progress=FenceProgress.NONE)
+        self._reported: tuple[FenceState, float] | None = None
+
+    def start(self) -> None:
+        """Waits for a fence."""
+        self._forget()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Sends what has changed, and follows what became of it."""
+        results: list[Result] = []
+        latest = inbox.latest(self.geofence)
+        if latest is not None and (self._wanted is None or latest.payload.digest != self._wanted.digest):
+            was, self._wanted = self._wanted, latest.payload
+            if self._wanted.areas or was is not None:
+                self._set(FenceProgress.UPLOADING)
+                results.append(self._send(self._wanted, now_s))
+        elif self._state.progress is FenceProgress.UPLOADING and self._ticket is not None:
+            self._follow(self._control.answer(self._ticket))
+        elif self._state.progress is FenceProgress.FAILED and now_s - self._sent_s >= RETRY_S and self._wanted:
+            self._set(FenceProgress.UPLOADING, self._state.reason)
+            results.append(self._send(self._wanted, now_s))
+        return [*results, *self._report(now_s)]
+
+    def _send(self, fence: GeoFence, now_s: float) -> Actuation:
+        self._sent_s, self._ticket = now_s, None
+        areas = [
+            FenceArea(
+                is_inclusion=area.is_inclusion,
+                polygon=tuple(area.polygon),
+                center=area.center,
+                radius_m=area.radius_m,
+            )
+            for area in fence.areas
+        ]
+        return Actuation(SendFence(tuple(areas)))
+
+    def _follow(self, answer: Answer | None) -> None:
+        if answer is not None:
+            self._set(FenceProgress.CONFIRMED if answer.is_accepted else FenceProgress.FAILED, answer.reason)
+
+    def _set(self, progress: FenceProgress, reason: str = "") -> None:
+        digest = self._wanted.digest if self._wanted is not None else ""
+        self._state = FenceState(digest=digest, progress=progress, reason=reason)
+
+    def _report(self, now_s: float) -> list[FenceState]:
+        if self._reported is not None:
+            state, told_s = self._reported
+            if state == self._state and now_s - told_s < REPORT_PERIOD_S - 1e-9:
+                return []
+        self._reported = (self._state, now_s)
+        return [self._state]
+
+    def actuate(self, write: Any) -> None:
+        """Begins an upload."""
+        self._ticket = self._control.command_fence(write.areas)
+
+    def make_safe(self) -> None:
+        """A fence that stands is safe."""

@@ -1,0 +1,256 @@
+"""Manoeuvres that the autopilot flies in its own modes, step by step: a pure machine of the autopilot driver."""
+
+from collections.abc import Sequence
+from math import dist
+from typing import Annotated, Final, NamedTuple
+
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.frames import Vector3
+from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, Manoeuvre, ManoeuvreKind, ManoeuvreState
+from gloc3_onboard.sensors.devices import Answer, Manners
+
+COPTER: Final = Manners()
+SETTLING_M: Final = 1.0
+"""So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
+ENDING_M: Final = 3.0
+"""So far from the last place of a plan the autopilot may end it by itself (PX4: NAV_ACC_RAD, 2 m at most)."""
+
+
+class DriverSettings(Settings, frozen=True):
+    """Settings of the autopilot driver."""
+
+    repeat_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
+    """A mode that the autopilot has not taken is commanded again after this time."""
+    step_timeout_s: Annotated[float, Bounds(0.5, 60.0)] = 8.0
+    """A step of a manoeuvre (mode, arming, take-off) fails after this time."""
+    at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.15
+    """A vehicle that is no faster stands, and may be disarmed where that ends its way."""
+    at_rest_over_s: Annotated[float, Bounds(0.0, 60.0)] = 0.0
+    """So long its velocity is averaged for that: waves move what stays where it is to and fro."""
+
+
+class SetMode(NamedTuple):
+    """Ask for a mode."""
+
+    mode: FlightMode
+
+    @property
+    def words(self) -> str:
+        """For a person."""
+        return f"enter mode {self.mode}"
+
+
+class Arm(NamedTuple):
+    """Ask to arm."""
+
+    words: str = "arm"
+
+
+class Settle(NamedTuple):
+    """Ask for nothing; wait until the vehicle has landed that does not disarm by itself."""
+
+    words: str = "come to rest"
+
+
+class Disarm(NamedTuple):
+    """Ask to disarm: after a start that has failed on the ground, and where it does not disarm by itself."""
+
+    words: str = "disarm"
+
+
+class Climb(NamedTuple):
+    """Ask to take off."""
+
+    height_m: float
+    words: str = "take off"
+
+
+AutopilotCommand = SetMode | Arm | Disarm | Climb
+ManoeuvreStep = AutopilotCommand | Settle
+
+
+class ManoeuvreMachine:
+    """Carries one manoeuvre through its steps: told the autopilot's state and answers, says what to command.
+
+    Args:
+        settings: time-outs.
+    """
+
+    def __init__(self, settings: DriverSettings) -> None:
+        self.action_id = ""
+        self.kind: ManoeuvreKind | None = None
+        self.state: ManoeuvreState | None = None
+        self.reason = ""
+        self.ticket = 0
+        """Of the command under way; set by the driver when it is written."""
+        self._settings = settings
+        self._steps: list[ManoeuvreStep] = []
+        self._manners = Manners()
+        self._since_s = 0.0
+        self._is_asked = False
+        self._has_armed = False
+        self._height_m = 0.0
+        self._end_ned_m: Vector3 | None = None
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether the autopilot is flying, or about to fly, a manoeuvre of ours."""
+        return self.state is ManoeuvreState.RUNNING
+
+    @property
+    def is_climbing(self) -> bool:
+        """Whether a take-off has left its last step behind; the owner's setpoints may end it from now on."""
+        return self.is_under_way and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
+
+    @property
+    def is_taking_over(self) -> bool:
+        """Whether a mode for which the owner's setpoints end is asked for, and not confirmed yet."""
+        return self.is_under_way and bool(self._steps) and isinstance(self._steps[0], SetMode)
+
+    def begin(self, manoeuvre: Manoeuvre, now_s: float, manners: Manners = COPTER) -> None:
+        """Takes a manoeuvre up, in place of the one before.
+
+        Args:
+            manoeuvre: what is asked for.
+            now_s: the time.
+            manners: of the autopilot that shall fly it.
+        """
+        self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
+        self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
+        self._since_s, self._is_asked, self._has_armed = now_s, False, False
+        self._height_m, self._manners, self._end_ned_m = manoeuvre.height_m, manners, manoeuvre.end_ned_m
+        match manoeuvre.kind:
+            case ManoeuvreKind.TAKE_OFF | ManoeuvreKind.SET_OFF:
+                self._steps = [SetMode(manners.arm_in_mode)] if manners.arm_in_mode else []
+                self._steps += [Arm()] if manoeuvre.may_arm else []
+                self._steps += [Climb(manoeuvre.height_m)] if manoeuvre.kind is ManoeuvreKind.TAKE_OFF else []
+                self._refuse_what_it_cannot(manners)
+            case ManoeuvreKind.LAND:
+                self._steps = [SetMode(manners.land_mode)]
+                self._steps += [] if manners.disarms_itself else [Settle(), Disarm()]
+            case ManoeuvreKind.HOLD:
+                self._steps = [SetMode(FlightMode.HOLD)]
+            case ManoeuvreKind.PLAN:
+                self._steps = [SetMode(FlightMode.MISSION)]
+                self._steps += [Arm()] if manoeuvre.may_arm else []
+
+    def _refuse_what_it_cannot(self, manners: Manners) -> None:
+        if self.kind is ManoeuvreKind.SET_OFF and manners.climbs:
+            self._end(
+                ManoeuvreState.FAILED, f"a {manners.vehicle} does not set off without climbing: ask for a take-off"
+            )
+        elif self.kind is ManoeuvreKind.TAKE_OFF and not manners.climbs:
+            self._end(
+                ManoeuvreState.FAILED, f"a {manners.vehicle} does not take off: its missions begin with drive_off"
+            )
+
+    def abandon(self, reason: str) -> None:
+        """Ends a manoeuvre that is under way, because somebody else moves the vehicle now."""
+        if self.is_under_way:
+            self._end(ManoeuvreState.FAILED, reason)
+
+    def finish(self) -> None:
+        """The owner's setpoints go on from a climb."""
+        if self.is_climbing:
+            self._end(ManoeuvreState.DONE, "")
+
+    def repeat(self, now_s: float) -> None:
+        """Asks for the step under way again: what was asked so far was withheld."""
+        self._is_asked, self._since_s = False, now_s
+
+    def may_settle(self, climbed_m: float | None, position_ned_m: Vector3 | None = None) -> bool:
+        """Whether the autopilot may go over to hold by itself, having climbed so far, being there (None: not known)."""
+        if self.kind is ManoeuvreKind.PLAN and self._end_ned_m is not None and position_ned_m is not None:
+            return dist(position_ned_m, self._end_ned_m) <= ENDING_M
+        return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)
+
+    def advance(
+        self, now_s: float, autopilot: AutopilotState | None, answer: Answer | None, rested_s: float = 0.0
+    ) -> Sequence[AutopilotCommand]:
+        """Looks at what has become of the step under way; returns what to command next.
+
+        While the autopilot's state is not known (None) only a landing or a hold is asked for, once, and its answer
+        believed: a pilot who takes over unseen is not overruled.
+
+        Args:
+            now_s: the time.
+            autopilot: its state, where that is known.
+            answer: to the command under way.
+            rested_s: for how long the vehicle has stood still.
+        """
+        if not self.is_under_way:
+            return ()
+        if autopilot is None:
+            return self._advance_unseen(now_s, answer)
+        while self._steps and self._is_reached(self._steps[0], autopilot, answer, now_s, rested_s):
+            self._has_armed |= isinstance(self._steps[0], Arm) and self._is_asked
+            self._steps.pop(0)
+            self._since_s, self._is_asked, self.ticket, answer = now_s, False, 0, None
+        if not self._steps:
+            if self._is_over(autopilot):
+                self._end(ManoeuvreState.DONE, "")
+            return ()
+        if answer is not None and not answer.is_accepted:
+            return self._fail(answer.reason, autopilot)
+        step = self._steps[0]
+        if isinstance(step, Settle):
+            return ()
+        if now_s - self._since_s > self._settings.step_timeout_s:
+            return self._fail(f"the autopilot did not {step.words} in time", autopilot)
+        if self._is_asked:
+            return ()
+        self._is_asked = True
+        return (step,)
+
+    def _advance_unseen(self, now_s: float, answer: Answer | None) -> Sequence[AutopilotCommand]:
+        step = self._steps[0] if self._steps else None
+        if not isinstance(step, SetMode) or self.kind not in (ManoeuvreKind.LAND, ManoeuvreKind.HOLD):
+            return ()
+        if answer is not None and answer.is_accepted:
+            self._steps.pop(0)
+        elif answer is not None:
+            self._end(ManoeuvreState.FAILED, answer.reason)
+        elif now_s - self._since_s > self._settings.step_timeout_s:
+            self._end(ManoeuvreState.FAILED, f"the autopilot did not {step.words} in time")
+        elif not self._is_asked:
+            self._is_asked = True
+            return (step,)
+        return ()
+
+    def _is_reached(
+        self, step: ManoeuvreStep, autopilot: AutopilotState, answer: Answer | None, now_s: float, rested_s: float
+    ) -> bool:
+        match step:
+            case SetMode(mode=mode):
+                return autopilot.mode is mode or self._has_landed_into(autopilot)
+            case Arm():
+                return autopilot.is_armed
+            case Settle():
+                rest_s = self._manners.at_rest_s
+                rests = rested_s >= rest_s and now_s - self._since_s >= rest_s
+                return rests or self._has_landed_into(autopilot) or not autopilot.is_armed
+            case Disarm():
+                return not autopilot.is_armed
+            case _:
+                is_up = autopilot.is_armed and autopilot.landed in (LandedState.TAKING_OFF, LandedState.IN_AIR)
+                return is_up or (answer is not None and answer.is_accepted)
+
+    def _has_landed_into(self, autopilot: AutopilotState) -> bool:
+        return self.kind is ManoeuvreKind.LAND and autopilot.mode_name in self._manners.lands_into
+
+    def _is_over(self, autopilot: AutopilotState) -> bool:
+        if self.kind is ManoeuvreKind.LAND:
+            return not autopilot.is_armed
+        if self.kind is ManoeuvreKind.SET_OFF:
+            return autopilot.is_armed
+        return autopilot.mode is FlightMode.HOLD  # PX4 has climbed, or flown its plan; ArduPilot's owner ends it
+
+    def _fail(self, reason: str, autopilot: AutopilotState) -> Sequence[AutopilotCommand]:
+        """What we have armed for a take-off that does not come is not left with turning propellers."""
+        is_left_armed = self._has_armed and autopilot.is_armed and autopilot.landed is LandedState.ON_GROUND
+        self._end(ManoeuvreState.FAILED, reason)
+        return (Disarm(),) if is_left_armed else ()
+
+    def _end(self, state: ManoeuvreState, reason: str) -> None:
+        self.state, self.reason, self.ticket = state, reason, 0
+        self._steps = []

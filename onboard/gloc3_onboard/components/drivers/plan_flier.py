@@ -1,0 +1,233 @@
+"""What has the autopilot fly ways by itself: plans that are uploaded, read back, started and followed."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Generic, NamedTuple, Protocol, TypeVar
+
+from gloc3.component.action import ActionPerformer
+from gloc3.component.ports import Actuation, Inbox, Input, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.errors import Refused
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
+from gloc3.messages.vehicle import AutopilotPose, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose
+from gloc3.mission.model.arguments import FollowWaypointsOrder
+from gloc3.mission.model.states import ActionState
+from gloc3_onboard.algorithms.paths.path_follower import next_ahead
+from gloc3_onboard.sensors.devices import Answer, Way
+
+ON_THE_WAY_M = 1.0
+"""So far from a leg a vehicle that its autopilot leads may be."""
+PAIRED_S = 0.2
+"""Two estimates that are valid at most so far apart tell how their frames lie to each other."""
+
+
+class PlanSettings(Settings, frozen=True):
+    """Settings of the driver for plans."""
+
+    upload_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
+    """Longest upload with its reading back, before the action fails."""
+    repeat_s: Annotated[float, Bounds(0.2, 60.0)] = 2.0
+    """The autopilot is asked again to fly the plan after this time."""
+    start_s: Annotated[float, Bounds(1.0, 120.0)] = 10.0
+    """Longest wait for the autopilot to fly the plan, before the action fails."""
+    settle_s: Annotated[float, Bounds(0.0, 60.0)] = 5.0
+    """So long at the last place, the way counts as flown though the autopilot's report of it is missing."""
+
+
+S = TypeVar("S", bound=PlanSettings)
+
+
+class PlanControl(Protocol):
+    """How an autopilot is given a plan. Nothing blocks."""
+
+    def command_plan(self, way: Way) -> int:
+        """Uploads the plan of a way and reads it back."""
+
+    @property
+    def places_reached(self) -> int:
+        """Places that the autopilot has passed of the way that it was given last."""
+
+    def answer(self, ticket: int) -> Answer | None:
+        """The answer to a command; None while there is none."""
+
+
+class SendPlan(NamedTuple):
+    """Write: the way whose plan is to be uploaded."""
+
+    way: Way
+
+
+class PlanFlier(ActionPerformer, Generic[S]):
+    """Mix this into a driver that flies plans; the autopilot goes on with one by itself, with or without this computer.
+
+    Each begin, after a pause or a restart in flight too, uploads what is left of the way: what the autopilot holds is
+    always what was asked for.
+    """
+
+    pose = Input(Pose)
+    autopilot_pose = Input(AutopilotPose)
+    driver = Input(DriverState)
+    manoeuvre_wanted = Output(Manoeuvre)
+
+    def __init__(self, device: PlanControl) -> None:
+        self.uploads = self.waypoint = 0
+        self._control = device
+        self._settings: S
+        self._order: FollowWaypointsOrder | None = None
+        self._pose: Pose | None = None
+        self._passed = 0
+        """Waypoints that were passed before what is left was uploaded."""
+        self._ticket: int | None = None
+        self._is_sent = self._is_held = False
+        self._since_s = 0.0
+        self._asked_s = -math.inf
+        self._near_since_s: float | None = None
+
+    def initialize(self, settings: S) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def stop(self) -> None:
+        """Forgets the action."""
+        self.drop_action()
+
+    def begin_action(self, capability: str, arguments: FollowWaypointsOrder, now_s: float) -> None:
+        """Takes up the waypoints that no earlier attempt has passed."""
+        count = len(arguments.waypoints_ned_m)
+        if not count:
+            raise Refused("there is no waypoint")
+        self._order = arguments
+        self.waypoint = min(int(self.earlier_progress * count + 1e-6), count - 1)
+        if self.waypoint and not arguments.hold_s and self._pose is not None:  # it has flown on meanwhile
+            within_m = max(arguments.acceptance_m, ON_THE_WAY_M)
+            places = arguments.waypoints_ned_m
+            self.waypoint = next_ahead(self._pose.position_ned_m, places, self.waypoint, within_m)
+        self._restart(now_s)
+
+    def resume_action(self, now_s: float) -> None:
+        """Uploads what is left."""
+        self._restart(now_s)
+
+    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> Way:
+        """What the autopilot is to fly, through the places of an order that are left."""
+        heading = order.heading
+        heading_deg = math.degrees(heading.heading_rad) if heading.mode == "fixed" else None
+        return Way(places, order.speed_m_s, order.acceptance_m, order.hold_s, heading_deg)
+
+    def manoeuvre(self, order: FollowWaypointsOrder) -> Manoeuvre:
+        """What the autopilot driver is asked for, once the plan is there."""
+        return Manoeuvre(action_id=self.action_id, kind=ManoeuvreKind.PLAN, end_ned_m=order.waypoints_ned_m[-1])
+
+    def _restart(self, now_s: float) -> None:
+        self._passed, self._ticket, self._is_sent, self._is_held = self.waypoint, None, False, False
+        self._since_s, self._asked_s, self._near_since_s = now_s, -math.inf, None
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Uploads, starts, and follows the plan."""
+        results: list[Result] = []
+        latest = inbox.latest(self.pose)
+        self._pose = latest.payload if latest is not None and latest.payload.is_valid else None
+        if self.is_running and self._order is not None:
+            driver = inbox.latest(self.driver)
+            if not self._is_held:
+                results += self._upload(self._order, inbox, now_s)
+            else:
+                results += self._fly(self._order, driver.payload if driver is not None else None, now_s)
+        return [*results, *self.action_reports(now_s)]
+
+    # --- the upload ---
+
+    def _upload(self, order: FollowWaypointsOrder, inbox: Inbox, now_s: float) -> list[Result]:
+        answer = self._control.answer(self._ticket) if self._ticket is not None else None
+        if answer is not None and answer.is_accepted:
+            self._is_held, self._since_s = True, now_s
+        elif answer is not None:
+            self._fail(answer.reason, now_s)
+        elif now_s - self._since_s > self._settings.upload_s:
+            self._fail(f"the plan was not taken after {self._settings.upload_s:g} s", now_s)
+        elif not self._is_sent:
+            places = self._places(order, inbox.latest(self.pose), inbox.latest(self.autopilot_pose))
+            if places is None:
+                self._tell(now_s, "it is not known yet where the autopilot's frame lies on Earth")
+                return []
+            self._is_sent = True
+            self._tell(now_s)
+            return [Actuation(SendPlan(self.way(order, places)))]
+        return []
+
+    def _places(
+        self, order: FollowWaypointsOrder, ours: Envelope[Pose] | None, theirs: Envelope[AutopilotPose] | None
+    ) -> tuple[GeoPoint, ...] | None:
+        """What is left of the way, where the autopilot believes it to be."""
+        if ours is None or theirs is None or not ours.payload.is_valid or abs(ours.t_s - theirs.t_s) > PAIRED_S:
+            return None
+        if theirs.payload.origin_geo is None:
+            return None
+        plane = TangentPlane(GeoPoint(*theirs.payload.origin_geo))
+        gap_s, pose, own = theirs.t_s - ours.t_s, ours.payload, theirs.payload.position_ned_m
+        north, east, down = (
+            own[axis] - pose.position_ned_m[axis] - gap_s * pose.velocity_ned_m_s[axis] for axis in range(3)
+        )
+        left: Sequence[Vector3] = order.waypoints_ned_m[self._passed :]
+        places = []
+        for n, e, d in left:
+            place = plane.geo_from_ned((n + north, e + east, d + down))
+            places.append(place._replace(altitude_m=plane.origin.altitude_m - d - down))
+        return tuple(places)
+
+    # --- the flight ---
+
+    def _fly(self, order: FollowWaypointsOrder, driver: DriverState | None, now_s: float) -> list[Result]:
+        count = len(order.waypoints_ned_m)
+        self.waypoint = max(self.waypoint, min(self._passed + self._control.places_reached, count))
+        is_ours = driver is not None and driver.manoeuvre_id == self.action_id
+        state = driver.manoeuvre_state if driver is not None and is_ours and self._asked_s > -math.inf else None
+        if state is ManoeuvreState.DONE and self.waypoint >= count - 1:
+            self.waypoint = count
+        if self.waypoint >= count or self._rests_at_the_end(order, now_s):
+            self.advance(now_s, 1.0, ActionState.DONE, achieved=count)
+            return []
+        self._tell(now_s)
+        if state is ManoeuvreState.RUNNING:
+            self._since_s = now_s
+            return []
+        if state is ManoeuvreState.DONE:
+            self._fail(f"the autopilot ended its plan after waypoint {self.waypoint} of {count}", now_s)
+            return []
+        if now_s - self._since_s > self._settings.start_s:
+            why = driver.manoeuvre_reason if driver is not None and is_ours else ""
+            self._fail(f"the autopilot does not fly the plan{': ' + why if why else ''}", now_s)
+            return []
+        if now_s - self._asked_s < self._settings.repeat_s:
+            return []
+        self._asked_s = now_s
+        return [self.manoeuvre(order)]
+
+    def _rests_at_the_end(self, order: FollowWaypointsOrder, now_s: float) -> bool:
+        """Whether it has been at the last place for so long that the autopilot's report must be lost."""
+        last, pose = order.waypoints_ned_m[-1], self._pose
+        is_last = self.waypoint >= len(order.waypoints_ned_m) - 1
+        if pose is None or not is_last or math.dist(pose.position_ned_m, last) > order.acceptance_m:
+            self._near_since_s = None
+        elif self._near_since_s is None:
+            self._near_since_s = now_s
+        return self._near_since_s is not None and now_s - self._near_since_s > order.hold_s + self._settings.settle_s
+
+    def _tell(self, now_s: float, reason: str = "") -> None:
+        assert self._order is not None
+        progress = self.waypoint / len(self._order.waypoints_ned_m)
+        self.advance(now_s, progress, reason=reason, achieved=self.waypoint)
+
+    def _fail(self, reason: str, now_s: float) -> None:
+        assert self._order is not None
+        progress = self.waypoint / len(self._order.waypoints_ned_m)
+        self.advance(now_s, progress, ActionState.FAILED, reason)
+
+    def actuate(self, write: Any) -> None:
+        """Begins an upload."""
+        self._ticket = self._control.command_plan(write.way)
+        self.uploads += 1
+
+    def make_safe(self) -> None:
+        """A plan that is not started moves nothing; who flies one is the autopilot driver's."""

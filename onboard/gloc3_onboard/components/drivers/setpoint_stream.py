@@ -1,0 +1,119 @@
+"""The stream of the owner's setpoints to the autopilot: what may be sent, in whose frame, and when it has run dry."""
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Vector3
+from gloc3.messages.vehicle import AutopilotPose, MotionLimits, Pose, Setpoint
+from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter
+from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S, SetpointGate
+
+EXPIRY_S: Final = 0.5
+"""Without a valid setpoint for so long the stream stops and the autopilot's hold is commanded (DESIGN §7)."""
+PAIRED_S: Final = 0.1
+"""Two estimates that are valid at most so far apart tell how their frames lie to each other."""
+
+
+class Send(NamedTuple):
+    """One setpoint to write, in the autopilot's own frame."""
+
+    position_ned_m: Vector3 | None
+    velocity_ned_m_s: Vector3 | None
+    yaw_rad: float | None
+
+
+class SetpointStream:
+    """Begins with the first valid setpoint, and is over when none came for `EXPIRY_S`."""
+
+    def __init__(self) -> None:
+        self.gate = SetpointGate()
+        self.clamped = self.expired = 0
+        self.since_s: float | None = None
+        """When it began; None while there is none."""
+        self._valid_s = -math.inf
+        self._limiter: SetpointLimiter | None = None
+        self._pose: Pose | None = None
+        self._pose_s = -math.inf
+        self._offset_ned_m: Vector3 | None = None
+        """From the autopilot's frame to ours."""
+
+    @property
+    def pose(self) -> Pose | None:
+        """The last valid one."""
+        return self._pose
+
+    def young_pose(self, now_s: float) -> Pose | None:
+        """The last valid one, unless it is old."""
+        return self._pose if now_s - self._pose_s <= SETPOINT_AGE_S else None
+
+    def adopt(self, limits: MotionLimits) -> None:
+        """Keeps to these limits from now on."""
+        if self._limiter is None:
+            self._limiter = SetpointLimiter(limits)
+        self._limiter.limits = limits
+
+    def see(self, pose: Envelope[Pose] | None, own: Envelope[AutopilotPose] | None, *, is_guided: bool) -> None:
+        """Says where the vehicle is, in our frame and in the autopilot's own.
+
+        Until the autopilot follows, the stream stays where the vehicle is: there is no step when it begins to.
+        """
+        if pose is None or not pose.payload.is_valid:
+            return
+        self._pose, self._pose_s = pose.payload, pose.t_s
+        place, velocity = pose.payload.position_ned_m, pose.payload.velocity_ned_m_s
+        if self._limiter is not None:
+            if not is_guided:
+                self._limiter.restart(place, velocity, pose.t_s)
+            self._limiter.see(place, velocity, pose.t_s, pose.payload.reset_counter)
+        if own is not None and abs(gap_s := own.t_s - pose.t_s) <= PAIRED_S:
+            theirs = own.payload.position_ned_m
+            self._offset_ned_m = (
+                place[0] + velocity[0] * gap_s - theirs[0],
+                place[1] + velocity[1] * gap_s - theirs[1],
+                place[2] + velocity[2] * gap_s - theirs[2],
+            )
+
+    def take(
+        self, envelopes: Sequence[Envelope[Setpoint]], owner: str, now_s: float, *, may_fly: bool, is_guided: bool
+    ) -> Send | None:
+        """Looks at what has come in; returns what is to be sent."""
+        found = self.gate.newest(envelopes, owner, now_s)
+        send = self._convert(found, is_guided=is_guided) if found is not None and self._is_ready(now_s) else None
+        if send is not None and may_fly:
+            self._valid_s = now_s
+            self.since_s = now_s if self.since_s is None else self.since_s
+            return send
+        if self.since_s is not None and now_s - self._valid_s > EXPIRY_S:
+            self.since_s = None
+            self.expired += 1
+        return None
+
+    def brake(self, now_s: float) -> Send | None:
+        """What to send while the autopilot is asked to take over: without it, a lost frame would mean its failsafe."""
+        self.since_s = None
+        if self._limiter is None or not self._is_ready(now_s):
+            return None
+        standing = self._limiter.limit(Setpoint(action_id="", velocity_ned_m_s=(0.0, 0.0, 0.0)), now_s).setpoint
+        return Send(None, standing.velocity_ned_m_s, None)
+
+    def stop(self) -> None:
+        """Ends on purpose."""
+        self.since_s = None
+
+    def _is_ready(self, now_s: float) -> bool:
+        """Whether the limits, and where the vehicle is, are known."""
+        return self._limiter is not None and now_s - self._pose_s <= SETPOINT_AGE_S
+
+    def _convert(self, wanted: Envelope[Setpoint], *, is_guided: bool) -> Send | None:
+        assert self._limiter is not None
+        limited = self._limiter.limit(wanted.payload, wanted.t_s)
+        self.clamped += limited.is_clamped and is_guided
+        setpoint = limited.setpoint
+        position, offset = setpoint.position_ned_m, self._offset_ned_m
+        if position is not None:
+            if offset is None:
+                return None
+            position = (position[0] - offset[0], position[1] - offset[1], position[2] - offset[2])
+        return Send(position, setpoint.velocity_ned_m_s, setpoint.yaw_rad)

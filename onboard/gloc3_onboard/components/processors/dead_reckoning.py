@@ -1,0 +1,344 @@
+"""DP: the platform's pose by dead reckoning: heading, and a DVL or wheels, set right by satellites where these are seen."""
+
+from collections.abc import Sequence
+from math import hypot, isfinite, radians, sqrt
+from typing import Annotated, Final
+
+from gloc3.component.component import DataProcessor
+from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.frames import (
+    IDENTITY,
+    GeoPoint,
+    TangentPlane,
+    Vector3,
+    from_yaw,
+    rotate,
+    rotate_back,
+    wrap_pi,
+    yaw_of,
+)
+from gloc3.messages.perception import BottomVelocity, Odometry, SatelliteFix
+from gloc3.messages.vehicle import AutopilotPose, Pose, Setpoint
+from gloc3_onboard.algorithms.odometry.dead_reckoner import DeadReckoner, Errors
+from gloc3_onboard.algorithms.odometry.velocity_trust import VelocityTrust
+
+_FIX_GAP_S: Final = 1.0
+"""Errors of fixes are alike for long: no more than one in this time is taken in."""
+_ASKED_S: Final = 1.0
+"""A setpoint that is older asks for nothing."""
+_TO_PLACE: Final = 0.4
+"""Speed at which a vehicle goes to a place that it is asked to, per metre…"""
+_TO_PLACE_MAX_M_S: Final = 0.3
+"""…and at most."""
+_AIDED_S: Final = 2.0
+"""After the last fix satellites count as lost, and so does the autopilot's own velocity with them."""
+_LATE_S: Final = 1.0
+"""A fix that is no later than this is carried on to the present by the velocity."""
+_STUCK: Final = 10
+"""So many fixes in a row that do not fit mean that the reckoning is wrong, not the satellites."""
+
+
+class DeadReckoningSettings(Settings, frozen=True):
+    """Settings of the processor."""
+
+    origin_geo: tuple[float, float, float] | None = None
+    """Origin of the local frame: latitude and longitude in degrees, altitude above mean sea level in metres. None, or
+    a place farther than `reach_m` away, takes the origin of the autopilot's estimator."""
+    reach_m: Annotated[float, Bounds(1.0, 100_000.0)] = 5_000.0
+    """Farthest distance at which a local frame is used."""
+    begins_at_origin: bool = False
+    """Begins at the origin, for tanks and halls where satellites are never seen; else with the first fixes."""
+    first_fixes: Annotated[int, Bounds(1, 60)] = 5
+    """So many fixes, a second apart, are averaged before it begins."""
+    is_level: bool = False
+    """Takes the height for 0 at all times, as for what stays on the ground; else depth is the autopilot's."""
+    lost_std_m: Annotated[float, Bounds(1.0, 10_000.0)] = 50.0
+    """A pose that is worse than this along an axis is not valid."""
+    jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
+    """A step by a fix that is longer than this counts as a jump."""
+    unlocked_s: Annotated[float, Bounds(0.2, 60.0)] = 1.5
+    """Without bottom lock, or wheels that hold, for so long it says that it is adrift."""
+    heading_std_deg: Annotated[float, Bounds(0.01, 20.0)] = 1.0
+    """Standard deviation of heading and mounting angle together, before satellites have told more."""
+    deviation_std_deg: Annotated[float, Bounds(0.0, 20.0)] = 0.22918311805232927
+    """Standard deviation of the part of the heading's error that another heading changes, as a compass's deviation."""
+    scale_std: Annotated[float, Bounds(0.0001, 0.1)] = 0.003
+    """Standard deviation of the scale of the DVL or of the wheels."""
+    scale_walk: Annotated[float, Bounds(0.0, 0.1)] = 0.0
+    """Its growth in one second's root, as for wheels that slip more on some ground."""
+    acceleration_m_s2: Annotated[float, Bounds(0.01, 20.0)] = 0.12
+    """How the velocity over ground changes by itself in one second's root: what turns quickly needs more."""
+    adrift_std_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.3
+    """Standard deviation of the velocity where nothing measures it."""
+    autopilot_std_m_s: Annotated[float, Bounds(0.0, 5.0)] = 0.0
+    """Standard deviation of the autopilot's own velocity, which is taken while satellites are seen and nothing else measures
+    any; 0 takes it never."""
+
+
+class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
+    """One pose for each of the autopilot's estimates, of which attitude, heading and depth are taken.
+
+    Its covariance grows with the way and with the time adrift; losing bottom lock is said, not hidden. A fix that moves the
+    pose by more than `jump_m` raises the reset counter.
+    """
+
+    settings_type = DeadReckoningSettings
+    loggable = ("travelled_m", "adrift_s", "heading_error_deg", "std_m", "reset_counter", "reason")
+
+    autopilot_pose = Input(AutopilotPose)
+    dvl = Input(BottomVelocity)
+    odometry = Input(Odometry)
+    satellites = Input(SatelliteFix)
+    setpoint = Input(Setpoint)
+    pose = Output(Pose, frame="ned")
+
+    def __init__(self) -> None:
+        self.travelled_m = 0.0
+        """Way over ground since the last fix."""
+        self.adrift_s = 0.0
+        """How long there has been no bottom lock."""
+        self.heading_error_deg = 0.0
+        self.std_m = 0.0
+        self.reset_counter = 0
+        self.reason = ""
+        self._settings = DeadReckoningSettings()
+        self._forget()
+
+    def _forget(self) -> None:
+        settings = self._settings
+        self._filter = DeadReckoner(
+            Errors(
+                heading_rad=radians(settings.heading_std_deg),
+                deviation_rad=radians(settings.deviation_std_deg),
+                scale=settings.scale_std,
+                scale_walk=settings.scale_walk,
+                acceleration_m_s2=settings.acceleration_m_s2,
+                adrift_m_s=settings.adrift_std_m_s,
+            )
+        )
+        self._plane: TangentPlane | None = None
+        self._origin_geo: tuple[float, float, float] | None = None
+        self._now_s: float | None = None
+        self._first: list[tuple[float, float, float]] = []
+        self._is_begun = False
+        self._lock_s: float | None = None
+        self._fix_s = self._seen_s = float("-inf")
+        self._common_m = 0.0
+        """What errors of fixes have in common for long: many of them are no better than one."""
+        self._source = "dvl"
+        self._trust = VelocityTrust()
+        self._misfits = 0
+        self._unlocked = ""
+        self._attitude = IDENTITY
+        self._asked: Setpoint | None = None
+
+    def initialize(self, settings: DeadReckoningSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+        self._forget()
+
+    def start(self) -> None:
+        """Begins without a past: where it is must be told anew."""
+        self._forget()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Takes in what is new in the order of time; one pose for each of the autopilot's."""
+        results: list[Result] = []
+        asked = inbox.latest(self.setpoint)
+        self._asked = asked.payload if asked is not None and now_s - asked.t_s < _ASKED_S else None
+        poses = [(envelope.t_s, 2, envelope.payload) for envelope in inbox.new(self.autopilot_pose)]
+        bottoms = [(envelope.t_s, 0, envelope.payload) for envelope in inbox.new(self.dvl)]
+        steps = [(envelope.t_s, 0, envelope.payload) for envelope in inbox.new(self.odometry)]
+        fixes = [(envelope.t_s, 1, envelope.payload) for envelope in inbox.new(self.satellites)]
+        for t_s, _, news in sorted([*poses, *bottoms, *steps, *fixes], key=lambda item: (item[0], item[1])):
+            if isinstance(news, AutopilotPose):
+                results.append(self.pose.report(self._place(news, t_s), t_s=t_s))
+            elif isinstance(news, BottomVelocity):
+                self._measure(news, t_s)
+            elif isinstance(news, Odometry):
+                self._follow(news, t_s)
+            elif isinstance(news, SatelliteFix):
+                self._fix(news, t_s)
+        return results
+
+    # --- what comes ---
+
+    def _advance(self, t_s: float) -> None:
+        """Brings the filter to a time; what is older than it is taken as being of its time."""
+        if self._now_s is None:
+            self._now_s = t_s
+        dt_s = t_s - self._now_s
+        if dt_s <= 0.0:
+            return
+        is_measured = self._lock_s is not None and t_s - self._lock_s < self._settings.unlocked_s
+        self._filter.predict(min(dt_s, 5.0), is_measured=is_measured, asked_m_s=self._asked_m_s())
+        self.travelled_m += hypot(*self._filter.velocity_m_s) * dt_s
+        self._now_s = t_s
+
+    def _asked_m_s(self) -> tuple[float, float]:
+        """The velocity that the vehicle is asked for: what is fed forward, and what leads to the place asked for."""
+        asked = self._asked
+        if asked is None:
+            return (0.0, 0.0)
+        vn, ve, _ = asked.velocity_ned_m_s or (0.0, 0.0, 0.0)
+        if asked.position_ned_m is None:
+            return vn, ve
+        north, east = self._filter.position_m
+        off_n, off_e = _TO_PLACE * (asked.position_ned_m[0] - north), _TO_PLACE * (asked.position_ned_m[1] - east)
+        size = hypot(off_n, off_e)
+        share = _TO_PLACE_MAX_M_S / size if size > _TO_PLACE_MAX_M_S else 1.0
+        return vn + share * off_n, ve + share * off_e
+
+    def _measure(self, bottom: BottomVelocity, t_s: float) -> None:
+        if not bottom.is_valid:
+            self._unlocked = self._unlocked or bottom.reason
+            return
+        std_m_s = max(bottom.std_m_s, 1e-3)
+        self._take("dvl", bottom.velocity_frd_m_s, (std_m_s, std_m_s), t_s)
+
+    def _follow(self, step: Odometry, t_s: float) -> None:
+        """A step of an odometer is a velocity: that of its chord, in the axes that the body has at its end."""
+        seconds = t_s - step.reference_t_s
+        if not step.is_valid or seconds <= 0.0:
+            self._unlocked = self._unlocked or step.reason
+            return
+        ahead, right, down = rotate_back(step.reference_from_frd, step.position_m)
+        vn, ve = self._filter.velocity_m_s
+        speed_m_s, believed_m_s = hypot(ahead, right) / seconds, hypot(vn, ve)
+        reason = self._trust.why_not(
+            speed_m_s,
+            hypot(*self._asked_m_s()),
+            abs(speed_m_s - believed_m_s),
+            t_s,
+            has_satellites=t_s - self._seen_s < _AIDED_S,
+        )
+        if reason:
+            self._unlocked, self._lock_s = reason, None
+            return
+        stds = (max(sqrt(step.covariance[0]) / seconds, 1e-3), max(sqrt(step.covariance[7]) / seconds, 1e-3))
+        self._take(step.source, (ahead / seconds, right / seconds, down / seconds), stds, t_s)
+
+    def _take(self, source: str, velocity_frd_m_s: Vector3, stds_m_s: tuple[float, float], t_s: float) -> None:
+        self._advance(t_s)
+        yaw = yaw_of(self._attitude)
+        level = rotate(from_yaw(-yaw), rotate(self._attitude, velocity_frd_m_s))
+        if self._filter.take_velocity(level[0], level[1], yaw, *stds_m_s) <= 1.0:
+            self._source, self._lock_s, self._unlocked = source, t_s, ""
+        else:
+            self._unlocked = "its velocity does not fit"
+
+    def _fix(self, fix: SatelliteFix, t_s: float) -> None:
+        self._seen_s = t_s if fix.is_valid else float("-inf")
+        if not fix.is_valid or self._plane is None or t_s - self._fix_s < _FIX_GAP_S - 1e-6:
+            return
+        self._fix_s = t_s
+        north, east, _ = self._plane.ned_from_geo(*fix.place_geo)
+        std, self._common_m = max(fix.std_m, 0.05), fix.std_m
+        if not self._is_begun:
+            self._first.append((north, east, std))
+            if len(self._first) >= self._settings.first_fixes:
+                count = len(self._first)
+                self._begin(sum(n for n, _, _ in self._first) / count, sum(e for _, e, _ in self._first) / count, std)
+            return
+        self._advance(t_s)
+        late_s = 0.0 if self._now_s is None else min(max(0.0, self._now_s - t_s), _LATE_S)
+        vn, ve = self._filter.velocity_m_s
+        before = self._filter.position_m
+        fits = self._filter.take_fix(north + vn * late_s, east + ve * late_s, std) <= 1.0
+        is_doubted = self._settings.autopilot_std_m_s > 0.0 and self._trust.fix(fits=fits)
+        if is_doubted:
+            self._filter.doubt_velocity()
+            self._lock_s = None
+        if fits:
+            self._misfits = 0
+        else:
+            self._misfits += 1
+            if self._misfits < _STUCK and not is_doubted:
+                return
+            self._misfits = 0
+            self._filter.begin(north, east, std)
+        self.travelled_m = 0.0
+        after = self._filter.position_m
+        if hypot(after[0] - before[0], after[1] - before[1]) > self._settings.jump_m:
+            self.reset_counter += 1
+
+    def _begin(self, north_m: float, east_m: float, std_m: float) -> None:
+        self._is_begun = True
+        self._filter.begin(north_m, east_m, std_m)
+
+    # --- what is told ---
+
+    def _place(self, given: AutopilotPose, t_s: float) -> Pose:
+        numbers = (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd, *given.rate_frd_rad_s)
+        is_finite = all(map(isfinite, numbers))
+        if is_finite:
+            self._filter.turned(wrap_pi(yaw_of(given.ned_from_frd) - yaw_of(self._attitude)))
+            self._attitude = given.ned_from_frd
+        self._adopt_origin(given)
+        self._advance(t_s)
+        is_unlocked = self._lock_s is None or t_s - self._lock_s > self._settings.unlocked_s
+        has_satellites = t_s - self._seen_s < _AIDED_S
+        is_led = is_unlocked and has_satellites and self._settings.autopilot_std_m_s > 0.0 and is_finite
+        if is_led:
+            self._lean_on(given)
+        settings, reckoner = self._settings, self._filter
+        north, east = reckoner.position_m
+        vn, ve = reckoner.velocity_m_s
+        std_n, std_e = (hypot(std, self._common_m) for std in reckoner.std_m)
+        self.std_m = max(std_n, std_e)
+        self.adrift_s = 0.0 if self._lock_s is None else max(0.0, t_s - self._lock_s)
+        self.heading_error_deg = reckoner.heading_error_rad * 57.29578
+        is_adrift = is_unlocked and not is_led
+        self.reason = self._why_not(is_finite)
+        is_valid = not self.reason
+        if is_valid and is_adrift:
+            self.reason = f"adrift: {self._unlocked or 'no velocity over ground'}"
+        has_depth = is_finite and not settings.is_level
+        sources = [] if is_adrift else ["autopilot"] if is_led else [self._source]
+        sources += ["heading"] if settings.is_level else ["heading", "depth"]
+        sources += ["satellites"] if has_satellites else []
+        return Pose(
+            position_ned_m=(north, east, given.position_ned_m[2] if has_depth else 0.0),
+            velocity_ned_m_s=(vn, ve, given.velocity_ned_m_s[2] if has_depth else 0.0),
+            ned_from_frd=self._attitude,
+            rate_frd_rad_s=given.rate_frd_rad_s if is_finite else (0.0, 0.0, 0.0),
+            position_std_m=(std_n, std_e, 0.1),
+            is_valid=is_valid,
+            reason=self.reason,
+            quality=0.0 if not is_valid else max(0.05, 1.0 - self.std_m / settings.lost_std_m),
+            reset_counter=self.reset_counter,
+            sources=sources,
+            origin_geo=self._origin_geo,
+        )
+
+    def _lean_on(self, given: AutopilotPose) -> None:
+        """Takes the autopilot's own velocity, where nothing better is there: it has it from the satellites."""
+        yaw, std_m_s = yaw_of(self._attitude), self._settings.autopilot_std_m_s
+        ahead, right, _ = rotate(from_yaw(-yaw), given.velocity_ned_m_s)
+        self._filter.take_velocity(ahead, right, yaw, std_m_s)
+
+    def _why_not(self, is_finite: bool) -> str:
+        if not is_finite:
+            return "the autopilot's estimate is not finite"
+        if self._origin_geo is None:
+            return "the autopilot has not told its origin"
+        if not self._is_begun:
+            return "where it begins is not known: no fixes yet"
+        if self.std_m > self._settings.lost_std_m:
+            return f"lost: it is known to {self.std_m:.0f} m only"
+        return ""
+
+    def _adopt_origin(self, given: AutopilotPose) -> None:
+        """Once the autopilot has told its own: the local frame's, if that is near, else that one."""
+        if self._plane is not None or given.origin_geo is None:
+            return
+        settings, origin = self._settings, given.origin_geo
+        wanted = settings.origin_geo
+        if wanted is not None:
+            away: Vector3 = TangentPlane(GeoPoint(*wanted)).ned_from_geo(origin[0], origin[1], wanted[2])
+            if hypot(away[0], away[1]) <= settings.reach_m:
+                origin = wanted
+        self._origin_geo, self._plane = origin, TangentPlane(GeoPoint(*origin))
+        if settings.begins_at_origin:
+            self._begin(0.0, 0.0, 0.1)

@@ -1,0 +1,146 @@
+"""DP: motion in the plane, from the laser scanner and the attitude."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+from gloc3.camera.opencv import load_opencv
+from gloc3.component.component import DataProcessor
+from gloc3.component.ports import Inbox, Input, Keep, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Vector3, from_euler, to_euler
+from gloc3.messages.perception import UNKNOWN_VARIANCE, LaserScan, Odometry, no_motion
+from gloc3.messages.vehicle import AutopilotPose, HeightAboveGround
+from gloc3_onboard.algorithms.scan_matching.laser_odometer import LaserMotion, LaserOdometer, LaserOdometerSettings
+from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt
+from gloc3_onboard.sensors.checks.recent import RecentAttitudes, RecentHeights
+from gloc3_onboard.sensors.checks.silence import Silence
+
+SOURCE: Final = "laser"
+ATTITUDE_GAP_S: Final = 0.15
+"""An attitude that is older than this at the time of a scan does not count."""
+HEIGHT_GAP_S: Final = 0.3
+SHARED: Final = 0.9
+DRIFT: Final = 0.2
+"""What is wrong with a scan is wrong with the next, too; but scans are fitted into a map, and their errors do not add up:
+found in flights of 60 m in the hold."""
+
+
+class LaserOdometrySettings(Settings, frozen=True):
+    """Settings of the laser odometry."""
+
+    mount_frd_m: Vector3 = (0.0, 0.0, 0.0)
+    """Where the scanner sits on the body, in metres."""
+    mount_yaw_deg: Annotated[float, Bounds(-180.0, 180.0)] = 0.0
+    """Where its middle beam looks, clockwise from ahead."""
+    reach_m: Annotated[float, Bounds(1.0, 1000.0)] = 30.0
+    """The map holds the walls that were seen on so much of the way."""
+    key_distance_m: Annotated[float, Bounds(0.05, 10.0)] = 0.5
+    """The map takes in a scan after so much way,"""
+    key_turn_deg: Annotated[float, Bounds(1.0, 170.0)] = 20.0
+    """or so much turning."""
+    lowest_share: Annotated[float, Bounds(0.05, 1.0)] = 0.25
+    """A scan of which less fits into the map is lost."""
+
+
+class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
+    """Says for each scan how the body has moved since a key scan; invalid with a reason where it cannot."""
+
+    settings_type = LaserOdometrySettings
+    loggable = ("scans", "refused", "degenerate", "reason")
+
+    laser = Input(LaserScan, Keep.ALL)
+    autopilot_pose = Input(AutopilotPose, Keep.ALL)
+    height = Input(HeightAboveGround, Keep.ALL)
+    odometry = Output(Odometry)
+
+    def __init__(self) -> None:
+        self.scans = self.refused = self.degenerate = 0
+        self.reason = ""
+        self._settings = LaserOdometrySettings()
+
+    def initialize(self, settings: LaserOdometrySettings) -> None:
+        """Adopts the settings and loads what the odometer needs."""
+        import scipy.spatial
+
+        load_opencv()
+        assert scipy.spatial.cKDTree
+        self._settings = settings
+        self.start()
+
+    def start(self) -> None:
+        """Begins without a past."""
+        given = self._settings
+        settings = LaserOdometerSettings(
+            reach_m=given.reach_m,
+            key_distance_m=given.key_distance_m,
+            key_turn_rad=math.radians(given.key_turn_deg),
+            lowest_share=given.lowest_share,
+        )
+        self._odometer = LaserOdometer(settings, Mount(given.mount_frd_m, math.radians(given.mount_yaw_deg)))
+        self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
+        self._silence = Silence()
+        self._down_m = self._floor_down_m = math.nan
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """One report for each scan, and one a second where none comes."""
+        self._attitudes.hear(inbox.new(self.autopilot_pose))
+        self._heights.hear(inbox.new(self.height))
+        if (pose := inbox.latest(self.autopilot_pose)) is not None:
+            self._down_m = pose.payload.position_ned_m[2]
+        results: list[Result] = []
+        for envelope in inbox.new(self.laser):
+            self._silence.end(now_s)
+            results.append(self.odometry.report(self._told(self._match(envelope)), t_s=envelope.t_s))
+        if self._silence.is_to_be_told(now_s):
+            results.append(self._told(no_motion(SOURCE, now_s, "no scan comes", is_level=True)))
+        return results
+
+    def _match(self, envelope: Envelope[LaserScan]) -> Odometry:
+        scan, t_s = envelope.payload, envelope.t_s
+        self.scans += 1
+        attitude = self._attitudes.at(t_s)
+        if attitude is None:
+            return no_motion(SOURCE, t_s, "there is no attitude of the time of the scan", is_level=True)
+        roll, pitch, yaw = to_euler(attitude)
+        found = self._odometer.update(scan, t_s, Tilt(roll, pitch, self._height_m(t_s, roll, pitch)), yaw)
+        self.degenerate += found.is_degenerate
+        return odometry_of(found, roll, pitch)
+
+    def _height_m(self, t_s: float, roll: float, pitch: float) -> float | None:
+        """Of the body above the floor: as it is measured, or else above where the floor was last."""
+        slant_m = self._heights.at(t_s)
+        if math.isfinite(slant_m):
+            height_m = slant_m * math.cos(roll) * math.cos(pitch)
+            self._floor_down_m = self._down_m + height_m
+            return height_m
+        height_m = self._floor_down_m - self._down_m
+        return height_m if math.isfinite(height_m) else None
+
+    def _told(self, found: Odometry) -> Odometry:
+        self.reason = found.reason
+        self.refused += not found.is_valid
+        return found
+
+
+def odometry_of(found: LaserMotion, roll_rad: float, pitch_rad: float) -> Odometry:
+    """The odometer's motion as a message; height, roll and pitch are not told by it, though roll and pitch are known."""
+    rows = [[UNKNOWN_VARIANCE if row == column else 0.0 for column in range(6)] for row in range(6)]
+    told = (0, 1, 5)
+    for row, values in zip(told, found.covariance.tolist(), strict=True):
+        for column, value in zip(told, values, strict=True):
+            rows[row][column] = value
+    return Odometry(
+        source=SOURCE,
+        reference_t_s=found.reference_t_s,
+        position_m=(found.motion.x_m, found.motion.y_m, 0.0),
+        reference_from_frd=from_euler(roll_rad, pitch_rad, found.motion.yaw_rad),
+        covariance=[value for row in rows for value in row],
+        is_level=True,
+        is_valid=found.is_valid,
+        reason=found.reason,
+        quality=found.quality,
+        shared=SHARED,
+        drift=DRIFT,
+    )

@@ -1,0 +1,197 @@
+"""DP: the platform's pose, fused from its own sensors, without any satellite (paper §VI)."""
+
+from collections.abc import Sequence
+from math import dist
+from typing import TYPE_CHECKING, Annotated, Final
+
+import msgspec
+
+from gloc3.component.component import DataProcessor
+from gloc3.component.ports import Inbox, Input, Keep, Output, Result
+from gloc3.component.settings import Bounds
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import IDENTITY
+from gloc3.messages.perception import FusionState, ImuSample, Odometry, PositionFix
+from gloc3.messages.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState, Pose
+from gloc3_onboard.algorithms.fusion.settings import FusionSettings
+
+if TYPE_CHECKING:
+    from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
+
+STATE_PERIOD_S: Final = 0.5
+YOUNG_S: Final = 0.3
+"""A pose of somebody else is followed, or begun at, only while it is so young."""
+_AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
+_IN_FLIGHT_STD: Final = (0.3, 0.05)
+"""How well position (m) and heading (rad) are known where another's pose is begun at."""
+
+
+_NOWHERE: Final = Pose(
+    position_ned_m=(0.0, 0.0, 0.0),
+    velocity_ned_m_s=(0.0, 0.0, 0.0),
+    ned_from_frd=IDENTITY,
+    is_valid=False,
+    quality=0.0,
+)
+
+
+class PoseFusionSettings(FusionSettings, frozen=True):
+    """Settings of the pose fusion as a component."""
+
+    origin_geo: tuple[float, float, float] | None = None
+    """Origin of the local frame: latitude and longitude in degrees, altitude above mean sea level in metres."""
+    takeover_jump_m: Annotated[float, Bounds(0.0, 10.0)] = 0.03
+    """A standby whose pose differs from the primary's by more counts a jump when it takes over."""
+    await_autopilot_s: Annotated[float, Bounds(0.0, 60.0)] = 2.0
+    """So long it waits to hear from the autopilot whether the vehicle stands, before it takes that for granted."""
+
+
+class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
+    """Fuses inertial samples, odometers, positions from outside and heights into one pose, and tells what it rests on.
+
+    A second row of it with `begin: quiet` and `standby_for` is a hot standby: it hears the same and believes the same.
+    `primary` is bound to the topic `pose` in both rows: whichever of them is quiet follows what the other says there, to
+    count on from it when it takes over, and to begin at it where it starts in flight.
+    """
+
+    settings_type = PoseFusionSettings
+    loggable = ("reset_counter", "quality", "reason", "witnesses")
+
+    imu = Input(ImuSample, Keep.ALL)
+    odometry = Input(Odometry, Keep.ALL)
+    position_fix = Input(PositionFix, Keep.ALL)
+    height = Input(HeightAboveGround, Keep.ALL)
+    autopilot = Input(AutopilotState)
+    autopilot_pose = Input(AutopilotPose, Keep.ALL)
+    primary = Input(Pose)
+    pose = Output(Pose, frame="ned")
+    fusion = Output(FusionState)
+
+    def __init__(self) -> None:
+        self.reset_counter = 0
+        self.quality = 0.0
+        self.reason = ""
+        self.witnesses = ""
+        """The sources that hold the position, in a word."""
+        self._settings = PoseFusionSettings()
+        self._fusion: PoseFusion | None = None
+        self._followed: Envelope[Pose] | None = None
+        self._shown: tuple[float, Pose] | None = None
+        self._is_quiet = False
+        self._jumps = 0
+        """What is added to the fusion's own count, to go on from the primary's."""
+        self._begun_s: float | None = None
+        self._told_s = float("-inf")
+
+    # --- the local command interface ---
+
+    def initialize(self, settings: PoseFusionSettings) -> None:
+        """Adopts the settings and loads the filter."""
+        self._settings = settings
+        self.start()
+
+    def start(self) -> None:
+        """Begins without a past."""
+        from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
+
+        self._fusion = PoseFusion(self._settings)
+        self._is_quiet = False
+        self._followed = self._shown = self._begun_s = None
+        self._jumps = 0
+        self._told_s = float("-inf")
+
+    def goquiet(self) -> None:
+        """Follows the pose that another one says from now on."""
+        self._is_quiet = True
+
+    def resume(self) -> None:
+        """Takes over: counts on from the primary's resets, one more where its pose was another."""
+        self._is_quiet = False
+        if self._followed is None or self._shown is None or self._fusion is None:
+            return
+        (t_s, own), primary = self._shown, self._followed.payload
+        late_s = t_s - self._followed.t_s
+        expected = [p + v * late_s for p, v in zip(primary.position_ned_m, primary.velocity_ned_m_s, strict=True)]
+        is_jump = dist(expected, own.position_ned_m) > self._settings.takeover_jump_m
+        self._jumps = primary.reset_counter + is_jump - self._fusion.estimate.reset_counter
+
+    # --- the cycle ---
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Takes in everything that has come, and says where the platform is."""
+        fusion = self._fusion
+        assert fusion is not None  # its host starts it first
+        if self._is_quiet or not fusion.is_aligned:
+            self._followed = inbox.latest(self.primary)
+        if not fusion.is_aligned and not self._prepare(fusion, now_s, inbox):
+            return [msgspec.structs.replace(_NOWHERE, reason=self.reason)]
+        for sample in inbox.new(self.imu):
+            if sample.payload.is_valid:
+                fusion.imu(sample.payload.rate_frd_rad_s, sample.payload.specific_force_frd_m_s2, sample.t_s)
+        for told in inbox.new(self.autopilot_pose):
+            fusion.attitude(told.payload, told.t_s)
+        for report in inbox.new(self.odometry):
+            fusion.odometry(report.payload, report.t_s)
+        for fix in inbox.new(self.position_fix):
+            fusion.fix(fix.payload, fix.t_s)
+        for height in inbox.new(self.height):
+            fusion.height(height.payload, height.t_s)
+        fusion.tick(now_s)
+        return [*self._report(fusion, now_s)]
+
+    def _prepare(self, fusion: "PoseFusion", now_s: float, inbox: Inbox) -> bool:
+        """Says where to begin, once it is known whether the vehicle stands or flies; false until then."""
+        if self._begun_s is None:
+            self._begun_s = now_s
+        state = inbox.latest(self.autopilot)
+        if state is None or not state.payload.is_connected:
+            self.reason = "the autopilot has not told whether the vehicle stands"
+            return now_s - self._begun_s >= self._settings.await_autopilot_s
+        is_flying = state.payload.is_armed and state.payload.landed in _AIRBORNE
+        self._begin_at(fusion, inbox, now_s, is_flying=is_flying)
+        if is_flying and not fusion.is_prepared_in_flight:
+            self.reason = "in flight there is no pose to begin at"
+            return False
+        return True
+
+    def _begin_at(self, fusion: "PoseFusion", inbox: Inbox, now_s: float, *, is_flying: bool) -> None:
+        from gloc3_onboard.algorithms.fusion.inertial import State
+
+        told = inbox.latest(self.autopilot_pose)
+        settings = self._settings
+        if is_flying:
+            primary = self._followed
+            if primary is not None and primary.payload.is_valid and now_s - primary.t_s < YOUNG_S:
+                given: Pose | AutopilotPose = primary.payload
+            elif told is not None and now_s - told.t_s < YOUNG_S:
+                given = told.payload
+            else:
+                return
+            state = State(now_s, given.position_ned_m, given.velocity_ned_m_s, given.ned_from_frd)
+            std_m, std_rad = _IN_FLIGHT_STD
+            fusion.align_by(state, position_std_m=std_m, heading_std_rad=std_rad, is_moving=True)
+        elif told is not None and (settings.start_ned_m is None or settings.start_heading_deg is None):
+            fusion.align_by(
+                State(
+                    now_s,
+                    settings.start_ned_m or told.payload.position_ned_m,
+                    (0.0, 0.0, 0.0),
+                    told.payload.ned_from_frd,
+                ),
+                position_std_m=None if settings.start_ned_m is not None else _IN_FLIGHT_STD[0],
+                heading_std_rad=_IN_FLIGHT_STD[1],
+            )
+
+    def _report(self, fusion: "PoseFusion", now_s: float) -> Sequence[Result]:
+        pose = fusion.pose()
+        self.reset_counter = pose.reset_counter + self._jumps
+        self.quality, self.reason = pose.quality, pose.reason
+        self.witnesses = " ".join(fusion.witnesses)
+        pose = msgspec.structs.replace(pose, reset_counter=self.reset_counter, origin_geo=self._settings.origin_geo)
+        t_s = fusion.estimate.t_s if fusion.is_aligned else now_s
+        self._shown = (t_s, pose)
+        results: list[Result] = [self.pose.report(pose, t_s=t_s)]
+        if now_s - self._told_s >= STATE_PERIOD_S - 1e-6:
+            self._told_s = now_s
+            results.append(fusion.state())
+        return results

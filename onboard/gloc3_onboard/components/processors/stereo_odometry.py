@@ -1,0 +1,97 @@
+"""DP: motion of the body from the features of the stereo pair."""
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+from gloc3.component.component import DataProcessor
+from gloc3.component.ports import Inbox, Input, Keep, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.perception import Features, Odometry, no_motion
+from gloc3_onboard.sensors.checks.silence import Silence
+from gloc3_onboard.sensors.devices import Rig, calibrated
+
+SOURCE: Final = "stereo"
+
+
+class StereoOdometrySettings(Settings, frozen=True):
+    """Settings of the stereo odometry."""
+
+    left: str = "front_left"
+    """Name of the left camera, as it was calibrated."""
+    right: str = "front_right"
+    """Name of the right one."""
+    ray_px: Annotated[float, Bounds(0.01, 5.0)] = 0.12
+    """Standard deviation of where a feature is found again, in pixels."""
+    disparity_px: Annotated[float, Bounds(0.01, 5.0)] = 0.15
+    """The same of its disparity."""
+    std_max_m: Annotated[float, Bounds(0.001, 10.0)] = 0.1
+    """With a standard deviation above it, in metres, a motion is not valid."""
+    acceleration_max_m_s2: Annotated[float, Bounds(1.0, 1000.0)] = 20.0
+    """A motion that would have taken more is not valid."""
+
+
+class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
+    """Says for each set of features how the body has moved since a key frame; invalid with a reason where it cannot."""
+
+    settings_type = StereoOdometrySettings
+    loggable = ("sets", "refused", "points", "reason")
+
+    features = Input(Features, Keep.ALL)
+    odometry = Output(Odometry)
+
+    def __init__(self, rig: Rig) -> None:
+        self.sets = self.refused = self.points = 0
+        self.reason = ""
+        self._rig = rig
+        self._settings = StereoOdometrySettings()
+
+    def initialize(self, settings: StereoOdometrySettings) -> None:
+        """Makes the odometer; refuses cameras that are not calibrated, or do not make a pair."""
+        self._settings = settings
+        self.start()
+
+    def start(self) -> None:
+        """Begins without a past."""
+        from gloc3_onboard.algorithms.vision.feature_message import features_of, odometry_of
+        from gloc3_onboard.algorithms.vision.stereo_motion import MotionOptions, StereoMotion
+        from gloc3_onboard.algorithms.vision.stereo_rig import stereo_rig
+
+        given = self._settings
+        rig = stereo_rig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
+        options = MotionOptions(
+            ray_px=given.ray_px,
+            disparity_px=given.disparity_px,
+            std_max_m=given.std_max_m,
+            acceleration_max_m_s2=given.acceleration_max_m_s2,
+        )
+        self._features_of, self._odometry_of = features_of, odometry_of
+        self._motion = StereoMotion(rig, options)
+        self._silence = Silence()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """One report for each set of features, and one a second where none come."""
+        results: list[Result] = []
+        for envelope in inbox.new(self.features):
+            self._silence.end(now_s)
+            self.sets += 1
+            results.append(self.odometry.report(self._told(self._look(envelope)), t_s=envelope.t_s))
+        if self._silence.is_to_be_told(now_s):
+            results.append(self._told(no_motion(SOURCE, now_s, "no features come")))
+        return results
+
+    def _look(self, envelope: Envelope[Features]) -> Odometry:
+        given = envelope.payload
+        if not given.is_valid:
+            return no_motion(SOURCE, envelope.t_s, given.reason or "the features are not valid")
+        features = self._features_of(given, envelope.t_s)
+        if features is None:
+            return no_motion(SOURCE, envelope.t_s, "the features are damaged")
+        motion = self._motion.update(features)
+        self.points = motion.points
+        return self._odometry_of(motion, SOURCE)
+
+    def _told(self, found: Odometry) -> Odometry:
+        self.reason = found.reason
+        self.refused += not found.is_valid
+        return found

@@ -1,0 +1,38 @@
+"""SS: the autopilot's own estimate of where it is."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+
+from gloc3.component.component import SensorSampler
+from gloc3.component.ports import Inbox, Output, Result
+from gloc3.component.settings import NoSettings
+from gloc3.messages.vehicle import AutopilotPose
+from gloc3_onboard.sensors.devices import AutopilotTelemetry
+
+
+class AutopilotPoseSampler(SensorSampler[NoSettings]):
+    """Reports each estimate once, with the time at which it was valid."""
+
+    autopilot_pose = Output(AutopilotPose, frame="autopilot_ned")
+
+    def __init__(self, device: AutopilotTelemetry) -> None:
+        self._device = device
+        self._last_s = float("-inf")
+        self._until_stop = ExitStack()
+
+    def start(self) -> None:
+        """Takes what comes from now on."""
+        self._last_s = float("-inf")
+        self._until_stop.callback(self._device.on_pose(self.request_cycle))
+
+    def stop(self) -> None:
+        """Listens no longer."""
+        self._until_stop.close()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Reports an estimate that has not been reported yet."""
+        stamped = self._device.pose()
+        if stamped is None or stamped.t_s <= self._last_s:
+            return []
+        self._last_s = stamped.t_s
+        return [self.autopilot_pose.report(stamped.pose, t_s=stamped.t_s)]

@@ -1,0 +1,61 @@
+"""SS: how the autopilot is set up: firmware, parameters that matter, and its sensors' health."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import Protocol
+
+from gloc3.component.component import SensorSampler
+from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.settings import NoSettings
+from gloc3.messages.readiness import AutopilotSetup, ReadSetup
+from gloc3_onboard.sensors.devices import Unwatch
+
+REPORT_PERIOD_S = 5.0
+
+
+class AutopilotInspection(Protocol):
+    """An autopilot whose setup can be read. Both may be called from any thread."""
+
+    def setup(self) -> AutopilotSetup:
+        """What is known now."""
+
+    def read_setup(self, number: int) -> None:
+        """Reads it anew; its end is told with this number."""
+
+    def on_setup(self, changed: Callable[[], None]) -> Unwatch:
+        """Has `changed` called, from any thread, when more is known."""
+
+
+class AutopilotSetupSampler(SensorSampler[NoSettings]):
+    """Reports the setup on every change, and now and then; has it read anew when asked to."""
+
+    read_setup = Input(ReadSetup)
+    autopilot_setup = Output(AutopilotSetup)
+
+    def __init__(self, device: AutopilotInspection) -> None:
+        self._device = device
+        self._until_stop = ExitStack()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._last: AutopilotSetup | None = None
+        self._reported_s = float("-inf")
+
+    def start(self) -> None:
+        """Reports at once."""
+        self._forget()
+        self._until_stop.callback(self._device.on_setup(self.request_cycle))
+
+    def stop(self) -> None:
+        """Listens no longer."""
+        self._until_stop.close()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Reads the setup; says it when it is new or due."""
+        for asked in inbox.new(self.read_setup):
+            self._device.read_setup(asked.payload.number)
+        setup = self._device.setup()
+        if setup == self._last and now_s - self._reported_s < REPORT_PERIOD_S - 1e-9:
+            return []
+        self._last, self._reported_s = setup, now_s
+        return [setup]

@@ -1,0 +1,61 @@
+"""SS: the ground-looking range finder."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import Annotated
+
+from gloc3.component.component import SensorSampler
+from gloc3.component.ports import Inbox, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.vehicle import HeightAboveGround
+from gloc3_onboard.sensors.devices import HeightSensor
+
+
+class HeightSettings(Settings, frozen=True):
+    """Settings of the height sampler."""
+
+    min_m: Annotated[float, Bounds(0.0, 5.0)] = 0.05
+    """Shortest range that the device can tell, in metres."""
+    max_m: Annotated[float, Bounds(0.1, 1000.0)] = 40.0
+    """Longest range, in metres."""
+
+
+class HeightSampler(SensorSampler[HeightSettings]):
+    """Reports each range once; says `is_valid=False` when there is no echo."""
+
+    settings_type = HeightSettings
+    loggable = ("height_m",)
+
+    height = Output(HeightAboveGround)
+
+    def __init__(self, device: HeightSensor) -> None:
+        self.height_m = 0.0
+        self._device = device
+        self._settings = HeightSettings()
+        self._last_s = float("-inf")
+        self._until_stop = ExitStack()
+
+    def initialize(self, settings: HeightSettings) -> None:
+        """Adopts the range."""
+        self._settings = settings
+
+    def start(self) -> None:
+        """Takes what comes from now on."""
+        self._until_stop.callback(self._device.on_height(self.request_cycle))
+
+    def stop(self) -> None:
+        """Listens no longer."""
+        self._until_stop.close()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Reports a range that has not been reported yet."""
+        stamped = self._device.height()
+        if stamped is None or stamped.t_s <= self._last_s:
+            return []
+        self._last_s = stamped.t_s
+        height, settings = stamped.height, self._settings
+        self.height_m = height.height_m
+        if height.is_valid and not settings.min_m <= height.height_m <= settings.max_m:
+            reason = f"{height.height_m:.2f} m is outside {settings.min_m:g} to {settings.max_m:g} m"
+            height = HeightAboveGround(height_m=height.height_m, is_valid=False, reason=reason)
+        return [self.height.report(height, t_s=stamped.t_s)]

@@ -1,0 +1,81 @@
+"""SS: an inertial measuring unit."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import Annotated
+
+import msgspec
+
+from gloc3.component.component import SensorSampler
+from gloc3.component.ports import Inbox, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.perception import ImuSample
+from gloc3_onboard.sensors.checks.imu_check import ImuCheck
+from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.devices import Imu, opened
+
+
+class ImuSettings(Settings, frozen=True):
+    """Settings of the IMU sampler."""
+
+    silent_s: Annotated[float, Bounds(0.02, 60.0)] = 0.5
+    """Without a sample for so long, in seconds, it says that none comes."""
+    may_repeat: bool = False
+    """Whether samples may be equal for ever; else the unit counts as stuck."""
+
+
+class ImuSampler(SensorSampler[ImuSettings]):
+    """Reports every sample, with its own time; marks those that cannot be used."""
+
+    settings_type = ImuSettings
+    loggable = ("samples", "refused", "reason")
+
+    imu = Output(ImuSample)
+
+    def __init__(self, device: Imu) -> None:
+        self.samples = self.refused = 0
+        self.reason = ""
+        self._device = device
+        self._settings = ImuSettings()
+        self._until_stop = ExitStack()
+        self._restart()
+
+    def _restart(self) -> None:
+        self._timeline = Timeline("sample", self._settings.silent_s)
+        self._check = ImuCheck(may_repeat=self._settings.may_repeat)
+        self._last_s = float("-inf")
+
+    def initialize(self, settings: ImuSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def start(self) -> None:
+        """Opens the unit."""
+        self._restart()
+        self._until_stop.callback(opened(self._device, self.request_cycle))
+
+    def stop(self) -> None:
+        """Closes the unit."""
+        self._until_stop.close()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Reports the samples that have not been reported yet."""
+        found = self._device.samples(self._last_s)
+        results: list[Result] = []
+        for t_s, sample in found:
+            self._last_s = t_s
+            arrival = self._timeline.take(t_s, now_s)
+            if arrival is not None:
+                self.samples += 1
+                self.reason = arrival.problem or self._check.problem(sample)
+                if self.reason:
+                    self.refused += 1
+                    sample = msgspec.structs.replace(sample, is_valid=False, reason=self.reason)
+                results.append(self.imu.report(sample, t_s=arrival.t_s))
+        reason = "" if found else self._timeline.silence(now_s)
+        if reason:
+            none = ImuSample(
+                rate_frd_rad_s=(0.0, 0.0, 0.0), specific_force_frd_m_s2=(0.0, 0.0, 0.0), is_valid=False, reason=reason
+            )
+            results.append(self.imu.report(none, t_s=now_s))
+        return results

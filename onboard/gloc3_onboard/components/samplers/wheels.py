@@ -1,0 +1,64 @@
+"""SS: the encoders of the wheels."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from math import isfinite
+from typing import Annotated
+
+from gloc3.component.component import SensorSampler
+from gloc3.component.ports import Inbox, Output, Result
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.perception import WheelDistances
+from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.devices import Wheels
+
+
+class WheelsSettings(Settings, frozen=True):
+    """Settings of the sampler."""
+
+    silent_s: Annotated[float, Bounds(0.1, 60.0)] = 1.5
+    """Without a word of the encoders for so long, in seconds, it says that none comes."""
+
+
+class WheelsSampler(SensorSampler[WheelsSettings]):
+    """Reports each reading of the encoders once; says when none comes, as from vehicles without any."""
+
+    settings_type = WheelsSettings
+    loggable = ("reason",)
+
+    wheels = Output(WheelDistances)
+
+    def __init__(self, device: Wheels) -> None:
+        self.reason = ""
+        self._device = device
+        self._settings = WheelsSettings()
+        self._until_stop = ExitStack()
+
+    def initialize(self, settings: WheelsSettings) -> None:
+        """Adopts the settings."""
+        self._settings = settings
+
+    def start(self) -> None:
+        """Takes what comes from now on."""
+        self._timeline = Timeline("wheel distance", self._settings.silent_s)
+        self._until_stop.callback(self._device.on_wheels(self.request_cycle))
+
+    def stop(self) -> None:
+        """Listens no longer."""
+        self._until_stop.close()
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Reports a reading that has not been reported yet."""
+        stamped = self._device.wheels()
+        arrival = self._timeline.take(stamped.t_s, now_s) if stamped is not None else None
+        if stamped is None or arrival is None:
+            silence = self._timeline.silence(now_s)
+            self.reason = silence or self.reason
+            return [self.wheels.report(WheelDistances(is_valid=False, reason=silence), t_s=now_s)] if silence else []
+        wheels = stamped.wheels
+        self.reason = arrival.problem or (
+            "" if all(map(isfinite, wheels.distances_m)) else "its numbers are not finite"
+        )
+        if self.reason:
+            wheels = WheelDistances(is_valid=False, reason=self.reason)
+        return [self.wheels.report(wheels, t_s=arrival.t_s)]

@@ -1,0 +1,328 @@
+"""A child process of a host, as the host's main process sees it: begun, led, watched, and answered for while it is away."""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from enum import StrEnum
+from functools import partial
+from typing import Any, Final
+
+from gloc3.component.context import HostContext
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.lci import State
+from gloc3.exchange.base import Unsubscribe
+from gloc3.messages.envelope import (
+    CommandReply,
+    CommandRequest,
+    ComponentStatus,
+    Envelope,
+    FunctionReply,
+    FunctionRequest,
+)
+from gloc3.messages.readiness import SensorCondition
+from gloc3_onboard.hosts.last_words import FATAL, confession, last_words, manner_of_death
+from gloc3_onboard.hosts.pipe import Beat, FromChild, Here, Leave, Order, Pass, Pipe, Tell, ToChild, socket_pair
+from gloc3_onboard.hosts.stand_in import StandIn
+
+PROGRAM: Final = (sys.executable, "-X", "faulthandler", "-m", "gloc3_onboard.hosts.child_main")
+"""What a child runs; the arguments are its end of the pipe, and for people who list processes what it is."""
+LOOK_EVERY_S: Final = 0.5
+STUCK_S: Final = 2.0
+"""A child whose loop has not turned for so long is ended."""
+BEGIN_S: Final = 60.0
+"""How long a child may take until its components are there."""
+DUMP_S: Final = 1.0
+"""How long a stuck child may take to tell where it is."""
+LEAVE_S: Final = 2.0
+WORDS_MAX: Final = 80
+"""Lines of a child's stderr that are kept."""
+
+Lives = dict[str, str | None]
+
+
+class Phase(StrEnum):
+    """Where a child is in its life."""
+
+    AWAY = "away"
+    BEGINNING = "beginning"
+    UP = "up"
+    LEFT = "left"
+
+
+class ChildProcess:
+    """One child process with its components.
+
+    Args:
+        name: of the process.
+        rows: the components that it hosts.
+        context: of the host's main process.
+        order: what the process is told, given how its components come back.
+        say: narrates a line that it has written.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        rows: Sequence[ComponentRow],
+        context: HostContext,
+        order: Callable[[Lives | None], Order],
+        say: Callable[[str], None],
+    ) -> None:
+        self.name: Final = name
+        self.rows: Final = tuple(rows)
+        self.phase = Phase.AWAY
+        self.restarts = 0
+        self.cause = ""
+        """Why it ended last."""
+        self.sensors: list[SensorCondition] = []
+        self.log_problem = ""
+        self._context, self._loop = context, context.loop
+        self._order, self._say = order, say
+        self._stand_ins = {row.name: StandIn(row, context) for row in rows}
+        self._waiting: list[Envelope[Any]] = []
+        """Requests for when it is there."""
+        self._unanswered: dict[tuple[str, str], CommandRequest | FunctionRequest] = {}
+        """Requests that it has, by component and id."""
+        self._words: deque[str] = deque(maxlen=WORDS_MAX)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._pipe: Pipe | None = None
+        self._ends: list[int] = []
+        """Files that the loop reads: the process's stderr, and its end."""
+        self._rest = b""
+        self._is_dying = False
+        self._silent = 0
+        """How often it was looked at since it was last heard."""
+        self._verdict = ""
+        """Why it was ended, where that was us."""
+        self._has_ended = asyncio.Event()
+        self._timer: asyncio.TimerHandle | None = None
+        self._subscriptions = list(self._listen())
+
+    def _listen(self) -> Sequence[Unsubscribe]:
+        exchange, platform = self._context.exchange, self._context.platform
+        ends = []
+        for row in self.rows:
+            base = f"{platform}/components/{row.name}/"
+            ends += [
+                exchange.subscribe(base + "command", partial(self._take, row.name)),
+                exchange.subscribe(base + "function", partial(self._take, row.name)),
+                exchange.subscribe(base + "status", partial(self._see_status, row.name)),
+                exchange.subscribe(base + "reply", partial(self._see_reply, row.name)),
+                exchange.subscribe(base + "function_reply", partial(self._see_reply, row.name)),
+            ]
+        return ends
+
+    # --- what is known ---
+
+    @property
+    def pid(self) -> int:
+        """Its process id; 0 while it is away."""
+        return self._process.pid if self._process is not None else 0
+
+    def component(self, name: str) -> StandIn:
+        """What is known of one of its components."""
+        return self._stand_ins[name]
+
+    # --- life ---
+
+    def begin(self) -> None:
+        """Begins the process; its components come to what their rows ask for."""
+        self._spawn(None)
+
+    async def end(self) -> None:
+        """Ends it for good, after its components have left."""
+        if self._process is not None and self._pipe is not None:
+            self.phase = Phase.LEFT
+            self._pipe.send(Leave())
+            with suppress(TimeoutError):
+                async with asyncio.timeout(LEAVE_S):
+                    await self._has_ended.wait()
+        self.close()
+
+    def close(self) -> None:
+        """Ends it without ceremony."""
+        self.phase = Phase.LEFT
+        for unsubscribe in self._subscriptions:
+            unsubscribe()
+        self._subscriptions = []
+        for stand_in in self._stand_ins.values():
+            stand_in.step_back()
+        if self._process is not None:
+            self._process.kill()
+            self._bury()
+
+    def tell(self, offset_s: float) -> None:
+        """Tells it how far the platform's time is from this computer's."""
+        if self._pipe is not None:
+            self._pipe.send(Tell(offset_s))
+
+    def give_up_beginning(self) -> None:
+        """Is not waited for any more: nothing that is asked of its components begins it again."""
+        if self.phase is Phase.BEGINNING and self._process is not None:
+            self._verdict = "was still beginning when everything was to end"
+            self._process.kill()
+
+    def _spawn(self, lives: Lives | None) -> None:
+        self.phase = Phase.BEGINNING
+        self._words.clear()
+        self._rest, self._silent, self._verdict, self._is_dying = b"", 0, "", False
+        self._has_ended = asyncio.Event()
+        ours, theirs = socket_pair()
+        read_end, write_end = os.pipe2(os.O_CLOEXEC)
+        os.set_blocking(read_end, False)
+        try:
+            self._process = subprocess.Popen(
+                [*PROGRAM, str(theirs.fileno()), f"{self._context.platform}/{self.name}"],
+                stdin=subprocess.DEVNULL,
+                stdout=write_end,
+                stderr=write_end,
+                pass_fds=[theirs.fileno()],
+            )
+        finally:
+            os.close(write_end)
+            theirs.close()
+        end = os.pidfd_open(self._process.pid)
+        self._ends = [read_end, end]
+        self._loop.add_reader(read_end, self._hear_words, read_end)
+        self._loop.add_reader(end, self._ended, end, read_end)
+        self._pipe = Pipe(ours, FromChild, self._loop, self._hear)  # type: ignore[arg-type] # a union is no class
+        self._pipe.send(self._order(lives))
+        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+
+    def _bury(self) -> int:
+        """Closes what belonged to the process, whose end is near or has come; its code."""
+        assert self._process is not None
+        for file in self._ends:
+            self._loop.remove_reader(file)
+            os.close(file)
+        self._ends = []
+        if self._pipe is not None:
+            self._pipe.close()
+            self._pipe = None
+        if self._timer is not None:
+            self._timer.cancel()
+        code = self._process.wait()
+        self._process = None
+        return code
+
+    def _ended(self, end: int, read_end: int) -> None:
+        self._hear_words(read_end)
+        code = self._bury()
+        self._has_ended.set()
+        if self.phase is Phase.LEFT:
+            return
+        lines = list(self._words)
+        words = last_words(lines)
+        manner = self._verdict or f"ended {manner_of_death(code)}"
+        self.cause = f"process {self.name} {manner}" + (f": {words}" if words else "")
+        self.phase = Phase.AWAY
+        self.sensors = []
+        for number, stand_in in enumerate(self._stand_ins.values()):
+            stand_in.fail(self.cause, "\n".join(confession(lines)), has_been_told=number > 0)
+        self._answer_all()
+
+    def _answer_all(self) -> None:
+        """Whoever waits for an answer of the process gets it."""
+        waiting = [(self._name_of(envelope), envelope.payload) for envelope in self._waiting]
+        waiting += [(component, request) for (component, _), request in self._unanswered.items()]
+        self._waiting, self._unanswered = [], {}
+        for component, request in waiting:
+            if isinstance(request, CommandRequest):
+                self._stand_ins[component].reply(request, self.cause)
+            else:
+                self._stand_ins[component].refuse(request, self.cause)
+
+    def _look(self) -> None:
+        """Counts how often it was silent: a main process that was itself held up does not blame the child."""
+        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        self._silent += 1
+        limit_s = BEGIN_S if self.phase is Phase.BEGINNING else STUCK_S
+        looks = round(limit_s / LOOK_EVERY_S)
+        if self._process is None or self.phase is Phase.LEFT or self._silent <= looks:
+            return
+        self._verdict = f"did not turn its loop for {limit_s:g} s and was ended"
+        is_last = self._silent > looks + round(DUMP_S / LOOK_EVERY_S)
+        self._process.send_signal(signal.SIGKILL if is_last else signal.SIGABRT)
+
+    # --- what it says ---
+
+    def _hear(self, message: ToChild | FromChild | None) -> None:
+        self._silent = 0
+        match message:
+            case Here():
+                self._come_up()
+            case Beat(sensors=list() as sensors, log_problem=problem):
+                self.sensors, self.log_problem = sensors, problem
+
+    def _come_up(self) -> None:
+        self.phase = Phase.UP
+        for stand_in in self._stand_ins.values():
+            stand_in.step_back()
+        waiting, self._waiting = self._waiting, []
+        for envelope in waiting:
+            self._pass_on(self._name_of(envelope), envelope)
+
+    def _hear_words(self, read_end: int) -> None:
+        while True:
+            try:
+                data = os.read(read_end, 1 << 16)
+            except BlockingIOError:
+                return
+            if not data:  # it has closed its stderr; its end is told elsewhere
+                self._loop.remove_reader(read_end)
+                return
+            *lines, self._rest = (self._rest + data).split(b"\n")
+            for line in lines:
+                text = line.decode(errors="replace").rstrip()
+                self._words.append(text)
+                self._is_dying = self._is_dying or FATAL.match(text) is not None
+                if not self._is_dying:  # else it is told with the fault
+                    self._say(f"{self.name}: {text}")
+
+    def _see_status(self, name: str, envelope: Envelope[ComponentStatus]) -> None:
+        stand_in = self._stand_ins[name]
+        if self.phase is Phase.UP or envelope.source.boot == stand_in.boot:
+            stand_in.hear(envelope.payload.state)
+        elif self.phase is Phase.AWAY:
+            stand_in.insist()
+
+    def _see_reply(self, name: str, envelope: Envelope[CommandReply | FunctionReply]) -> None:
+        self._unanswered.pop((name, envelope.payload.request_id), None)
+
+    # --- what it is asked ---
+
+    def _take(self, name: str, envelope: Envelope[Any]) -> None:
+        request = envelope.payload
+        if not isinstance(request, CommandRequest | FunctionRequest):
+            return
+        match self.phase:
+            case Phase.UP:
+                self._pass_on(name, envelope)
+            case Phase.BEGINNING:
+                self._waiting.append(envelope)
+            case Phase.AWAY if isinstance(request, FunctionRequest):
+                self._stand_ins[name].refuse(request, self.cause)
+            case Phase.AWAY if isinstance(request, CommandRequest) and self._stand_ins[name].take(request):
+                self._waiting.append(envelope)
+                self.restarts += 1
+                known = self._stand_ins.values()
+                self._spawn({each.row.name: None if each.has_left else each.cause for each in known})
+
+    def _pass_on(self, name: str, envelope: Envelope[Any]) -> None:
+        self._unanswered[name, envelope.payload.request_id] = envelope.payload
+        assert self._pipe is not None
+        self._pipe.send(Pass(self._context.topics.types.encode(envelope)))
+
+    @staticmethod
+    def _name_of(envelope: Envelope[Any]) -> str:
+        return envelope.topic.split("/")[-2]
+
+    @property
+    def states(self) -> dict[str, State | None]:
+        """Its components' states."""
+        return {name: stand_in.state for name, stand_in in self._stand_ins.items()}

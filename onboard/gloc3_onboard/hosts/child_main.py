@@ -1,0 +1,144 @@
+"""A child process of a host: `python -m gloc3_onboard.hosts.child_main FILE NAME`, begun and led by the main process alone."""
+
+import asyncio
+import ctypes
+import os
+import signal
+import socket
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import zenoh_session
+from gloc3.exchange.zenoh import ZenohExchange, open_exchange
+from gloc3.messages.envelope import Severity
+from gloc3.messages.hosts import HOSTS
+from gloc3.messages.topics import TopicTable
+from gloc3.platform.places import Place
+from gloc3.platform.reader import load_platform
+from gloc3_onboard.hosts.led import LedExchange
+from gloc3_onboard.hosts.loop import PlatformLoop
+from gloc3_onboard.hosts.node import Node, NodeOptions
+from gloc3_onboard.hosts.pipe import Beat, FromChild, Here, Leave, Order, Pass, Pipe, Tell, ToChild, first_message
+
+PR_SET_PDEATHSIG: Final = 1
+OOM_SCORE: Final = Path("/proc/self/oom_score_adj")
+FIRST_TO_GO: Final = "500"
+BEAT_S: Final = 0.25
+BEATS_TO_TELL: Final = 4
+"""Every so many beats it is told how the sensors are."""
+JOIN_S: Final = 20.0
+"""How long the main process may take to be found."""
+WRONG: Final = 2
+
+
+def main() -> int:
+    """Is what the main process says, until that says otherwise or is gone."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # they are meant for the main process, which leads the way out
+        signal.signal(number, signal.SIG_IGN)
+    end = socket.socket(fileno=int(sys.argv[1]))
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    with suppress(OSError):  # when memory ends, a child goes before the main process, which brings it up again
+        OOM_SCORE.write_text(FIRST_TO_GO)
+    order = first_message(end)
+    if order is None or os.getppid() != order.parent:
+        return 0
+    try:
+        with asyncio.Runner(loop_factory=lambda: PlatformLoop(order.offset_s)) as runner:
+            runner.run(_run(end, order))
+    except Gloc3Error as error:
+        sys.stderr.write(f"{error}\n")
+        return WRONG
+    return 0
+
+
+async def _run(end: socket.socket, order: Order) -> None:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, PlatformLoop)
+    topics = TopicTable.installed()
+    platform = load_platform(order.platform)
+    joining = zenoh_session.Node(name=order.process, connect=(order.endpoint,), is_child=True)
+    with open_exchange(joining, loop, topics, _told) as exchange:
+        await joined(exchange, f"{platform.platform}/{HOSTS}/{order.host}")
+        place = Place(order.host, order.process)
+        options = NodeOptions(
+            platform=order.platform, logs=Path(order.logs), devices=order.devices, log_limits=order.log_limits
+        )
+        node = Node(platform, options, place, LedExchange(exchange), loop, topics, _say)
+        try:
+            await Child(end, order, node, exchange, loop).run()
+        finally:
+            await node.close()
+
+
+def _told(_kind: str, text: str) -> None:
+    _say(Severity.WARNING, text)
+
+
+def _say(_severity: Severity, text: str) -> None:
+    """What is written there the main process narrates."""
+    sys.stderr.write(f"{text}\n")
+
+
+async def joined(exchange: ZenohExchange, token: str) -> None:
+    """Waits until somebody is there, who then knows what is asked for here, and what he asks for is known here.
+
+    Raises:
+        Gloc3Error: nobody comes.
+    """
+    found = asyncio.Event()
+    unwatch = exchange.watch(token, lambda _, is_here: found.set() if is_here else None)
+    try:
+        async with asyncio.timeout(JOIN_S):
+            await found.wait()
+    except TimeoutError:
+        raise Gloc3Error(f"{token} was not found within {JOIN_S:g} s") from None
+    finally:
+        unwatch()
+
+
+class Child:
+    """The process's life between its begin and its end."""
+
+    def __init__(
+        self, end: socket.socket, order: Order, node: Node, exchange: ZenohExchange, loop: PlatformLoop
+    ) -> None:
+        self._loop = loop
+        self._order, self._node, self._exchange = order, node, exchange
+        self._ended = asyncio.Event()
+        self._beats = 0
+        self._onboard = node.make()
+        self._pipe = Pipe(end, ToChild, self._loop, self._hear)  # type: ignore[arg-type] # a union is no class
+
+    async def run(self) -> None:
+        """Begins the components; returns when the main process says so, or is gone."""
+        if self._order.lives is None:
+            self._onboard.begin()
+        else:
+            self._onboard.begin_again(self._order.lives)
+        self._pipe.send(Here())
+        self._beat()
+        await self._ended.wait()
+
+    def _beat(self) -> None:
+        message: FromChild = Beat()
+        if self._beats % BEATS_TO_TELL == 0:
+            message = Beat(self._node.sensors(), self._node.log_problem)
+        self._beats += 1
+        self._pipe.send(message)
+        self._loop.call_later(BEAT_S, self._beat)
+
+    def _hear(self, message: ToChild | FromChild | None) -> None:
+        match message:
+            case Pass(envelope=data):
+                self._exchange.here.publish(self._node.context.topics.types.decode(data))
+            case Tell(offset_s=offset_s):
+                self._loop.steer(offset_s)
+            case Leave() | None:
+                self._ended.set()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,162 @@
+"""What a host's main process does for its host: leads the child processes, says that it is here, and how all of them are."""
+
+import os
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
+
+from gloc3.component.context import HostContext
+from gloc3.exchange import Publisher
+from gloc3.exchange.base import Unsubscribe
+from gloc3.messages.hosts import HOSTS, HostStatus, ProcessLine
+from gloc3.messages.readiness import SensorCondition
+from gloc3.messages.software import own_software
+from gloc3.platform.places import Place, child_processes, clock_host, rows_at
+from gloc3.platform.platform import Platform
+from gloc3_onboard.hosts.child import ChildProcess, Lives, Phase
+from gloc3_onboard.hosts.pipe import Order
+from gloc3_onboard.hosts.stand_in import StandIn
+
+STATUS_S: Final = 1.0
+
+
+class ClockState(NamedTuple):
+    """What a host knows of the platform's time."""
+
+    offset_s: float = 0.0
+    bound_s: float = 0.0
+    round_trip_s: float = 0.0
+    age_s: float = 0.0
+
+
+class HostKeeper:
+    """Keeps one host's processes together.
+
+    Args:
+        platform: whose.
+        host: which of its hosts.
+        context: of the main process.
+        order: what a child is told, given its name and how its components come back.
+        say: narrates a line.
+        clock: what is known of the platform's time.
+        sensors: how the sensors of the main process are.
+        vehicle_boot_s: the platform's time when the autopilot began to count its own.
+    """
+
+    def __init__(
+        self,
+        platform: Platform,
+        host: str,
+        context: HostContext,
+        order: Callable[[str, Lives | None], Order],
+        say: Callable[[str], None],
+        *,
+        clock: Callable[[], ClockState] = ClockState,
+        sensors: Callable[[], list[SensorCondition]] = list,
+        vehicle_boot_s: Callable[[], float | None] = lambda: None,
+    ) -> None:
+        self._platform, self._host, self._context = platform, host, context
+        self._clock, self._sensors, self._vehicle_boot_s = clock, sensors, vehicle_boot_s
+        self._topic = f"{platform.platform}/{HOSTS}/{host}"
+        self._is_clock_host = clock_host(platform) == host
+        self._publisher = Publisher(context.exchange, platform.platform, f"host_{host}", context.random.getrandbits(32))
+        self.children: Final = [
+            ChildProcess(
+                name,
+                rows_at(platform, Place(host, name)),
+                context,
+                lambda lives, name=name: order(name, lives),  # type: ignore[misc] # each its own name
+                say,
+            )
+            for name in child_processes(platform, host)
+        ]
+        self._timer = context.loop.call_later(STATUS_S, self._report)
+        self._withdraw: Unsubscribe | None = None
+
+    @property
+    def led(self) -> list[StandIn]:
+        """The components of the child processes."""
+        return [child.component(row.name) for child in self.children for row in child.rows]
+
+    @property
+    def is_beginning(self) -> bool:
+        """Whether a child has not been there yet."""
+        return any(child.phase is Phase.BEGINNING and not child.restarts for child in self.children)
+
+    def begin(self) -> None:
+        """Says that the host is here, and begins its children."""
+        self._withdraw = self._context.exchange.declare_alive(self._topic)
+        for child in self.children:
+            child.begin()
+        self._tell()
+
+    def give_up_beginning(self) -> None:
+        """Waits for no child that is still beginning."""
+        for child in self.children:
+            child.give_up_beginning()
+
+    async def end(self) -> None:
+        """Ends the children, whose components have left."""
+        for child in self.children:
+            await child.end()
+        self.close()
+
+    def close(self) -> None:
+        """Ends without ceremony."""
+        self._timer.cancel()
+        for child in self.children:
+            child.close()
+        if self._withdraw is not None:
+            self._withdraw()
+
+    def child_sensors(self) -> list[SensorCondition]:
+        """How the sensors of the child processes are."""
+        return [sensor for child in self.children for sensor in child.sensors]
+
+    def log_problem(self) -> str:
+        """Why the log of a child is not written any more."""
+        return next((child.log_problem for child in self.children if child.log_problem), "")
+
+    def pass_time_on(self, offset_s: float) -> None:
+        """Tells the children how far the platform's time is from this computer's."""
+        for child in self.children:
+            child.tell(offset_s)
+
+    def announce_renewal(self) -> None:
+        """Says that this host will be gone for a moment."""
+        self._tell(is_renewing=True)
+
+    def _report(self) -> None:
+        self._timer = self._context.loop.call_later(STATUS_S, self._report)
+        self._tell()
+
+    def _tell(self, *, is_renewing: bool = False) -> None:
+        clock = self._clock()
+        status = HostStatus(
+            host=self._host,
+            is_clock_host=self._is_clock_host,
+            processes=list(self._lines()),
+            **own_software()._asdict(),
+            clock_offset_s=clock.offset_s,
+            clock_bound_s=clock.bound_s,
+            clock_round_trip_s=clock.round_trip_s,
+            clock_age_s=clock.age_s,
+            load=round(os.getloadavg()[0] / (os.cpu_count() or 1), 2),
+            vehicle_boot_s=self._vehicle_boot_s(),
+            sensors=[*self._sensors(), *self.child_sensors()],
+            is_renewing=is_renewing,
+        )
+        self._publisher.publish(self._topic, status, self._context.loop.time())
+
+    def _lines(self) -> Iterator[ProcessLine]:
+        mine = [row.name for row in rows_at(self._platform, Place(self._host))]
+        yield ProcessLine("", os.getpid(), Phase.UP, mine)
+        for child in self.children:
+            yield ProcessLine(
+                child.name,
+                child.pid,
+                child.phase,
+                [row.name for row in child.rows],
+                child.restarts,
+                child.cause,
+                child.log_problem,
+            )

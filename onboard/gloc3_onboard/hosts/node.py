@@ -1,0 +1,124 @@
+"""What a process of a platform holds that is not the one with the autopilot's link: log, sensors and components."""
+
+import asyncio
+from collections.abc import Sequence
+from pathlib import Path
+from random import SystemRandom
+from typing import Final
+
+import msgspec
+
+from gloc3.clock import Clock
+from gloc3.component.context import HostContext
+from gloc3.errors import Refused
+from gloc3.exchange.base import Exchange
+from gloc3.messages.readiness import SensorCondition
+from gloc3.messages.topics import TopicTable
+from gloc3.platform.places import Place, rows_at
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import find_platform
+from gloc3_onboard.assembly import Hosting, Parts, devices_of, host_components, open_sensors
+from gloc3_onboard.event_narration import Report
+from gloc3_onboard.hosts.boot_time import BootTime
+from gloc3_onboard.process.log_files import LogFiles, log_stem
+from gloc3_onboard.process.run_log import LogLimits, RunLog
+from gloc3_onboard.process.runner import Member, Onboard
+from gloc3_onboard.process.storage import PictureFolder
+from gloc3_onboard.sources.factory import SourceHost
+
+
+class NodeOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What a process of a platform was asked for."""
+
+    platform: str
+    """The platform file, or the name of one that is installed."""
+    logs: Path
+    """Folder of logs and pictures."""
+    devices: tuple[str, ...] = ()
+    """Sources that differ from the platform file's, as NAME=URL."""
+    log_limits: LogLimits = LogLimits()
+
+
+class Node:
+    """A child process, or the main process of another host than the clock host.
+
+    Args:
+        platform: as read from the file.
+        options: what was asked for.
+        place: which process of it this is.
+        exchange: joins it with the others.
+        loop: its time is the platform's.
+        topics: that are known.
+        report: receives what a person should know.
+
+    Raises:
+        InputError: a calibration cannot be used.
+        Refused: a source is wrong, or the folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        platform: Platform,
+        options: NodeOptions,
+        place: Place,
+        exchange: Exchange,
+        loop: asyncio.AbstractEventLoop,
+        topics: TopicTable,
+        report: Report,
+    ) -> None:
+        self._platform, self._options = platform, options
+        self.rows: Final = rows_at(platform, place)
+        self.context: Final = HostContext(platform.platform, exchange, Clock(loop), loop, topics, SystemRandom())
+        self.parts: Final = Parts()
+        file, used = find_platform(options.platform), devices_of(self.rows)
+        boot = self.parts.add("boot time", BootTime(exchange, platform.platform))
+        asked = [each for each in options.devices if each.partition("=")[0] in used]
+        self._sensors = open_sensors(platform, used, asked, SourceHost(loop, file.parent, boot.t_s_of_boot))
+        self._watch = self._sensors.watch(self.parts, loop.time)
+        logs = options.logs
+        try:
+            logs.mkdir(parents=True, exist_ok=True)
+            self._log = RunLog(
+                LogFiles(logs, log_stem(platform, place)),
+                options.log_limits,
+                self.context.clock,
+                topics,
+                exchange.here,
+                loop,
+                {"platform": platform.platform, "host": place.host, "process": place.process},
+                file.read_bytes(),
+                list,
+                report,
+                has_links=False,
+            )
+        except OSError as error:
+            raise Refused(f"the folder {logs} cannot be written: {error.strerror}") from error
+        self.parts.add("run log", self._log)
+        self.onboard: Onboard | None = None
+
+    def make(self, led: Sequence[Member] = ()) -> Onboard:
+        """Makes the components; they take commands from now on."""
+        pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
+        devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures}
+        hosting = Hosting(rows=self.rows, led=led)
+        self.onboard = host_components(self.parts, self._platform, self.context, devices, hosting)
+        return self.onboard
+
+    def sensors(self) -> list[SensorCondition]:
+        """How the sensors of this process are."""
+        return self._watch.conditions()
+
+    @property
+    def log(self) -> Path:
+        """The data log that is being written."""
+        return self._log.path
+
+    @property
+    def log_problem(self) -> str:
+        """Why the log is not written any more; empty while it is."""
+        return self._log.problem
+
+    async def close(self) -> None:
+        """Ends without ceremony; the log is finished."""
+        self.parts.close()
+        await self._log.close()

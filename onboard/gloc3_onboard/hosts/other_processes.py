@@ -1,0 +1,142 @@
+"""On the clock host: leads its child processes, gives other hosts the time, follows them, and admits network stations."""
+
+import os
+from collections.abc import Callable, Sequence
+
+from gloc3.cli.counting import counted
+from gloc3.errors import Gloc3Error, InputError, Refused
+from gloc3.messages.envelope import Severity
+from gloc3.messages.readiness import SensorCondition
+from gloc3.network.file import Membership
+from gloc3.network.stations import StationBridge
+from gloc3.platform.places import clock_host, host_names
+from gloc3_onboard.assembly import Vehicle, VehicleInputs
+from gloc3_onboard.autopilot.news import LinkNews
+from gloc3_onboard.hosts.host_clock import ClockServer
+from gloc3_onboard.hosts.host_watch import HostWatch
+from gloc3_onboard.hosts.keeper import HostKeeper
+from gloc3_onboard.hosts.pipe import Order
+from gloc3_onboard.hosts.shared import Shared, renew
+from gloc3_onboard.process.options import ProcessOptions
+from gloc3_onboard.process.runner import Member
+
+
+class OtherProcesses:
+    """The other processes of a platform, as the clock host's main process sees them: children, hosts, stations.
+
+    Args:
+        options: what was asked for.
+        inputs: what the vehicle's side is built from.
+        shared: the exchange with the others.
+        member: of a network; None where nothing leaves this computer but MAVLink.
+        vehicle: the vehicle's side, which lists these parts among its own.
+        sensors: how the sensors of this process are.
+    """
+
+    def __init__(
+        self,
+        options: ProcessOptions,
+        inputs: VehicleInputs,
+        shared: Shared,
+        member: Membership | None,
+        vehicle: Vehicle,
+        sensors: Callable[[], list[SensorCondition]],
+    ) -> None:
+        context, report, parts = inputs.context, inputs.report, vehicle.parts
+        exchange, platform = context.exchange, inputs.platform
+        self._options, self._inputs, self._shared = options, inputs, shared
+        self._host = clock_host(platform)
+        self._agent = parts.add(
+            "host agent",
+            HostKeeper(
+                platform,
+                self._host,
+                context,
+                self._order,
+                lambda text: report(Severity.WARNING, text),
+                sensors=sensors,
+                vehicle_boot_s=lambda: vehicle.autopilot.t_s_of_boot(0.0),
+            ),
+        )
+        boots = context.random
+        self._bridge: StationBridge | None = None
+        if member is not None:
+            self._events = LinkNews(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
+            self._bridge = StationBridge(
+                exchange, context.loop, context.platform, member.file.roles, boots.getrandbits(32), self._forged
+            )
+            parts.add("network events", self._events)
+            parts.add("station bridge", self._bridge, self._bridge.close)
+        clock_server = ClockServer(exchange, context.platform, context.loop)
+        parts.add("clock server", clock_server, clock_server.close)
+        self._watch = HostWatch(context, self._host, host_names(platform), report)
+        parts.add("host watch", self._watch, self._watch.close)
+
+    @property
+    def is_beginning(self) -> bool:
+        """Whether a child has not been there yet."""
+        return self._agent.is_beginning
+
+    @property
+    def led(self) -> Sequence[Member]:
+        """The components of child processes."""
+        return self._agent.led
+
+    def begin(self) -> None:
+        """Begins the child processes."""
+        self._agent.begin()
+
+    def give_up_beginning(self) -> None:
+        """Waits for no child that is still beginning."""
+        self._agent.give_up_beginning()
+
+    async def end(self) -> None:
+        """Ends the child processes, whose components have left."""
+        await self._agent.end()
+
+    def log_problem(self) -> str:
+        """Why the log of a child is not written any more."""
+        return self._agent.log_problem()
+
+    def sensors(self) -> list[SensorCondition]:
+        """How the sensors of the other processes are."""
+        return [*self._agent.child_sensors(), *self._watch.sensors()]
+
+    async def renew_network(self) -> None:
+        """Reads the network file again; where it is wrong, everything stays as it is."""
+        network, inputs = self._options.network, self._inputs
+        if network is None or self._bridge is None:
+            return
+        report, context = inputs.report, inputs.context
+        self._watch.expect_renewal()
+        try:
+            member = await renew(
+                context.exchange, self._shared.endpoint, inputs.platform, self._host, network, context.loop
+            )
+        except (InputError, Refused) as error:
+            report(Severity.ERROR, f"{error}: the network stays as it was")
+            return
+        except Gloc3Error as error:
+            report(Severity.ERROR, f"{error}: nobody else is reached")
+            return
+        self._bridge.roles = member.file.roles
+        report(Severity.NOTICE, f"{network} is read again: {counted(len(member.file.others), 'other member')}")
+
+    def _forged(self, station: str, reason: str) -> None:
+        self._events.say(Severity.WARNING, f"a request of {station} is not taken: {reason}")
+
+    def _order(self, process: str, lives: dict[str, str | None] | None) -> Order:
+        """What a child process is told."""
+        options = self._options
+        return Order(
+            platform=options.platform,
+            host=self._host,
+            process=process,
+            endpoint=self._shared.endpoint,
+            logs=str(options.logs or options.folder(self._inputs.platform)),
+            devices=options.devices,
+            parent=os.getpid(),
+            offset_s=0.0,
+            log_limits=options.log_limits,
+            lives=lives,
+        )

@@ -1,0 +1,132 @@
+"""Answers for a component whose process is away: everyone sees that it is faulty, and why."""
+
+from typing import Final
+
+from gloc3.component.context import HostContext
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.error_handler import ErrorHandler
+from gloc3.component.lci import CREATE, Command, State, transition
+from gloc3.component.statistics import CycleStatistics
+from gloc3.component.status_notifier import StatusNotifier, health_report
+from gloc3.errors import Refused
+from gloc3.exchange import Publisher
+from gloc3.messages.envelope import (
+    CommandReply,
+    CommandRequest,
+    Event,
+    FunctionReply,
+    FunctionRequest,
+    Kind,
+    Message,
+    Severity,
+)
+
+
+class StandIn:
+    """Speaks for one component while its process is away.
+
+    Args:
+        row: of the component.
+        context: of the host's main process.
+    """
+
+    def __init__(self, row: ComponentRow, context: HostContext) -> None:
+        self.row: Final = row
+        self.kind: Kind = row.load_class().kind
+        self.state: State | None = None
+        """As it was last told, by the component or in its place; None before that, and when it has left."""
+        self.has_left = False
+        self.cause = ""
+        self._loop = context.loop
+        self._base = f"{context.platform}/components/{row.name}/"
+        self._errors = ErrorHandler()
+        self.boot: Final = context.random.getrandbits(32)
+        self._publisher = Publisher(context.exchange, context.platform, row.name, self.boot)
+        self._notifier = StatusNotifier(context.loop, row.status_period_s, lambda _: self._report())
+
+    def fail(self, cause: str, words: str, *, has_been_told: bool) -> None:
+        """Its process is gone: it is faulty, unless it had left before.
+
+        Args:
+            cause: in a line.
+            words: the last lines of the process.
+            has_been_told: whether another component of the process has told them already.
+        """
+        if self.has_left:
+            return
+        was, self.state, self.cause = self.state, State.FAULTY, cause
+        self._errors.record(cause, self._loop.time())
+        details = "" if has_been_told else words
+        self._tell(
+            "event", Event(severity=Severity.ERROR, text=f"{was or 'absent'} -> faulty: {cause}", details=details)
+        )
+        self._notifier.start()
+
+    def hear(self, state: State | None) -> None:
+        """The component has told its state itself."""
+        self.state, self.has_left = state, state is None
+
+    def step_back(self) -> None:
+        """Its process is there again: it speaks for itself."""
+        self._notifier.stop()
+
+    def insist(self) -> None:
+        """Something that it had said before its end came late: tells again how it is."""
+        self._notifier.changed()
+
+    def take(self, request: CommandRequest) -> bool:
+        """Answers a command while the process is away; whether the process is to be begun for it instead."""
+        words = [request.command, *request.then]
+        if self.state is None:
+            if words[0] == CREATE:
+                return True
+            self.reply(request, f"{words[0]} is not accepted: the component is absent; accepted: {CREATE}")
+            return False
+        try:
+            found = transition(self.state, Command(words[0]))
+        except (Refused, ValueError) as refusal:
+            self.reply(request, str(refusal))
+            return False
+        if found.to is not None:
+            return True
+        self.hear(None)
+        self.reply(request, "")
+        self._notifier.changed()
+        self._notifier.stop()
+        return False
+
+    def reply(self, request: CommandRequest, refusal: str) -> None:
+        """Replies to a command; an empty refusal accepts it."""
+        self._tell(
+            "reply",
+            CommandReply(
+                request_id=request.request_id,
+                component=self.row.name,
+                command=request.command,
+                is_accepted=not refusal,
+                state=self.state,
+                reason=refusal,
+            ),
+        )
+
+    def refuse(self, request: FunctionRequest, reason: str) -> None:
+        """Replies to a function request."""
+        self._tell(
+            "function_reply",
+            FunctionReply(
+                request_id=request.request_id,
+                component=self.row.name,
+                function=request.function,
+                is_accepted=False,
+                reason=reason,
+            ),
+        )
+
+    def _tell(self, topic: str, message: Message) -> None:
+        self._publisher.publish(self._base + topic, message, self._loop.time())
+
+    def _report(self) -> None:
+        status = health_report(
+            self.row, self.kind, self.state, self._errors, CycleStatistics(), nominal_rate_hz=0.0, dropped=0, silent=[]
+        )
+        self._tell("status", status)

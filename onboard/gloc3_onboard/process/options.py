@@ -1,0 +1,38 @@
+"""What an onboard process was asked for."""
+
+from pathlib import Path
+
+import msgspec
+
+from gloc3.platform.platform import Platform
+from gloc3_onboard.process.run_log import LogLimits
+
+
+class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What `gloc3 onboard` was asked for."""
+
+    platform: str
+    autopilot: str
+    stations: tuple[str, ...]
+    acoustic: str = ""
+    """Where an acoustic modem is; empty for none."""
+    devices: tuple[str, ...] = ()
+    """Sources that differ from the platform file's, as NAME=URL."""
+    out: Path | None = None
+    logs: Path | None = None
+    """Where logs and pictures go; None for where the rest goes."""
+    system_id: int = 1
+    is_quiet: bool = False
+    signing_key: bytes | None = None
+    """Of the links to ground stations; None for links that are not signed."""
+    takes_plans: bool = False
+    """Plans that stations of others send to the autopilot become missions, and do not reach it."""
+    log_limits: LogLimits = LogLimits()
+    host: str | None = None
+    """Which of the platform's hosts this is; None for the only one."""
+    network: Path | None = None
+    """The network file of this host; None where nothing leaves this computer but MAVLink."""
+
+    def folder(self, platform: Platform) -> Path:
+        """Where state and logs are."""
+        return self.out or Path(f"gloc3-{platform.platform}")

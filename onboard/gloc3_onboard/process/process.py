@@ -1,0 +1,210 @@
+"""The onboard process in wall time: opens links and files, hosts the components, and stops cleanly."""
+
+import asyncio
+import faulthandler
+import os
+from collections.abc import Mapping
+from functools import partial
+from random import SystemRandom
+from typing import Final
+
+from gloc3.cli.narration import Narrator, narrate
+from gloc3.clock import Clock, utc_now
+from gloc3.component.context import HostContext
+from gloc3.component.host import ComponentHost
+from gloc3.exchange.base import Exchange
+from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
+from gloc3.messages.envelope import Severity
+from gloc3.messages.readiness import SensorCondition
+from gloc3.network.file import Membership, read_network
+from gloc3.platform.places import Place, choose_host, clock_host, rows_at
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import find_platform, load_platform
+from gloc3_onboard.assembly import Attachment, Hosting, Vehicle, VehicleInputs, devices_of, open_sensors
+from gloc3_onboard.hosts.host_process import HostOptions, run_host
+from gloc3_onboard.hosts.other_processes import OtherProcesses
+from gloc3_onboard.hosts.shared import Shared, alone, check_member, open_shared
+from gloc3_onboard.process.computer import HostComputer
+from gloc3_onboard.process.options import ProcessOptions
+from gloc3_onboard.process.runner import HOST_DEVICES
+from gloc3_onboard.process.vitals import VitalSigns
+from gloc3_onboard.process_storage import ProcessStorage, key_of
+from gloc3_onboard.service.manager import ServiceManager
+from gloc3_onboard.service.service import Service
+from gloc3_onboard.sources.asked import is_asked_here
+from gloc3_onboard.sources.factory import SourceHost
+from gloc3_onboard.sources.url import Sensor
+
+DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
+"""What this host has; installed packages bring more."""
+
+
+def _lament(options: ProcessOptions, _kind: str, text: str) -> None:
+    """Tells of messages that could not be taken."""
+    if not options.is_quiet:
+        narrate(f"onboard: {text}", Severity.WARNING)
+
+
+async def run(options: ProcessOptions) -> int:
+    """Runs until a signal.
+
+    Raises:
+        InputError: the platform file is wrong.
+        Refused: a link or a camera cannot be had.
+    """
+    warn = None if options.is_quiet else lambda found: narrate(str(found), Severity.WARNING)
+    platform = load_platform(options.platform, is_loading_classes=True, devices=DEVICES, warn=warn)
+    loop = asyncio.get_running_loop()
+    manager = ServiceManager.of_this_process(os.environ, lambda text: narrate(text, Severity.WARNING))
+    if manager.is_there:
+        faulthandler.enable()  # its watchdog ends us by SIGABRT: then the journal says where we hung
+    host = choose_host(platform, options.host)
+    member = None if options.network is None else read_network(options.network, utc_now())
+    check_member(platform, host, member)
+    opened = partial(open_shared, platform, host, options.folder(platform), loop, partial(_lament, options), member)
+    if host != clock_host(platform):
+        share = HostOptions(
+            platform=options.platform,
+            logs=options.logs or options.folder(platform),
+            devices=options.devices,
+            log_limits=options.log_limits,
+            is_quiet=options.is_quiet,
+            network=options.network,
+        )
+        await run_host(share, platform, host, opened, manager)
+        manager.close()
+        return 0
+    with opened() as shared:
+        process = OnboardProcess(options, platform, loop, shared, member)
+        service = Service(manager, process, loop)
+        try:
+            await process.open()
+            await service.run()
+        finally:
+            await process.close()
+            manager.close()
+    return 0
+
+
+class OnboardProcess:
+    """The main process of the clock host: a vehicle's side with real links, sensors, files and other processes."""
+
+    def __init__(
+        self,
+        options: ProcessOptions,
+        platform: Platform,
+        loop: asyncio.AbstractEventLoop,
+        shared: Shared | None = None,
+        member: Membership | None = None,
+    ) -> None:
+        self._options, self._loop = options, loop
+        shared = shared or alone()
+        self.platform: Final = platform
+        """As it was begun."""
+        self.exchange: Final[Exchange] = shared.exchange
+        """What the components say to each other."""
+        self._random = SystemRandom()
+        self._narrator = Narrator()
+        self._endpoints: list[Endpoint] = []
+        place = Place(choose_host(platform, options.host))
+        context = HostContext(platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random)
+        self._storage = storage = ProcessStorage(options, platform, place, context, self.say)
+        inputs = VehicleInputs(
+            platform=platform,
+            context=context,
+            report=self.say,
+            keep=storage.keep,
+            vitals=VitalSigns(storage.logs).look,
+            sign=storage.sign,
+            system_id=options.system_id,
+            takes_plans=options.takes_plans,
+        )
+        self.vehicle: Final = Vehicle(inputs, options.autopilot)
+        """Its parts."""
+        self.vehicle.parts.add("terminal", self._narrator)
+        self._rows = rows_at(platform, place)
+        used, autopilot = devices_of(self._rows), self.vehicle.autopilot
+        asked = [each for each in options.devices if is_asked_here(platform, used, each)]
+        folder = find_platform(options.platform).parent
+        source_host = SourceHost(loop, folder, autopilot.t_s_of_boot, autopilot.sensors, autopilot)
+        self._sensors = open_sensors(platform, used, asked, source_host, partial(self.say, Severity.WARNING))
+        self._watch = self._sensors.watch(self.vehicle.parts, context.clock.now_s)
+        self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)
+        self._computer = HostComputer(
+            storage.logs, context.clock, self._log_problem, self.vehicle.link_conditions, self._sensor_conditions
+        )
+
+    async def open(self) -> None:
+        """Opens the links and the log, and brings the components up."""
+        options, vehicle = self._options, self.vehicle
+        await self._open(options.autopilot, vehicle.attach_autopilot())
+        for url in options.stations:
+            await self._open(url, vehicle.attach_station(url))
+        if options.acoustic:
+            await self._open(options.acoustic, vehicle.attach_modem(key_of(options.acoustic)))
+        await self._loop.run_in_executor(None, self._computer.measure)
+        storage = self._storage.open(lambda: vehicle.path.points_ned_m, self._sensors.rig, vehicle.parts)
+        vehicle.share(self._storage.files(vehicle.companion.metadata.files))
+        self._others.begin()
+        vehicle.host(self._sensors, self._computer, storage, Hosting(rows=self._rows, led=self._others.led))
+        vehicle.begin()
+        count, name = len(self.platform.components), self.platform.platform
+        self.say(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")
+
+    async def _open(self, url: str, attachment: Attachment) -> None:
+        endpoint = await open_endpoint(url, self._loop, attachment.receive)
+        self._endpoints.append(endpoint)
+        attachment.open(endpoint)
+
+    @property
+    def hosts(self) -> Mapping[str, ComponentHost]:
+        """Its components, once it is open."""
+        return {} if self.vehicle.onboard is None else self.vehicle.onboard.hosts
+
+    def read_platform(self) -> Platform:
+        """The platform file as it is now.
+
+        Raises:
+            InputError: it is wrong.
+        """
+        return load_platform(self._options.platform, is_loading_classes=True, devices=DEVICES)
+
+    def new_boot(self) -> int:
+        """A random number for something that begins."""
+        return self._random.getrandbits(32)
+
+    def is_beginning(self) -> bool:
+        """Whether some component has not reached the state yet that its row asks for."""
+        onboard = self.vehicle.onboard
+        return onboard is None or onboard.is_beginning or self._others.is_beginning
+
+    async def close(self) -> None:
+        """Stops the components, then closes what they used."""
+        vehicle = self.vehicle
+        self._others.give_up_beginning()
+        if vehicle.onboard is not None:
+            await vehicle.onboard.stop(partial(self.say, Severity.WARNING))
+        await self._others.end()
+        if vehicle.onboard is not None:
+            for line in vehicle.traffic():
+                self.say(Severity.INFO, line)
+        vehicle.close()
+        for endpoint in self._endpoints:
+            await endpoint.close()
+        await self._storage.close()
+        self._narrator.close()
+
+    async def renew_network(self) -> None:
+        """Reads the network file again; where it is wrong, everything stays as it is."""
+        await self._others.renew_network()
+
+    def say(self, severity: Severity, text: str) -> None:
+        """Narrates on stderr."""
+        if not self._options.is_quiet and severity <= Severity.INFO:
+            self._narrator.say(f"onboard: {text}", severity)
+
+    def _log_problem(self) -> str:
+        return self._storage.problem or self._others.log_problem()
+
+    def _sensor_conditions(self) -> list[SensorCondition]:
+        return [*self._watch.conditions(), *self._others.sensors()]

@@ -1,0 +1,194 @@
+"""The log of a run of the onboard process: a new file when one has grown large, the oldest deleted beyond a total."""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, Literal
+
+import msgspec
+
+from gloc3.cli.counting import counted
+from gloc3.clock import Clock
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.exchange.base import Exchange
+from gloc3.log.record import PLATFORM_FILE, Recorder
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
+from gloc3.messages.topics import TopicTable
+from gloc3_onboard.process.log_files import LogFiles
+from gloc3_onboard.process.traffic import Traffic
+
+LOOK_EVERY_S: Final = 1.0
+PRUNE_EVERY: Final = 10
+"""Looks: other processes' logs grow, too."""
+MEGABYTE: Final = 1_000_000
+CONTINUES: Final = "continues"
+"""Metadata of a log: the name of the file before it, of the same run."""
+
+
+class LogLimits(msgspec.Struct, frozen=True, kw_only=True):
+    """How large logs may become; 0 for no limit."""
+
+    file_mb: float = 500.0
+    """A file that is larger is followed by the next."""
+    total_mb: float = 10_000.0
+    """Beyond that the oldest are deleted."""
+
+
+class RunLog:
+    """Writes what passes an exchanger, and every MAVLink frame, into `log-N.mcap` and `log-N.tlog`.
+
+    Args:
+        files: the folder's logs.
+        limits: how large they may become.
+        clock: of the process.
+        topics: which are logged.
+        exchange: whose messages are recorded.
+        loop: of the process.
+        metadata: what each file says of itself.
+        platform_file: put into each.
+        path: the path that was requested so far, put into each when it ends.
+        say: takes what a person should know.
+        has_links: whether the process has MAVLink links, whose frames are kept.
+
+    Raises:
+        Refused: the folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        files: LogFiles,
+        limits: LogLimits,
+        clock: Clock,
+        topics: TopicTable,
+        exchange: Exchange,
+        loop: asyncio.AbstractEventLoop,
+        metadata: dict[str, str],
+        platform_file: bytes,
+        path: Callable[[], Sequence[Vector3]],
+        say: Callable[[Severity, str], None],
+        *,
+        has_links: bool = True,
+    ) -> None:
+        self._files, self._limits, self._clock, self._topics = files, limits, clock, topics
+        self._exchange, self._loop, self._metadata, self._requested, self._say = exchange, loop, metadata, path, say
+        self._platform_file, self._has_links = platform_file, has_links
+        self._closing: asyncio.Future[str] | None = None
+        self.path = files.next()
+        """Of the file that is written now."""
+        self._before = self.path
+        self._recorder, self._traffic = self._begin(self.path, "")
+        self._prune()
+        self._looks = 0
+        self._timer = loop.call_later(LOOK_EVERY_S, self._look)
+
+    @property
+    def problem(self) -> str:
+        """Why recording has ended early; empty while it goes on."""
+        return self._recorder.problem
+
+    @property
+    def unfinished(self) -> set[Path]:
+        """The files that are still being written, or finished in a thread."""
+        paths = {self.path} if self._closing is None or self._closing.done() else {self.path, self._before}
+        return paths | {path.with_suffix(".tlog") for path in paths}
+
+    def cut(self) -> None:
+        """Ends the file that is being written, and begins the next.
+
+        Raises:
+            Refused: the one before is being finished still, or nothing can be recorded any more.
+        """
+        if self._closing is not None and not self._closing.done():
+            raise Refused("the log before is being finished still")
+        if self.problem:
+            raise Refused(self.problem)
+        self._go_on()
+
+    def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+        """Keeps a MAVLink frame."""
+        if self._traffic is not None:
+            self._traffic.keep(link, direction, frame)
+
+    async def close(self) -> None:
+        """Finishes the last file."""
+        self._timer.cancel()
+        if self._closing is not None:
+            await self._closing
+        self._recorder.detach()
+        self._warn_of(self._finish(self._recorder, self._traffic, list(self._requested())))
+
+    def _begin(self, path: Path, before: str) -> tuple[Recorder, Traffic | None]:
+        metadata = {**self._metadata, CONTINUES: before} if before else self._metadata
+        recorder = Recorder(path, self._clock, self._topics, metadata)
+        try:
+            tlog = path.with_suffix(".tlog")
+            traffic = Traffic(tlog, recorder, self._clock, self._loop, self._warn) if self._has_links else None
+        except Refused:
+            recorder.close()
+            raise
+        recorder.attach_file(PLATFORM_FILE, "application/yaml", self._platform_file)
+        recorder.attach(self._exchange, self._loop)
+        return recorder, traffic
+
+    @staticmethod
+    def _finish(recorder: Recorder, traffic: Traffic | None, path: list[Vector3]) -> str:
+        problem = traffic.close() if traffic is not None else ""
+        recorder.write_requested_path(path)
+        recorder.close()
+        return problem
+
+    def _look(self) -> None:
+        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        limit = self._limits.file_mb * MEGABYTE
+        try:
+            paths = (self.path, self.path.with_suffix(".tlog")) if self._has_links else (self.path,)
+            size = max(path.stat().st_size for path in paths)
+        except OSError:  # somebody has deleted it: what is still written goes nowhere
+            size = int(limit) + 1
+        self._looks += 1
+        if self._looks % PRUNE_EVERY == 0:
+            self._prune()
+        if limit and size > limit and not self.problem and (self._closing is None or self._closing.done()):
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Begins the next file at once; the one before is finished in a thread, since a disk may take long."""
+        recorder, traffic, before = self._recorder, self._traffic, self.path
+        self._before = before
+        try:
+            path = self._files.next()
+            self._recorder, self._traffic = self._begin(path, before.name)
+        except (Gloc3Error, OSError) as error:
+            self._warn(f"{before.name} goes on beyond its size: {error}")
+            self._limits = msgspec.structs.replace(self._limits, file_mb=0.0)
+            return
+        self.path = path
+        recorder.detach()
+        if traffic is not None:
+            traffic.end()
+        self._closing = self._loop.run_in_executor(None, self._finish, recorder, traffic, list(self._requested()))
+        self._closing.add_done_callback(lambda done: self._warn_of(done.result()))
+        self._prune()
+
+    def _prune(self) -> None:
+        if self._limits.total_mb:
+            most = round(self._limits.total_mb * MEGABYTE)
+            self._loop.run_in_executor(None, self._files.prune, most).add_done_callback(self._pruned)
+
+    def _pruned(self, done: "asyncio.Future[list[Path]]") -> None:
+        try:
+            removed = [path for path in done.result() if path.suffix == ".mcap"]
+        except OSError as error:
+            self._warn(f"an old log cannot be deleted: {error}")
+            return
+        if removed:
+            what = f"{counted(len(removed), 'log')} up to {removed[-1].name}"
+            self._say(Severity.NOTICE, f"deleted {what}: all logs together are at most {self._limits.total_mb:g} MB")
+
+    def _warn_of(self, problem: str) -> None:
+        if problem:
+            self._warn(problem)
+
+    def _warn(self, text: str) -> None:
+        self._say(Severity.WARNING, text)

@@ -1,0 +1,171 @@
+"""The onboard companion process: hosts the components of a platform and brings them up and down."""
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from random import Random
+from typing import Any, Final, Protocol
+
+from gloc3.clock import Clock
+from gloc3.component.component import Component
+from gloc3.component.context import HostContext
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.host import ComponentHost
+from gloc3.component.lci import Command, State
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import Publisher, request
+from gloc3.exchange.base import Exchange
+from gloc3.messages.envelope import CommandRequest, Kind
+from gloc3.messages.topics import TopicTable
+from gloc3.platform.platform import Platform
+from gloc3_onboard.process.caretaker import Caretaker
+
+HOST_DEVICES: Final = ("autopilot", "catalogue", "computer", "pictures", "rig", "site", "taps")
+"""The devices that every host gives to the components, besides its sensors; a platform's rows are checked against them."""
+STOP_TIMEOUT_S: Final = 6.0
+"""How long a component may take to leave."""
+STOP_PATIENCE_S: Final = 5.0
+"""How long one that refuses to leave is asked again; an autopilot takes a mode within a second, or not at all."""
+ASK_AGAIN_S: Final = 0.2
+LEAVES: Final = {Kind.COMMAND_INTERFACE: 0, Kind.DRIVER: 1}
+"""In which order kinds of components leave; the others follow in the order of the file."""
+
+Create = Callable[[ComponentRow, Mapping[str, Any]], Component[Any]]
+"""Makes the component of a row, given the host's devices."""
+
+
+class Member(Protocol):
+    """A component of this host, in whichever of its processes."""
+
+    @property
+    def row(self) -> ComponentRow:
+        """Its row of the platform file."""
+
+    @property
+    def kind(self) -> Kind:
+        """The type of component."""
+
+    @property
+    def state(self) -> State | None:
+        """The state; None is *absent*."""
+
+
+class Onboard:
+    """The components of one process of a platform; the main process of a host also leads those of its child processes.
+
+    Args:
+        platform: the platform file.
+        context: what the hosts share.
+        devices: by name, as the rows refer to them.
+        create: makes the component of a row.
+        rows: those of this process; None for all of the platform.
+        led: the components of child processes.
+    """
+
+    def __init__(
+        self,
+        platform: Platform,
+        context: HostContext,
+        devices: Mapping[str, Any],
+        create: Create = ComponentRow.create,
+        rows: Sequence[ComponentRow] | None = None,
+        led: Sequence[Member] = (),
+    ) -> None:
+        self.platform = platform
+        self.context = context
+        self.devices: Final = devices
+        self.hosts: Final = {
+            row.name: ComponentHost(row, partial(create, row, devices), context)
+            for row in (platform.components if rows is None else rows)
+        }
+        self._led = tuple(led)
+        self._caretaker: Caretaker | None = None
+
+    @classmethod
+    def of(
+        cls,
+        platform: Platform,
+        loop: asyncio.AbstractEventLoop,
+        exchange: Exchange,
+        topics: TopicTable,
+        random: Random,
+        devices: Mapping[str, Any],
+    ) -> "Onboard":
+        """An onboard process without modelled costs."""
+        return cls(platform, HostContext(platform.platform, exchange, Clock(loop), loop, topics, random), devices)
+
+    def begin(self) -> None:
+        """Brings every component to the state that its row asks for, in the order of the file."""
+        self._caretaker = Caretaker(list(self.hosts.values()), self.context)
+        for host in self.hosts.values():
+            host.begin()
+
+    def begin_again(self, lives: Mapping[str, str | None]) -> None:
+        """Has every component back after the process has ended: faulty with that cause, or absent (None)."""
+        for name, host in self.hosts.items():
+            host.begin_again(lives.get(name))
+
+    @property
+    def is_beginning(self) -> bool:
+        """Whether some component has not reached that state yet."""
+        return any(host.is_beginning for host in self.hosts.values())
+
+    async def stop(self, tell: Callable[[str], None] = lambda _: None) -> None:
+        """Shuts every component down by command.
+
+        The command interface leaves first, so that nothing is asked for any more and the mission's progress stays as it
+        is; then the drivers, while what tells them that their devices are safe still works; then the chain from its
+        begin to its end. A driver that refuses because its device is not safe yet is asked again for a while.
+
+        Args:
+            tell: takes what a person should know.
+        """
+        self._dismiss_caretaker()
+        context = self.context
+        publisher = Publisher(context.exchange, context.platform, "runner", context.random.getrandbits(32))
+        members: list[Member] = [*self.hosts.values(), *self._led]
+        for member in sorted(members, key=lambda member: LEAVES.get(member.kind, len(LEAVES))):
+            reason = await self._shut_down(member, publisher)
+            if reason:
+                tell(f"{member.row.name} has not left: {reason}")
+
+    async def _shut_down(self, host: Member, publisher: Publisher) -> str:
+        """Has one component leave; returns why it has not, or an empty text."""
+        context = self.context
+        until_s = context.loop.time() + STOP_PATIENCE_S
+        topic = f"{context.platform}/components/{host.row.name}/command"
+        asked = 0
+        while host.state is not None:
+            asked += 1
+            message = CommandRequest(request_id=f"stop-{asked}", command=Command.SHUTDOWN)
+            try:
+                reply = await request(context.exchange, publisher, topic, message, STOP_TIMEOUT_S)
+            except TimeoutError:  # a component that hangs does not keep the others
+                return "it does not answer"
+            if reply.is_accepted:
+                break
+            if context.loop.time() >= until_s:
+                return str(reply.reason)
+            await asyncio.sleep(ASK_AGAIN_S)
+        return ""
+
+    def close(self) -> None:
+        """Ends without ceremony."""
+        self._dismiss_caretaker()
+        for host in self.hosts.values():
+            host.close()
+
+    def _dismiss_caretaker(self) -> None:
+        if self._caretaker is not None:
+            self._caretaker.close()
+            self._caretaker = None
+
+    def state(self, name: str) -> State | None:
+        """The state of a component.
+
+        Raises:
+            Gloc3Error: there is none of that name.
+        """
+        if name not in self.hosts:
+            raise Gloc3Error(f"platform {self.platform.platform} has no component {name!r}")
+        return self.hosts[name].state

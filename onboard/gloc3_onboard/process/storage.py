@@ -1,0 +1,80 @@
+"""Pictures with their poses, as files."""
+
+import json
+from pathlib import Path
+
+import msgspec
+
+from gloc3.camera.model import CameraModel
+from gloc3.camera.opencv import load_opencv
+from gloc3.log.report.recording import CAMERAS, POSES
+from gloc3_onboard.components.drivers.image_recorder import Picture
+from gloc3_onboard.sensors.devices import Rig
+
+
+class PictureFolder:
+    """Writes pictures as PNG, and their poses as `poses.jsonl` beside them.
+
+    Args:
+        folder: where to.
+        rig: what is known of the cameras; goes into `cameras.json`, for reports of what was seen.
+    """
+
+    def __init__(self, folder: Path, rig: Rig | None = None) -> None:
+        self._folder, self._rig = folder, rig
+        self._cameras: dict[str, CameraModel | None] = {}
+
+    def highest(self, camera: str) -> int:
+        """The greatest number of a camera's picture that is there already; 0 for none."""
+        numbers = [path.stem.removeprefix(f"{camera}-") for path in self._folder.glob(f"{camera}-*.png")]
+        return max((int(number) for number in numbers if number.isdecimal()), default=0)
+
+    def write(self, picture: Picture) -> None:
+        """Writes a picture with its pose; raises `OSError` where that fails."""
+        import numpy as np
+
+        cv2 = load_opencv()
+        self._folder.mkdir(parents=True, exist_ok=True)
+        image = picture.image
+        pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
+        is_fine, encoded = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        if not is_fine:
+            raise OSError(f"{picture.file} cannot be encoded")
+        half = self._folder / (picture.file + ".part")
+        half.write_bytes(encoded.tobytes())
+        half.replace(self._folder / picture.file)
+        tag = {
+            "file": picture.file,
+            "t_s": round(picture.t_s, 6),
+            "position_ned_m": picture.position_ned_m,
+            "ned_from_frd_wxyz": picture.ned_from_frd,
+        }
+        with (self._folder / POSES).open("a") as file:
+            file.write(json.dumps(tag) + "\n")
+        self._tell_camera(image.camera)
+
+    def _tell_camera(self, name: str) -> None:
+        """Writes down what is known of a camera, once."""
+        if self._rig is None or name in self._cameras:
+            return
+        self._cameras[name] = self._rig.model(name)
+        known = {name: model for name, model in sorted(self._cameras.items()) if model is not None}
+        if known:
+            half = self._folder / (CAMERAS + ".part")
+            half.write_bytes(msgspec.json.format(msgspec.json.encode(known)) + b"\n")
+            half.replace(self._folder / CAMERAS)
+
+
+class NoPictures:
+    """For runs that keep no files: pictures are counted and dropped."""
+
+    def __init__(self) -> None:
+        self.written = 0
+
+    def highest(self, camera: str) -> int:
+        """None is there."""
+        return 0
+
+    def write(self, picture: Picture) -> None:
+        """Counts a picture."""
+        self.written += 1

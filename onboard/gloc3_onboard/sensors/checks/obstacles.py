@@ -1,0 +1,78 @@
+"""From a scan to obstacles: where something stands, how far it is in each sector, and what is nearest."""
+
+from math import cos, pi, sin
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.messages.perception import LaserScan
+from gloc3.messages.vehicle import NOT_LOOKED_M, OBSTACLE_SECTORS, ObstacleScan
+from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
+from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt, points_of, ranges_of
+
+BINS: Final = 180
+"""The nearest point in each of so many directions is told."""
+APART_M: Final = 1.0
+CLOSEST: Final = 8
+
+
+def obstacles_of(
+    scan: LaserScan, tilt: Tilt, mount: Mount, pose: Planar, motion: Planar, height_m: float
+) -> ObstacleScan:
+    """What a valid scan has hit, without the floor.
+
+    Args:
+        scan: it.
+        tilt: how the body stood.
+        mount: where the scanner sits on it.
+        pose: where the body was: north, east, heading.
+        motion: of the body during the scan.
+        height_m: of the body above the origin of the frame.
+    """
+    points = points_of(scan, tilt, mount, motion).points_m
+    distance = np.hypot(*points.T)
+    bearing = np.arctan2(points[:, 1], points[:, 0])
+    # By angle, then by distance: the first of each direction is the nearest.
+    bins = np.floor(bearing * (BINS / (2.0 * pi))) % BINS
+    order = np.lexsort((distance, bins))
+    order = order[np.unique(bins[order], return_index=True)[1]]
+    c, s = cos(pose.yaw_rad), sin(pose.yaw_rad)
+    axes = np.array(((c, s), (-s, c)))
+    told = (points[order] @ axes + (pose.x_m, pose.y_m)).tolist()
+    near = sorted(zip(distance[order].tolist(), told, strict=True))
+    return ObstacleScan(
+        points_ne_m=[(north, east) for north, east in told],
+        height_m=height_m,
+        sectors_m=_sectors(scan, mount, bearing, distance),
+        range_max_m=scan.range_max_m,
+        closest_ne_m=_apart([(north, east) for _, (north, east) in near]),
+    )
+
+
+def _sectors(scan: LaserScan, mount: Mount, bearing: Array, distance: Array) -> list[float]:
+    ranges = ranges_of(scan)
+    looked = np.flatnonzero(ranges > max(scan.range_min_m, 0.0))
+    sectors = np.full(OBSTACLE_SECTORS, NOT_LOOKED_M)
+    angles = np.asarray(mount.yaw_rad - scan.angle_min_rad - scan.angle_step_rad * looked, np.float64)
+    sectors[_sector(angles)] = scan.range_max_m
+    if len(distance):
+        nearest = np.full(OBSTACLE_SECTORS, np.inf)
+        np.minimum.at(nearest, _sector(bearing), distance)
+        sectors = np.where(np.isfinite(nearest), nearest, sectors)
+    return [float(distance_m) for distance_m in sectors]
+
+
+def _sector(bearing_rad: Array) -> NDArray[np.intp]:
+    return np.floor(bearing_rad * (OBSTACLE_SECTORS / (2.0 * pi)) + 0.5).astype(np.intp) % OBSTACLE_SECTORS
+
+
+def _apart(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The first points that are not near to one before them."""
+    found: list[tuple[float, float]] = []
+    for north, east in points:
+        if all((north - n) ** 2 + (east - e) ** 2 > APART_M**2 for n, e in found):
+            found.append((north, east))
+            if len(found) == CLOSEST:
+                break
+    return found

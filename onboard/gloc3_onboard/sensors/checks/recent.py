@@ -1,0 +1,78 @@
+"""What was measured lately, asked for the time of a picture or a scan."""
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterable
+from typing import Final
+
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Quaternion, Vector3, from_rotation_vector, multiply, normalize, slerp
+from gloc3.messages.vehicle import AutopilotPose, HeightAboveGround
+
+_KEPT: Final = 64
+
+
+class RecentHeights:
+    """Heights of the last seconds; between two of them it is a line, beyond the newest the newest."""
+
+    def __init__(self, gap_s: float) -> None:
+        self._gap_s = gap_s
+        self._times: deque[float] = deque(maxlen=_KEPT)
+        self._values: deque[float] = deque(maxlen=_KEPT)
+
+    def put(self, t_s: float, height_m: float) -> None:
+        """Adds a height; older ones than the newest are not taken."""
+        if math.isfinite(height_m) and (not self._times or t_s > self._times[-1]):
+            self._times.append(t_s)
+            self._values.append(height_m)
+
+    def hear(self, heights: Iterable[Envelope[HeightAboveGround]]) -> None:
+        """Adds those that are valid."""
+        for height in heights:
+            if height.payload.is_valid:
+                self.put(height.t_s, height.payload.height_m)
+
+    def at(self, t_s: float) -> float:
+        """The height at a time; not-a-number where none is near enough."""
+        index = bisect_right(self._times, t_s)
+        near = [i for i in (index - 1, index) if 0 <= i < len(self._times) and abs(self._times[i] - t_s) <= self._gap_s]
+        if len(near) < 2:
+            return self._values[near[0]] if near else math.nan
+        before, after = near
+        share = (t_s - self._times[before]) / (self._times[after] - self._times[before])
+        return self._values[before] + share * (self._values[after] - self._values[before])
+
+
+class RecentAttitudes:
+    """Attitudes of the last seconds; between two of them on the shorter way, beyond the newest by its rate."""
+
+    def __init__(self, gap_s: float) -> None:
+        self._gap_s = gap_s
+        self._times: deque[float] = deque(maxlen=_KEPT)
+        self._values: deque[tuple[Quaternion, Vector3]] = deque(maxlen=_KEPT)
+
+    def put(self, t_s: float, ned_from_frd: Quaternion, rate_frd_rad_s: Vector3) -> None:
+        """Adds an attitude; older ones than the newest are not taken."""
+        is_finite = all(map(math.isfinite, (*ned_from_frd, *rate_frd_rad_s)))
+        if is_finite and (not self._times or t_s > self._times[-1]):
+            self._times.append(t_s)
+            self._values.append((ned_from_frd, rate_frd_rad_s))
+
+    def hear(self, poses: Iterable[Envelope[AutopilotPose]]) -> None:
+        """Adds the attitudes of an autopilot's poses."""
+        for pose in poses:
+            self.put(pose.t_s, pose.payload.ned_from_frd, pose.payload.rate_frd_rad_s)
+
+    def at(self, t_s: float) -> Quaternion | None:
+        """The attitude at a time; None where none is near enough."""
+        index = bisect_right(self._times, t_s)
+        if index == 0 or t_s - self._times[index - 1] > self._gap_s:
+            return None
+        attitude, rate = self._values[index - 1]
+        ahead_s = t_s - self._times[index - 1]
+        if index < len(self._times) and self._times[index] - t_s <= self._gap_s:
+            share = ahead_s / (self._times[index] - self._times[index - 1])
+            return slerp(attitude, self._values[index][0], share)
+        turned = from_rotation_vector((rate[0] * ahead_s, rate[1] * ahead_s, rate[2] * ahead_s))
+        return normalize(multiply(attitude, turned))

@@ -1,0 +1,328 @@
+"""The devices of the onboard process, as its samplers and drivers see them; hardware, simulation and logs fit in."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from gloc3.camera.model import CameraModel
+from gloc3.errors import Refused
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import GeoPoint, Vector3
+from gloc3.messages.perception import BottomVelocity, ImuSample, LaserScan, SatelliteFix, WheelDistances
+from gloc3.messages.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image, VehicleClass
+
+
+class Stamped(NamedTuple):
+    """An autopilot's pose with its time of validity."""
+
+    t_s: float
+    pose: AutopilotPose
+
+
+class StampedHeight(NamedTuple):
+    """A height with its time of validity."""
+
+    t_s: float
+    height: HeightAboveGround
+
+
+class StampedImage(NamedTuple):
+    """A camera's frame with its time of validity."""
+
+    t_s: float
+    image: Image
+
+
+class StampedPair(NamedTuple):
+    """The frames of a stereo pair with their common time of validity."""
+
+    t_s: float
+    left: Image
+    right: Image
+
+
+class StampedScan(NamedTuple):
+    """A scanner's turn with the time of its last beam."""
+
+    t_s: float
+    scan: LaserScan
+
+
+class StampedImu(NamedTuple):
+    """What an inertial unit felt, with its time of validity."""
+
+    t_s: float
+    sample: ImuSample
+
+
+class StampedBottomVelocity(NamedTuple):
+    """A velocity over the floor with its time of validity."""
+
+    t_s: float
+    bottom: BottomVelocity
+
+
+class StampedWheels(NamedTuple):
+    """The ways of wheels with their time of validity."""
+
+    t_s: float
+    wheels: WheelDistances
+
+
+class StampedFix(NamedTuple):
+    """A satellite fix with its time of validity."""
+
+    t_s: float
+    fix: SatelliteFix
+
+
+Unwatch = Callable[[], None]
+"""Ends what a device was asked to tell."""
+
+
+class Bell:
+    """Rung by a device that has something new, heard by samplers: they need not ask all the time."""
+
+    def __init__(self) -> None:
+        self._ready: tuple[Callable[[], None], ...] = ()
+
+    def listen(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called whenever it rings."""
+        self._ready = (*self._ready, ready)
+
+        def unwatch() -> None:
+            self._ready = tuple(other for other in self._ready if other is not ready)
+
+        return unwatch
+
+    def ring(self) -> None:
+        """Tells everyone who listens."""
+        for ready in self._ready:
+            ready()
+
+
+class AutopilotTelemetry(Protocol):
+    """What an autopilot tells. Every method gives what is known now and may be called from any thread."""
+
+    def state(self) -> AutopilotState:
+        """Mode, arming, battery."""
+
+    def pose(self) -> Stamped | None:
+        """The latest estimate; None before the first."""
+
+    def on_state(self, changed: Callable[[], None]) -> Unwatch:
+        """Has `changed` called, from any thread, when the state has changed."""
+
+    def on_pose(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when a new estimate is there."""
+
+
+class HeightSensor(Protocol):
+    """A range finder that looks down."""
+
+    def height(self) -> StampedHeight | None:
+        """The latest distance to the ground; None before the first."""
+
+    def on_height(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when a new distance is there."""
+
+
+class Source(Protocol):
+    """A device that is opened, tells when it has something new, and is closed; simulated, real, or a log.
+
+    What it has is asked for after `on_news`, and once a cycle besides. It may be opened anew after it was closed.
+    """
+
+    def open(self) -> None:
+        """Begins to take data; may take some seconds.
+
+        Raises:
+            Gloc3Error: the device cannot be had; with what to do.
+        """
+
+    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when there is something new."""
+
+    def close(self) -> None:
+        """Ends taking data."""
+
+
+class Camera(Source, Protocol):
+    """A camera."""
+
+    def frame(self) -> StampedImage | None:
+        """The latest frame; None before the first.
+
+        Raises:
+            Gloc3Error: the device is gone for good; with what to do. So for the other sources.
+        """
+
+
+class StereoCamera(Source, Protocol):
+    """Two cameras that expose together, left and right."""
+
+    def pair(self) -> StampedPair | None:
+        """The latest two frames; None before the first."""
+
+
+class Laser(Source, Protocol):
+    """A range scanner."""
+
+    def scan(self) -> StampedScan | None:
+        """The latest turn; None before the first."""
+
+
+class Imu(Source, Protocol):
+    """An inertial measuring unit."""
+
+    def samples(self, after_s: float) -> Sequence[StampedImu]:
+        """What it felt after a time, oldest first; it keeps about the last second."""
+
+
+class Dvl(Source, Protocol):
+    """A Doppler velocity log."""
+
+    def bottom_velocity(self) -> StampedBottomVelocity | None:
+        """The latest velocity over the floor; None before the first."""
+
+
+class Wheels(Protocol):
+    """The encoders of wheels."""
+
+    def wheels(self) -> StampedWheels | None:
+        """How far they have turned; None before the first."""
+
+    def on_wheels(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when they have told."""
+
+
+class Satellites(Protocol):
+    """A satellite receiver."""
+
+    def fix(self) -> StampedFix | None:
+        """The latest fix; None before the first."""
+
+    def on_fix(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when there is a new one."""
+
+
+class Rig(Protocol):
+    """The cameras of a vehicle as they were calibrated."""
+
+    def model(self, camera: str) -> CameraModel | None:
+        """The model of the camera of that name, as its pictures are named; None where it has none."""
+
+
+def calibrated(rig: Rig, camera: str) -> CameraModel:
+    """The model of a camera.
+
+    Raises:
+        Refused: the rig has none of that name.
+    """
+    model = rig.model(camera)
+    if model is None:
+        raise Refused(f"there is no calibration of a camera {camera!r}")
+    return model
+
+
+def opened(device: Source, ready: Callable[[], None]) -> Unwatch:
+    """Opens a device and has `ready` called when it has something new; gives what ends both."""
+    device.open()
+    unwatch = device.on_news(ready)
+
+    def close() -> None:
+        device.close()
+        unwatch()
+
+    return close
+
+
+class Answer(NamedTuple):
+    """What an autopilot said to a command."""
+
+    is_accepted: bool
+    reason: str
+
+
+class Way(NamedTuple):
+    """A way through places on Earth, as an autopilot gets it in a plan."""
+
+    places: tuple[GeoPoint, ...]
+    """With altitudes above mean sea level, as the autopilot tells them."""
+    speed_m_s: float
+    acceptance_m: float
+    hold_s: float
+    heading_deg: float | None
+    """Clockwise from north; None for along the way."""
+    is_winged: bool = False
+    """For what flies on wings: it waits in circles, at the end, too, and its speed is that in the air."""
+    takes_off: bool = False
+    """With that: the first place tells how high it climbs from the ground."""
+
+
+class Manners(NamedTuple):
+    """How an autopilot of one family and class wants to be commanded."""
+
+    vehicle: VehicleClass = VehicleClass.COPTER
+    arm_in_mode: FlightMode | None = None
+    """The mode in which it wants to be armed before it sets off; None for any."""
+    stream_before_guided_s: float = 0.0
+    """How long setpoints must have been streamed before guided mode is accepted."""
+    climbs: bool = True
+    """Whether it takes off by a command of its own; others are armed, and led by setpoints from where they stand."""
+    land_mode: FlightMode = FlightMode.LAND
+    """The mode in which a motion ends: it lands, surfaces, or stops."""
+    disarms_itself: bool = True
+    """Whether it disarms by itself once it has landed; else we ask for it."""
+    at_rest_s: float = 0.0
+    """With that: how long it must have stood still in `land_mode`."""
+    lands_into: tuple[str, ...] = ()
+    """Modes, in the autopilot's words, that it enters by itself when a landing is over."""
+
+
+class AutopilotControl(Protocol):
+    """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
+
+    @property
+    def manners(self) -> Manners:
+        """How the autopilot that is there now wants to be commanded."""
+
+    def send_setpoint(
+        self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None
+    ) -> None:
+        """Streams one setpoint, in the autopilot's own local NED frame."""
+
+    def command_mode(self, mode: FlightMode) -> int:
+        """Asks for a mode."""
+
+    def command_arm(self) -> int:
+        """Asks to arm."""
+
+    def command_disarm(self, *, is_forced: bool = False) -> int:
+        """Asks to disarm; the autopilot refuses it in flight, unless it is forced."""
+
+    def command_take_off(self, height_m: float) -> int:
+        """Asks to climb to a height above the present place, in the mode that this style needs."""
+
+    def answer(self, ticket: int) -> Answer | None:
+        """The answer to a command; None while there is none."""
+
+    def abandon_commands(self) -> None:
+        """Sends nothing again that was commanded so far, and nothing that still waits."""
+
+
+class Tap(Protocol):
+    """One topic that is listened to."""
+
+    latest: Envelope[Any] | None
+    count: int
+    """Messages since it was opened."""
+
+    def close(self) -> None:
+        """Listens no more."""
+
+
+class Taps(Protocol):
+    """Where topics can be listened to; may be called from any thread."""
+
+    def open(self, topic: str, news: Callable[[], None] | None = None) -> Tap:
+        """Listens to a topic, given below the platform's name; `news` is called for every message."""

@@ -1,0 +1,132 @@
+"""Looks at the sensors of an onboard process: whether they bring something, and whether their calibrations fit."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from gloc3.errors import Gloc3Error
+from gloc3.messages.readiness import SensorCondition
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.calibration.fit import misfit
+from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sources.factory import camera_name, pair_names
+from gloc3_onboard.sources.places import place_problem
+from gloc3_onboard.sources.url import Sensor, parse_source, sensor_of
+
+NOWHERE: Final = "none"
+
+
+class SensorWatch:
+    """Knows when each sensor brought something last.
+
+    Args:
+        urls: the sources by device; of a device of the simulation a word for it.
+        sources: the devices.
+        rig: the calibrations.
+        now_s: our time.
+    """
+
+    def __init__(
+        self, urls: Mapping[str, str], sources: Mapping[str, Any], rig: Rig, now_s: Callable[[], float]
+    ) -> None:
+        self._urls, self._sources, self._rig, self._now_s = urls, sources, rig, now_s
+        self._news_s: dict[str, float] = {}
+        for name, source in sources.items():
+            listen = getattr(source, "on_news", None)
+            if listen is not None:
+                listen(partial(self._came, name))
+
+    def _came(self, name: str) -> None:
+        self._news_s[name] = self._now_s()
+
+    def conditions(self) -> list[SensorCondition]:
+        """How each sensor is now; one whose news are not counted, as the autopilot's height, is left out."""
+        return [self._condition(name, source) for name, source in self._sources.items() if hasattr(source, "on_news")]
+
+    def _condition(self, name: str, source: Any) -> SensorCondition:
+        now_s = self._now_s()
+        problem = ""
+        uncalibrated: list[str] = []
+        if not self._urls[name].startswith(f"{NOWHERE}://"):
+            uncalibrated = [camera for camera in cameras_of(name) if self._rig.model(camera) is None]
+            try:
+                problem = self._misfit(_images(source))
+            except Gloc3Error as error:
+                problem = str(error)
+        return SensorCondition(
+            device=name,
+            source=self._urls[name],
+            problem=problem,
+            age_s=round(now_s - self._news_s[name], 1) if name in self._news_s else -1.0,
+            uncalibrated=uncalibrated,
+            is_open=True,
+        )
+
+    def _misfit(self, images: Sequence[Image]) -> str:
+        """Why pictures do not fit their calibration."""
+        models = [(self._rig.model(image.camera), image) for image in images if image.data]
+        found = [misfit(model, image.width, image.height) for model, image in models if model is not None]
+        return next(filter(None, found), "")
+
+
+def _images(source: Any) -> Sequence[Image]:
+    """What a camera shows now; nothing for other sensors.
+
+    Raises:
+        Gloc3Error: the sensor is gone.
+    """
+    pair = source.pair() if hasattr(source, "pair") else None
+    if pair is not None:
+        return pair.left, pair.right
+    frame = source.frame() if hasattr(source, "frame") else None
+    if frame is not None:
+        return (frame.image,)
+    if hasattr(source, "scan"):
+        source.scan()
+    if hasattr(source, "samples"):
+        source.samples(math.inf)
+    return ()
+
+
+def cameras_of(device: str) -> tuple[str, ...]:
+    """The names of a device's cameras; none for what is no camera."""
+    match sensor_of(device):
+        case Sensor.STEREO:
+            return pair_names(device)
+        case Sensor.CAMERA:
+            return (camera_name(device),)
+    return ()
+
+
+def unopened_conditions(
+    urls: Mapping[str, str], folder: Path, calibrated: Callable[[str], bool], wrong: Mapping[str, str]
+) -> list[SensorCondition]:
+    """How sensors are, as far as it can be told without opening them.
+
+    Args:
+        urls: the sources by device.
+        folder: to which files are relative.
+        calibrated: whether there is a calibration of a camera.
+        wrong: why a camera's calibration cannot be used.
+    """
+    found: list[SensorCondition] = []
+    for name, text in urls.items():
+        cameras = cameras_of(name)
+        try:
+            url = parse_source(name, text)
+        except Gloc3Error as error:
+            found.append(SensorCondition(device=name, source=text, problem=str(error)))
+            continue
+        is_there = url.scheme != NOWHERE
+        problems = [place_problem(url, folder), *(wrong.get(camera, "") for camera in cameras)]
+        found.append(
+            SensorCondition(
+                device=name,
+                source=text,
+                problem="; ".join(filter(None, problems)),
+                uncalibrated=[camera for camera in cameras if is_there and not calibrated(camera)],
+            )
+        )
+    return found

@@ -1,0 +1,142 @@
+"""`gloc3 fly`: a mission flown in simulation, everything in one process, in virtual time."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from cyclopts import App, Parameter
+
+from gloc3.cli.narration import narrate
+from gloc3.clock import Clock, run_virtual
+from gloc3.errors import InputError, NotThere, Refused
+from gloc3_sitl.physics.wind import CALM, gusty
+
+EXIT_DONE: Final = 0
+EXIT_FAILED: Final = 1
+MOST_WIND_M_S: Final = 30.0
+
+app = App(
+    name="gloc3 fly",
+    help="""Fly a mission in simulation: simulator, onboard process, ground station and their links in one process, in
+    virtual time, as fast as the machine can. The same seed gives the same flight, bit for bit.
+
+    For example:
+
+    - `gloc3 fly hop`: the shortest mission there is
+    - `gloc3 fly inspection --out runs/inspection`: leaves log.mcap, report.json, path.svg and images there
+    - `gloc3 fly my.plan --autopilot ardupilot --wind 6 --seed 7 --json`
+    - `gloc3 fly survey --platform boat --waves 0.3 --current 0.2 --wind 5`: the same survey is for `rover`, too
+    - `gloc3 fly patrol --fault link_loss@30..60 --fault crash:limiter@80`
+
+    Faults are written KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]], with times in seconds of the flight:
+
+    - `link_loss`, `cable_loss`: of the station's radio, of the autopilot's cable; `=SHARE` for a part of the messages
+    - `wind=SPEED/FROM`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late|old`
+    - `device:NAME=lost|stuck|late|old|scaled|step|garbage`…: cameras (`black`, `white`, `torn`…), laser scanner, external
+      tracker (`dark`, `twin`), `imu`
+    - `crash:COMPONENT`, `hang:COMPONENT`, `slow:COMPONENT=SECONDS`, `restart` of the onboard process
+    - `pilot:MODE|arm|disarm|kill|on|off`: the human pilot's switches
+    - `topic:TOPIC=lost|late|stale|nan|jump|foreign`: what becomes of its messages; in short `no_setpoints`,
+      `stale_setpoints`, `nan_setpoints`, `far_setpoints`, `foreign_setpoints`, `pose_jump`
+
+    Narration goes to stderr, the report to stdout. Exit codes: 0 done; 1 the mission failed or did not pass the check;
+    2 wrong use; 130 interrupted.""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+
+@app.default
+def fly(
+    mission: str,
+    /,
+    *,
+    platform: str | None = None,
+    autopilot: Literal["px4", "ardupilot"] | None = None,
+    firmware: Literal["ardupilot"] | None = None,
+    seed: int = 0,
+    wind: float = 0.0,
+    waves: float = 0.0,
+    current: float = 0.0,
+    fault: Annotated[list[str], Parameter(negative=())] | None = None,
+    world: str = "",
+    out: Path | None = None,
+    json: Annotated[bool, Parameter(negative=())] = False,
+    quiet: Annotated[bool, Parameter(negative=())] = False,
+) -> int:
+    """Fly a mission to its end and report.
+
+    Args:
+        mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, mapping, patrol, survey.
+        platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
+            Pelican, with a receiver for satellites where the mission is on Earth.
+        autopilot: The style of the simulated autopilot; else the usual one of the vehicle.
+        firmware: A real autopilot in its place, in step with the flight's clock, whose program is on PATH; see
+            docs/firmware.md.
+        seed: Of all chance: sensor noise, turbulence, links, boot numbers.
+        wind: Mean wind in m/s from the west, gusty; 0 is calm air.
+        waves: Significant height of waves from the west, in metres, for what swims.
+        current: Of the water in m/s, to the north, for what swims.
+        fault: Something that goes wrong, such as link_loss@30..60; may be given several times.
+        world: World to fly in: the name of one of ours, such as hold_hard or hold_busy, or a world file; else the one that
+            the mission's frame belongs to.
+        out: Folder for log.mcap, report.json, path.svg and images, in place of an earlier flight's; without it
+            nothing is kept.
+        json: The report on stdout as JSON.
+        quiet: No narration on stderr.
+    """
+    begin_s = Clock.cost_s()
+    if not 0.0 <= wind <= MOST_WIND_M_S:
+        raise Refused(f"--wind must be from 0 to {MOST_WIND_M_S:g} m/s")
+    if seed < 0:
+        raise Refused("--seed must be 0 or more")
+    from gloc3.platform.reader import load_platform
+    from gloc3_sitl.faults.faults import read_fault
+    from gloc3_sitl.flight.flight import DEVICES
+    from gloc3_sitl.flight.fly import FlyOptions, fly_mission
+    from gloc3_sitl.flight.mission_file import find_file, platform_for
+    from gloc3_sitl.flight.outputs import make_anew
+    from gloc3_sitl.flight.report import as_json, as_lines
+    from gloc3_sitl.vehicles.table import check_sea, vehicle_of
+    from gloc3_sitl.world import World
+
+    path = find_file(mission)
+    platform = platform or platform_for(path)
+    warn = None if quiet else lambda found: narrate(str(found))
+    known = load_platform(platform, is_loading_classes=True, devices=DEVICES, warn=warn)
+    check_sea(vehicle_of(known), waves, current)
+    for text in fault or ():
+        read_fault(text)
+    if world:
+        World.load(world)
+    if out is not None:
+        make_anew(out)
+    options = FlyOptions(
+        mission=path,
+        platform=platform,
+        autopilot=firmware or autopilot or "",
+        is_firmware=firmware is not None,
+        seed=seed,
+        wind=gusty(wind, from_deg=270.0) if wind > 0.0 else CALM,
+        waves_m=waves,
+        current_m_s=current,
+        faults=tuple(fault or ()),
+        world=world,
+        out=out,
+    )
+    try:
+        report = run_virtual(fly_mission(options, known, None if quiet else narrate, begin_s))
+    except NotThere:
+        raise
+    except InputError as error:
+        narrate(f"{error}\nthe mission did not pass the check")
+        return EXIT_FAILED
+    except KeyboardInterrupt:
+        narrate("gloc3 fly: interrupted" + (f"; the log so far is in {out}" if out is not None else ""))
+        return 130
+    if json:
+        sys.stdout.write(as_json(report).decode())
+    else:
+        kept = [f"  kept     log.mcap, report.json, path.svg{', images' if report.images else ''} in {out}"]
+        print("\n".join([*as_lines(report), *(kept if out is not None else [])]))  # noqa: T201
+    return EXIT_DONE if report.mission_state == "done" else EXIT_FAILED

@@ -1,0 +1,101 @@
+"""`gloc3 relay`: passes bytes between two addresses as a bad link would: slowly, late, and not all of them."""
+
+import asyncio
+import signal
+from random import Random
+from typing import Final, Literal
+
+from cyclopts import App
+from msgspec.structs import replace
+
+from gloc3.cli.narration import narrate
+from gloc3.errors import Refused
+from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
+from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
+
+KINDS: Final = {
+    "perfect": Conditions(),
+    "radio": Conditions(latency_s=0.03, loss=0.02, bandwidth_bit_s=57_600.0, bits_per_byte=10.0),
+    "acoustic": ACOUSTIC,
+}
+HALF_DUPLEX: Final = ("radio", "acoustic")
+
+app = App(
+    name="gloc3 relay",
+    help="""Pass datagrams between two addresses as a bad link would, until Ctrl-C.
+
+    For example, an acoustic modem between an onboard process and a station, all on this machine:
+
+    - `gloc3 onboard auv --acoustic udpout://127.0.0.1:15001`
+    - `gloc3 relay udpin://127.0.0.1:15001 udpout://127.0.0.1:15002 --link acoustic`
+    - `gloc3 station --acoustic auv=udpin://127.0.0.1:15002`
+
+    Orders go back the same way once a summary has come.""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+
+@app.default
+def relay(
+    one: str,
+    other: str,
+    /,
+    *,
+    link: Literal["perfect", "radio", "acoustic"] = "perfect",
+    rate: float | None = None,
+    latency: float | None = None,
+    loss: float | None = None,
+    seed: int = 0,
+) -> int:
+    """Pass datagrams between two addresses.
+
+    Args:
+        one: A MAVLink-style URL: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial://.
+        other: The other one.
+        link: What lies between them: perfect, radio (57,600 baud, 30 ms, 2 % lost) or acoustic (80 bit/s, 2 to 3 s, 10 %
+            lost); in the last two both directions share the line.
+        rate: Bits per second, in place of the link's; 0 for no limit.
+        latency: Seconds on the way, in place of the link's.
+        loss: Share of the datagrams that is lost, 0 to 1, in place of the link's.
+        seed: Of chance.
+    """
+    conditions = KINDS[link]
+    for name, value, most in (("--rate", rate, 1e12), ("--latency", latency, 3600.0), ("--loss", loss, 1.0)):
+        if value is not None and not 0.0 <= value <= most:
+            raise Refused(f"{name} must be from 0 to {most:g}")
+    if rate is not None:
+        conditions = replace(conditions, bandwidth_bit_s=rate or None)
+    if latency is not None:
+        conditions = replace(conditions, latency_s=latency)
+    if loss is not None:
+        conditions = replace(conditions, loss=loss)
+    return asyncio.run(_relay(one, other, conditions, seed, is_half_duplex=link in HALF_DUPLEX))
+
+
+async def _relay(one: str, other: str, conditions: Conditions, seed: int, *, is_half_duplex: bool) -> int:
+    loop, over = asyncio.get_running_loop(), asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, over.set)
+    way = MemoryLink(loop, Random(seed), conditions, is_half_duplex=is_half_duplex)
+    endpoints = [await _joined(one, way.a, loop), await _joined(other, way.b, loop)]
+    narrate(f"relaying between {' and '.join(map(_address, endpoints))}")
+    try:
+        await over.wait()
+    finally:
+        for endpoint in endpoints:
+            await endpoint.close()
+    passed = f"{way.a.sent + way.b.sent} datagrams; {way.a.lost + way.b.lost} lost on the way"
+    narrate(f"{passed}, {way.a.dropped + way.b.dropped} had no room")
+    return 0
+
+
+def _address(endpoint: Endpoint) -> str:
+    """Where it is, also where the URL asked for any free port."""
+    return endpoint.url.replace(":0", f":{endpoint.local_port}") if endpoint.url.endswith(":0") else endpoint.url
+
+
+async def _joined(url: str, end: MemoryEnd, loop: asyncio.AbstractEventLoop) -> Endpoint:
+    endpoint = await open_endpoint(url, loop, end.send)
+    end.on_data = endpoint.send
+    return endpoint

@@ -1,0 +1,213 @@
+"""The main job: simulated vehicle, onboard process and ground station as three real processes over UDP on loopback."""
+
+import asyncio
+import signal
+import socket
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.cli.narration import narrate
+from gloc3.clock import Clock
+from gloc3.errors import Gloc3Error
+from gloc3.mission.model.model import Mission
+from gloc3.platform.limits import Limits
+from gloc3.platform.platform import Platform
+from gloc3_sitl.demo.child import Child
+from gloc3_sitl.flight.mission_file import MissionFile, Place, is_without_satellites, place_for, read_mission_file
+from gloc3_sitl.flight.outputs import make_anew
+from gloc3_sitl.flight.sim_rig import SIM_DEVICES
+from gloc3_sitl.vehicles.table import vehicle_of
+
+EXIT_FAILED: Final = 1
+EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
+DVL: Final = "dvl"
+PATIENCE: Final = 3.0
+"""Where nobody looks, a flight that takes so many times its estimate, and two minutes, is given up."""
+
+
+class DemoOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What the demonstration flies."""
+
+    mission: Path
+    """A file of any format."""
+    out: Path
+    platform: str = "pelican_rtk"
+    autopilot: str = "px4"
+    """Style of the simulated autopilot, or the name of the real firmware."""
+    is_firmware: bool = False
+    is_headless: bool = False
+
+
+async def run_demo(options: DemoOptions, platform: Platform) -> int:
+    """Flies the mission and writes the report; the exit code is the ground station's.
+
+    Args:
+        options: what is flown.
+        platform: the platform of that name.
+
+    Raises:
+        InputError: the mission may not fly.
+        Gloc3Error: the folder cannot be had, or a process did not start.
+    """
+    begin_s = Clock.cost_s()
+    make_anew(options.out)
+    mission = read_mission_file(options.mission, platform, options.out)
+    for warning in mission.warnings:
+        narrate(str(warning))
+    demo = Demo(options, platform, mission)
+    loop = asyncio.get_running_loop()
+    flying = loop.create_task(demo.fly())
+    presses = 0
+
+    def interrupt() -> None:
+        nonlocal presses
+        presses += 1
+        if presses == 1:
+            if options.is_headless:
+                narrate("gloc3 demo: interrupted; ending the processes")
+            flying.cancel()
+        else:
+            demo.kill()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        loop.add_signal_handler(number, interrupt)
+    try:
+        code = await flying
+    except asyncio.CancelledError:
+        code = EXIT_INTERRUPTED
+    finally:
+        await demo.stop()
+    _report(options, mission.mission, platform.limits, Clock.cost_s() - begin_s)
+    return code
+
+
+class Demo:
+    """The three processes."""
+
+    def __init__(self, options: DemoOptions, platform: Platform, mission: MissionFile) -> None:
+        self._options, self._name, self._mission = options, platform.platform, mission
+        self._platform = platform
+        self._vehicle, self._onboard, self._station = (
+            Child(name, options.out) for name in ("sitl", "onboard", "station")
+        )
+
+    async def fly(self) -> int:
+        """Flies the mission; returns the ground station's exit code.
+
+        Raises:
+            Gloc3Error: a process did not start.
+        """
+        options, vehicle, onboard = self._options, self._vehicle, self._onboard
+        to_companion, to_station = free_ports(2, socket.SOCK_DGRAM)
+        sensors, dvl = free_ports(2, socket.SOCK_STREAM)
+        kind = vehicle_of(self._platform)
+        has_dvl = DVL in _used(self._platform)
+        await vehicle.start(
+            [
+                *("sitl", "--vehicle", kind),
+                *_place(place_for(self._mission.mission, self._platform, kind)),
+                *(["--dvl", f"a50://127.0.0.1:{dvl}"] if has_dvl else []),
+                *(["--no-gps"] if is_without_satellites(self._platform) else []),
+                *("--firmware" if options.is_firmware else "--autopilot", options.autopilot),
+                *("--link", f"companion=udpout://127.0.0.1:{to_companion}"),
+                *("--sensors", str(sensors)),
+                *("--out", str(options.out)),
+            ]
+        )
+        await onboard.start(
+            [
+                *("onboard", options.platform),
+                *("--autopilot", f"udpin://127.0.0.1:{to_companion}"),
+                *("--station", f"udpout://127.0.0.1:{to_station}"),
+                *(word for device in sensed(self._platform, sensors, dvl) for word in ("--device", device)),
+                *("--out", str(options.out)),
+            ]
+        )
+        await vehicle.await_line("sensors tcp")
+        await onboard.await_line("components")
+        heard = [
+            *("--link", f"udpin://127.0.0.1:{to_station}"),
+            *("--mission", self._mission.file),
+            *("--platform", self._name),
+            "--no-record",
+        ]
+        mode = ["--headless"] if options.is_headless else ["--start", "--exit-when-done"]
+        await self._station.show(["station", *mode, *heard], is_interactive=not options.is_headless)
+        return await self._end()
+
+    async def _end(self) -> int:
+        """Waits for the station's end; a flight that cannot end any more is given up."""
+        ends = {asyncio.ensure_future(child.wait()): child for child in (self._station, self._onboard, self._vehicle)}
+        limit_s = PATIENCE * self._mission.duration_s + 120.0 if self._options.is_headless else None
+        done, pending = await asyncio.wait(ends, timeout=limit_s, return_when=asyncio.FIRST_COMPLETED)
+        for other in pending:
+            other.cancel()
+        for end in done:
+            if ends[end] is self._station:
+                return end.result()
+            narrate(f"gloc3 demo: {ends[end].name} has ended by itself: {ends[end].last_words()}")
+        if not done:
+            narrate(f"gloc3 demo: not ended within {limit_s:.0f} s")
+        return EXIT_FAILED
+
+    async def stop(self) -> None:
+        """Ends all of them, the vehicle last."""
+        for child in (self._station, self._onboard, self._vehicle):
+            await child.stop()
+
+    def kill(self) -> None:
+        """Ends all of them at once."""
+        for child in (self._station, self._onboard, self._vehicle):
+            child.kill()
+
+
+def free_ports(count: int, kind: socket.SocketKind) -> list[int]:
+    """Ports on loopback that nobody has."""
+    sockets = [socket.socket(socket.AF_INET, kind) for _ in range(count)]
+    for opened in sockets:
+        opened.bind(("127.0.0.1", 0))
+    ports = [int(opened.getsockname()[1]) for opened in sockets]
+    for opened in sockets:
+        opened.close()
+    return ports
+
+
+def sensed(platform: Platform, port: int, dvl_port: int) -> list[str]:
+    """Where the sensors of a platform are that a simulated vehicle has, as NAME=URL.
+
+    Args:
+        platform: whose components use them.
+        port: where the simulated vehicle serves cameras and laser scanner.
+        dvl_port: where it serves its Doppler velocity log.
+    """
+    used = _used(platform)
+    places = dict.fromkeys(SIM_DEVICES, f"tcp://127.0.0.1:{port}")
+    places |= {"imu": "autopilot://", DVL: f"a50://127.0.0.1:{dvl_port}"}
+    return [f"{name}={place}" for name, place in places.items() if name in used]
+
+
+def _used(platform: Platform) -> set[str]:
+    return {device for row in platform.components for device in row.devices.values()}
+
+
+def _place(place: Place) -> list[str]:
+    """The place as the options of `gloc3 sitl`."""
+    if place.home is None:
+        return ["--world", place.world]
+    home, heading = place.home, place.heading_deg or 0.0
+    where = f"{home.latitude_deg:.8f},{home.longitude_deg:.8f},{home.altitude_m:.2f},{heading:.2f}"
+    return ["--world", place.world, f"--home={where}"]
+
+
+def _report(options: DemoOptions, mission: Mission, limits: Limits, total_s: float) -> None:
+    """Writes the report from the logs, as far as there are any."""
+    from gloc3_sitl.demo.report import write_report
+
+    try:
+        lines = write_report(options.out, mission, limits, options.autopilot, total_s)
+    except Gloc3Error as error:
+        narrate(f"gloc3 demo: no report, because nothing was flown: {error}")
+        return
+    print("\n".join(lines))  # noqa: T201

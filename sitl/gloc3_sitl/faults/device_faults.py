@@ -1,0 +1,184 @@
+"""What goes wrong with cameras and scanners: what their faults make of what they take, and of what they took."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Final, NamedTuple, TypeVar
+from zlib import crc32
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
+from gloc3.messages.perception import BottomVelocity, LaserScan
+from gloc3.messages.vehicle import Image
+from gloc3_sitl.physics.truth import Truth
+
+SIZES: Final[Mapping[str, float]] = {"late": 0.2, "old": 0.2, "scaled": 0.05, "step": 0.2}
+"""Of a fault when no size is given: seconds, seconds, a share, metres."""
+
+
+class Exposure(NamedTuple):
+    """A frame with its time, as a camera sampler reads it."""
+
+    t_s: float
+    image: Image
+
+
+class PairExposure(NamedTuple):
+    """The frames of a stereo pair, as its sampler reads them."""
+
+    t_s: float
+    left: Image
+    right: Image
+
+
+class Turn(NamedTuple):
+    """A scan with its time, as a laser sampler reads it."""
+
+    t_s: float
+    scan: LaserScan
+
+
+class Bottom(NamedTuple):
+    """A velocity over the floor with its time, as a DVL sampler reads it."""
+
+    t_s: float
+    bottom: BottomVelocity
+
+
+class DeviceFault(NamedTuple):
+    """What is wrong with a device."""
+
+    word: str
+    """A key of `ALL`, or of `CAMERA` or `LASER`."""
+    size: float | None = None
+    """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
+
+
+T = TypeVar("T", Exposure, PairExposure, Turn, Bottom)
+
+ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
+"""Nothing comes; the same comes again with new times; all comes late; late and with new times; what it tells of a motion
+is too long by a share; it tells that it is farther north than it is."""
+
+
+def size_of(fault: DeviceFault) -> float:
+    """The size of a fault, that of `SIZES` where none was given."""
+    return SIZES[fault.word] if fault.size is None else fault.size
+
+
+def late_by_s(fault: DeviceFault | None) -> float:
+    """How late a device is."""
+    return size_of(fault) if fault is not None and fault.word in ("late", "old") else 0.0
+
+
+def seen_from(truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+    """From where a device looks that is scaled or has made a step: not from where it is.
+
+    Args:
+        truth: what the vehicle does.
+        fault: what is wrong.
+        begin: what it did when that began.
+    """
+    if fault is None or fault.word not in ("scaled", "step"):
+        return truth
+    size = size_of(fault)
+    north = east = down = 0.0
+    if fault.word == "step":
+        north = size
+    else:
+        pairs = zip(truth.position_ned_m, begin.position_ned_m, strict=True)
+        north, east, down = (size * (now - was) for now, was in pairs)
+    return _moved(truth, (north, east, down))
+
+
+def _moved(truth: Truth, by_ned_m: Vector3) -> Truth:
+    here = GeoPoint(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
+    latitude_deg, longitude_deg, altitude_m = TangentPlane(here).geo_from_ned(by_ned_m)
+    return msgspec.structs.replace(truth, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=altitude_m)
+
+
+def is_silent(fault: DeviceFault | None) -> bool:
+    """Whether nothing comes."""
+    return fault is not None and fault.word == "lost"
+
+
+def is_stuck(fault: DeviceFault | None) -> bool:
+    """Whether the last comes again and again."""
+    return fault is not None and fault.word == "stuck"
+
+
+def spoilt(taken: T, fault: DeviceFault | None) -> T:
+    """What a fault makes of what was taken."""
+    if isinstance(taken, Bottom):
+        return taken._replace(bottom=_spoilt_bottom(taken.bottom, fault))
+    if fault is None or (fault.word in ALL and not (isinstance(taken, Turn) and fault.word == "scaled")):
+        return taken
+    if isinstance(taken, Turn):
+        return taken._replace(scan=_spoilt_scan(taken.scan, fault, taken.t_s))
+    spoil = partial(CAMERA[fault.word], t_s=taken.t_s)
+    if isinstance(taken, PairExposure):
+        return taken._replace(left=spoil(taken.left), right=spoil(taken.right))
+    return taken._replace(image=spoil(taken.image))
+
+
+def _spoilt_bottom(bottom: BottomVelocity, fault: DeviceFault | None) -> BottomVelocity:
+    if fault is None or fault.word != "scaled":
+        return bottom
+    u, v, w = bottom.velocity_frd_m_s
+    factor = 1.0 + size_of(fault)
+    return msgspec.structs.replace(bottom, velocity_frd_m_s=(u * factor, v * factor, w * factor))
+
+
+def _filled(image: Image, t_s: float, grey: int) -> Image:
+    del t_s
+    return msgspec.structs.replace(image, data=bytes([grey]) * (image.width * image.height))
+
+
+def _torn(image: Image, t_s: float) -> Image:
+    """Only the upper part has come."""
+    del t_s
+    return msgspec.structs.replace(image, data=image.data[: len(image.data) * 2 // 3])
+
+
+def _small(image: Image, t_s: float) -> Image:
+    """Every other pixel: a camera in a wrong mode."""
+    del t_s
+    pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)[::2, ::2]
+    return msgspec.structs.replace(image, width=pixels.shape[1], height=pixels.shape[0], data=pixels.tobytes())
+
+
+def _garbage(image: Image, t_s: float) -> Image:
+    """Any value at any pixel."""
+    random = _random(image.camera, t_s)
+    return msgspec.structs.replace(image, data=random.bytes(image.width * image.height))
+
+
+CAMERA: Final[Mapping[str, Callable[..., Image]]] = {
+    "black": partial(_filled, grey=0),
+    "white": partial(_filled, grey=255),
+    "torn": _torn,
+    "small": _small,
+    "garbage": _garbage,
+}
+"""Faults of cameras."""
+
+LASER: Final = ("zero", "far", "nan", "garbage")
+"""Faults of scanners: all ranges are 0, the greatest, no number, or anything. A scaled one's are too long by a share."""
+
+
+def _spoilt_scan(scan: LaserScan, fault: DeviceFault, t_s: float) -> LaserScan:
+    ranges = np.frombuffer(scan.ranges_m, "<f4")
+    spoils: Mapping[str, Callable[[], NDArray[np.floating]]] = {
+        "zero": lambda: np.zeros(len(ranges)),
+        "far": lambda: np.full(len(ranges), scan.range_max_m),
+        "nan": lambda: np.full(len(ranges), np.nan),
+        "scaled": lambda: np.minimum(ranges * (1.0 + size_of(fault)), scan.range_max_m),
+        "garbage": lambda: _random(scan.scanner, t_s).uniform(0.0, scan.range_max_m, len(ranges)),
+    }
+    return msgspec.structs.replace(scan, ranges_m=spoils[fault.word]().astype("<f4").tobytes())
+
+
+def _random(name: str, t_s: float) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64([crc32(name.encode()), max(0, round(t_s * 1e6))]))

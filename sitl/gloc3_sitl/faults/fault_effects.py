@@ -1,0 +1,325 @@
+"""What the kinds of faults do to a flight: one table, each row with its form in text and how it begins and ends."""
+
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+import msgspec
+
+from gloc3.errors import Refused, nearest
+from gloc3.mavlink.transport.memory import MemoryLink
+from gloc3_sitl.autopilot.modes import Behaviour, Style
+from gloc3_sitl.faults.device_faults import ALL, CAMERA, LASER, SIZES, DeviceFault
+from gloc3_sitl.faults.fault_form import Ended, Form, Parsed
+from gloc3_sitl.faults.topic_faults import TOPIC_WORDS, check_topic, spoil_topic
+from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.sim_devices import NoCamera, SimDvl, SimLaser
+from gloc3_sitl.flight.sim_imu import IMU, SimImu
+from gloc3_sitl.flight.sim_rig import SimDevice
+from gloc3_sitl.physics.wind import gusty
+from gloc3_sitl.sensors.sensor import SIZED, FaultMode
+
+SCALED: Final = ("height", "wheels")
+"""Those that can be wrong by a share."""
+SENSORS: Final = ("imu", "barometer", "magnetometer", "height", "fix", "battery", "wheels", "leak")
+AWAY_S: Final = 2.0
+"""How long a restarted onboard process is away."""
+
+
+def _fits(flight: Flight, given: Parsed) -> None:
+    """For faults that fit every flight."""
+
+
+class Effect(NamedTuple):
+    """A row of the table."""
+
+    form: Form
+    begin: Callable[[Flight, Parsed, bool], Ended]
+    """Begins it; the flag says that it is a single event."""
+    check: Callable[[Flight, Parsed], None] = _fits
+    """Raises `Refused` where it does not fit the flight."""
+
+
+def _nothing() -> None:
+    """What happened once needs no end."""
+
+
+# --- links, air, battery, sensors ---
+
+
+def _lose(link: MemoryLink, share: float) -> Ended:
+    before = link.a.conditions
+    link.set_conditions(msgspec.structs.replace(before, loss=share))
+    return lambda: link.set_conditions(before)
+
+
+def _lose_radio(flight: Flight, given: Parsed, _: bool) -> Ended:
+    return _lose(flight.radio, given.number)
+
+
+def _lose_cable(flight: Flight, given: Parsed, _: bool) -> Ended:
+    return _lose(flight.cable, given.number)
+
+
+def _blow(flight: Flight, given: Parsed, _: bool) -> Ended:
+    before = flight.simulator.wind
+    flight.simulator.wind = gusty(given.number, from_deg=270.0 if given.size is None else given.size)
+
+    def calm_down() -> None:
+        flight.simulator.wind = before
+
+    return calm_down
+
+
+def _drain(flight: Flight, given: Parsed, _: bool) -> Ended:
+    flight.simulator.sensors.battery.remaining = given.number
+    return _nothing
+
+
+def _spoil_sensor(flight: Flight, given: Parsed, _: bool) -> Ended:
+    sensors = flight.simulator.sensors
+    sensors.fail(given.target, given.word, given.size)
+    return lambda: sensors.repair(given.target)
+
+
+def _check_sensor(flight: Flight, given: Parsed) -> None:
+    if given.target not in SENSORS:
+        raise Refused(f"there is no sensor {given.target!r}; {nearest(given.target, SENSORS)}")
+    _check_ours(flight, given.target)
+    if not flight.plan.is_firmware and given.target not in flight.simulator.sensors.names:
+        raise Refused(f"the {flight.vehicle} has no {given.target}")
+    if given.word == FaultMode.SCALED and given.target not in SCALED:
+        raise Refused("only the height and the ways of wheels can be scaled")
+
+
+def _check_battery(flight: Flight, _: Parsed) -> None:
+    _check_ours(flight, "battery")
+
+
+def _check_ours(flight: Flight, sensor: str) -> None:
+    if flight.plan.is_firmware and sensor not in FLOWN_BY:
+        raise Refused(f"a real firmware simulates its own {sensor}; of ours it has {' and '.join(FLOWN_BY)}")
+
+
+# --- components ---
+
+
+def _check_component(flight: Flight, given: Parsed) -> None:
+    names = [row.name for row in flight.platform.components]
+    if given.target not in names:
+        raise Refused(f"{flight.name} has no component {given.target!r}; {nearest(given.target, names)}")
+
+
+def _hang(flight: Flight, given: Parsed, _: bool) -> Ended:
+    return flight.sabotage.hang(given.target)
+
+
+def _slow(flight: Flight, given: Parsed, _: bool) -> Ended:
+    return flight.sabotage.slow(given.target, given.number)
+
+
+def _crash(flight: Flight, given: Parsed, is_once: bool) -> Ended:
+    return flight.sabotage.crash(given.target, is_once=is_once)
+
+
+def _restart(flight: Flight, _: Parsed, __: bool) -> Ended:
+    flight.kill_onboard()
+    return flight.start_onboard
+
+
+# --- the pilot ---
+
+_BEHAVIOURS: Final[Mapping[str, tuple[Behaviour, ...]]] = {
+    "manual": (Behaviour.STABILIZE,),
+    "altitude": (Behaviour.ALTITUDE,),
+    "position": (Behaviour.POSITION,),
+    "hold": (Behaviour.HOLD, Behaviour.BRAKE),
+    "guided": (Behaviour.STREAMED,),
+    "mission": (Behaviour.MISSION,),
+    "return": (Behaviour.RETURN,),
+    "land": (Behaviour.LAND,),
+}
+_SWITCHES: Final = ("arm", "disarm", "kill", "on", "off")
+
+
+def _modes(style: Style) -> dict[str, str]:
+    """What a mode may be called, in lower case, to its name in the simulated autopilot: by sense, and in its words."""
+    names = {mode.name.lower(): mode.name for mode in style.modes}
+    for word, behaviours in _BEHAVIOURS.items():
+        fitting = [mode.name for mode in style.modes if mode.behaviour in behaviours]
+        names |= {word: fitting[0]} if fitting else {}
+    return names
+
+
+def _check_pilot(flight: Flight, given: Parsed) -> None:
+    known = [*_modes(flight.simulator.autopilot.style), *_SWITCHES]
+    if given.target.lower() not in known:
+        raise Refused(f"a pilot cannot {given.target!r} here; {nearest(given.target.lower(), known)}")
+
+
+def _pilot(flight: Flight, given: Parsed, _: bool) -> Ended:
+    pilot, word = flight.simulator.pilot, given.target.lower()
+    match word:
+        case "arm":
+            pilot.arm()
+        case "disarm":
+            pilot.disarm()
+        case "kill":
+            pilot.kill()
+        case "on":
+            pilot.switch_on()
+        case "off":
+            pilot.switch_off()
+        case _:
+            pilot.switch_mode(_modes(flight.simulator.autopilot.style)[word])
+    return _nothing
+
+
+# --- cameras, scanners, the inertial unit ---
+
+_LIGHTS: Final = ("dark", "twin")
+"""Of the vehicle's light: it is off; another shines beside it."""
+_DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *LASER, *_LIGHTS)))
+
+
+def _devices(flight: Flight) -> dict[str, SimDevice | SimImu]:
+    """What there is in the flight's world."""
+    devices: dict[str, SimDevice | SimImu] = {"imu": flight.imu, **flight.rig.devices}
+    return {name: device for name, device in devices.items() if not isinstance(device, NoCamera)}
+
+
+def _words(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
+    """The faults that a device may have."""
+    if isinstance(device, SimImu):
+        return IMU
+    if isinstance(device, SimLaser):
+        return (*ALL, *LASER)
+    if isinstance(device, SimDvl):
+        return ALL
+    return (*ALL, *CAMERA, *(_LIGHTS if name == "tracker_camera" else ()))
+
+
+def _check_device(flight: Flight, given: Parsed) -> None:
+    devices = _devices(flight)
+    if given.target not in devices:
+        raise Refused(f"the world has no device {given.target!r}; {nearest(given.target, list(devices))}")
+    words = _words(given.target, devices[given.target])
+    if given.word not in words:
+        raise Refused(f"{given.word!r} is none of {given.target}'s: {', '.join(words)}")
+
+
+def _spoil_device(flight: Flight, given: Parsed, _: bool) -> Ended:
+    tracker, device = flight.rig.tracker, _devices(flight)[given.target]
+    if given.word in _LIGHTS and tracker is not None:
+        tracker.is_lit, tracker.has_twin = given.word != "dark", given.word == "twin"
+    elif not isinstance(device, NoCamera):
+        device.fault = DeviceFault(given.word, given.size)
+
+    def end() -> None:
+        if given.word in _LIGHTS and tracker is not None:
+            tracker.is_lit, tracker.has_twin = True, False
+        elif not isinstance(device, NoCamera):
+            device.fault = None
+
+    return end
+
+
+_SHARE: Final = (0.0, 1.0)
+
+EFFECTS: Final[Mapping[str, Effect]] = {
+    "link_loss": Effect(
+        Form(text="link_loss[=SHARE]", does="the station's radio loses that share, or all", bounds=_SHARE, default=1.0),
+        _lose_radio,
+    ),
+    "cable_loss": Effect(
+        Form(text="cable_loss[=SHARE]", does="the autopilot's cable does", bounds=_SHARE, default=1.0), _lose_cable
+    ),
+    "wind": Effect(
+        Form(
+            text="wind=SPEED[/FROM]",
+            does="gusty wind, in m/s, from a bearing (270)",
+            bounds=(0.0, 30.0),
+            size_of=("",),
+        ),
+        _blow,
+    ),
+    "battery": Effect(
+        Form(text="battery=SHARE", does="so much charge is left, 0 to 1", bounds=_SHARE, is_event=True),
+        _drain,
+        _check_battery,
+    ),
+    "sensor": Effect(
+        Form(
+            text=f"sensor:NAME={'|'.join(FaultMode)}[/SIZE]",
+            does=f"one of the autopilot's sensors: {', '.join(SENSORS)}",
+            has_target=True,
+            words=tuple(FaultMode),
+            size_of=tuple(SIZED),
+        ),
+        _spoil_sensor,
+        _check_sensor,
+    ),
+    "device": Effect(
+        Form(
+            text="device:NAME=WORD[/SIZE]",
+            does=f"camera, scanner, imu; WORD: {', '.join(_DEVICE_WORDS)}; sizes: late, old in s, scaled as a share, step in m",
+            has_target=True,
+            words=_DEVICE_WORDS,
+            size_of=tuple(SIZES),
+        ),
+        _spoil_device,
+        _check_device,
+    ),
+    "hang": Effect(Form(text="hang:COMPONENT", does="its cycles do not end", has_target=True), _hang, _check_component),
+    "slow": Effect(
+        Form(
+            text="slow:COMPONENT=SECONDS",
+            does="each of its cycles takes so much longer",
+            has_target=True,
+            bounds=(0.0, 3600.0),
+        ),
+        _slow,
+        _check_component,
+    ),
+    "crash": Effect(
+        Form(
+            text="crash:COMPONENT",
+            does="its next cycle raises an error; with END every one does",
+            has_target=True,
+            is_event=True,
+            may_last=True,
+        ),
+        _crash,
+        _check_component,
+    ),
+    "restart": Effect(
+        Form(
+            text="restart",
+            does=f"the onboard process dies; it comes back at END, or after {AWAY_S:g} s",
+            lasts_s=AWAY_S,
+        ),
+        _restart,
+    ),
+    "pilot": Effect(
+        Form(
+            text="pilot:MODE|" + "|".join(_SWITCHES),
+            does=f"the pilot's switches; modes: {', '.join(_BEHAVIOURS)}, or in the autopilot's words",
+            has_target=True,
+            is_event=True,
+        ),
+        _pilot,
+        _check_pilot,
+    ),
+    "topic": Effect(
+        Form(
+            text="topic:TOPIC=lost|late|stale|nan|jump|foreign[/SIZE]",
+            does="what becomes of its messages; sizes in s (late, stale) and m (jump); foreign adds a stranger's",
+            has_target=True,
+            words=TOPIC_WORDS,
+            size_of=("late", "stale", "jump"),
+        ),
+        spoil_topic,
+        check_topic,
+    ),
+}
+"""Every kind of fault."""

@@ -1,0 +1,121 @@
+"""What the harness of a flight does to the onboard process from outside: dear cycles, crashes, spoilt messages."""
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from math import inf
+from typing import Any, Final
+
+from gloc3.component.component import Component
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.ports import Inbox, Result
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import LocalExchange
+from gloc3.exchange.base import Unsubscribe
+from gloc3.messages.envelope import Envelope
+
+Tap = Callable[[Envelope[Any]], Sequence[Envelope[Any]]]
+"""Gets a message on its way and says what goes on in its place."""
+
+CycleCost = Callable[[str, float], float]
+"""What a cycle of a component costs at a time, in seconds."""
+
+
+class InjectedFault(Gloc3Error):
+    """What a crashed component raises."""
+
+
+class TappedExchange(LocalExchange):
+    """The local middleware with taps on its topics; everyone, the recorder too, gets what the taps let through."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._taps: dict[str, list[Tap]] = {}
+
+    def tap(self, topic: str, tap: Tap) -> Unsubscribe:
+        """Puts a tap on a topic (the platform's name included), behind those that are there."""
+        self._taps.setdefault(topic, []).append(tap)
+
+        def remove() -> None:
+            self._taps[topic].remove(tap)
+            if not self._taps[topic]:
+                del self._taps[topic]
+
+        return remove
+
+    def publish(self, envelope: Envelope[Any]) -> None:
+        """Hands on what the topic's taps let through."""
+        taps = self._taps.get(envelope.topic)
+        if taps is None:
+            super().publish(envelope)
+            return
+        passing: Sequence[Envelope[Any]] = (envelope,)
+        for tap in taps:
+            passing = [after for before in passing for after in tap(before)]
+        for one in passing:
+            super().publish(one)
+
+    def deliver(self, envelope: Envelope[Any]) -> None:
+        """Hands a message on past the taps."""
+        super().publish(envelope)
+
+
+class Sabotage:
+    """Decides what cycles cost and which of them crash, in every life of the onboard process.
+
+    Args:
+        loop: gives the time.
+        cost_s: what cycles cost where no fault is present; None for nothing.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, cost_s: CycleCost | None = None) -> None:
+        self._loop: Final = loop
+        self._base_s = cost_s
+        self._costs_s: dict[str, list[float]] = {}
+        self._crashes: dict[str, list[bool]] = {}
+        """Component to its crashes: True for one that is over after a cycle."""
+
+    # --- what faults switch on ---
+
+    def slow(self, component: str, cost_s: float) -> Unsubscribe:
+        """Has each cycle cost so much more; infinite for cycles that never end."""
+        self._costs_s.setdefault(component, []).append(cost_s)
+        return lambda: self._costs_s[component].remove(cost_s)
+
+    def hang(self, component: str) -> Unsubscribe:
+        """Has no cycle end any more."""
+        return self.slow(component, inf)
+
+    def crash(self, component: str, *, is_once: bool) -> Unsubscribe:
+        """Has the next cycle raise, or every one."""
+        crashes = self._crashes.setdefault(component, [])
+        crashes.append(is_once)
+
+        def end() -> None:
+            if is_once in crashes:
+                crashes.remove(is_once)
+
+        return end
+
+    # --- what the harness asks ---
+
+    def cost_s(self, component: str, now_s: float) -> float:
+        """What a cycle costs: the fault model of the hosts."""
+        base_s = self._base_s(component, now_s) if self._base_s is not None else 0.0
+        costs_s = self._costs_s.get(component)
+        return base_s + sum(costs_s) if costs_s else base_s
+
+    def create(self, row: ComponentRow, devices: Mapping[str, Any]) -> Component[Any]:
+        """Makes a component whose cycles can be made to crash."""
+        component = row.create(devices)
+        work = component.work
+
+        def sabotaged(now_s: float, inbox: Inbox) -> Sequence[Result]:
+            crashes = self._crashes.get(row.name)
+            if crashes:
+                if crashes[0]:
+                    crashes.pop(0)
+                raise InjectedFault(f"an injected crash of {row.name}")
+            return work(now_s, inbox)
+
+        component.work = sabotaged  # type: ignore[method-assign] # this one object is wrapped, not its class
+        return component

@@ -1,0 +1,125 @@
+"""A mission of any format before a simulated flight: found, converted into our format, and checked."""
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gloc3.documents.document import load_bytes, parse
+from gloc3.errors import Finding, InputError, Refused
+from gloc3.messages.frames import GeoPoint
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.checking.estimate import Estimate
+from gloc3.mission.examples import find_mission
+from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
+from gloc3.mission.model.model import GEO, Mission
+from gloc3.platform.platform import Platform
+from gloc3_sitl.flight.earth import home_of
+from gloc3_sitl.vehicles.table import vehicle_named
+
+HOLD: Final = "hold"
+"""The frame, and the world, of the paper's inspections."""
+INDOORS: Final = "pelican"
+"""The platform of a mission in a local frame that names none."""
+OUTDOORS: Final = "pelican_rtk"
+"""The platform of a mission on Earth that names none."""
+UNKNOWN_DURATION_S: Final = 600.0
+"""Taken for a mission whose duration the checker cannot tell."""
+
+
+class MissionFile(NamedTuple):
+    """A mission that may fly."""
+
+    file: str
+    """In our format."""
+    mission: Mission
+    duration_s: float
+    """As the checker estimates it."""
+    estimate: Estimate | None
+    warnings: list[Finding]
+
+
+def find_file(name: str) -> Path:
+    """The file of a mission: a path, or the name of an example.
+
+    Raises:
+        InputError: there is no example of that name.
+        Refused: there is no such file.
+    """
+    path = find_mission(name)
+    if not path.is_file():
+        raise Refused(f"{path} is a folder, not a mission file" if path.is_dir() else f"there is no file {path}")
+    return path
+
+
+def platform_for(path: Path) -> str:
+    """The platform that a mission is flown with where none is named."""
+    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        return OUTDOORS
+    try:
+        written = parse(load_bytes(path), str(path)).value
+    except InputError:  # it is told with everything else that is wrong
+        return INDOORS
+    if not isinstance(written, dict):
+        return INDOORS
+    named = written.get("platform")
+    return named if isinstance(named, str) else OUTDOORS if written.get("frame") == GEO else INDOORS
+
+
+class Place(NamedTuple):
+    """Where a flight is simulated."""
+
+    world: str
+    home: GeoPoint | None = None
+    """None for where the world's file says."""
+    heading_deg: float | None = None
+
+
+def place_for(mission: Mission, platform: Platform, vehicle: str) -> Place:
+    """The world that a mission's frame belongs to.
+
+    For frames of the platform that is the open, ground or water, at their origin; for missions on Earth the vehicle's,
+    at the first place of the mission.
+
+    Raises:
+        Gloc3Error: a mission on Earth has no position.
+    """
+    row = platform.frames.get(mission.frame)
+    if row is not None and mission.frame != HOLD:
+        return Place("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
+    if mission.frame != GEO:
+        return Place(HOLD)
+    return Place(vehicle_named(vehicle).world, home_of(mission))
+
+
+def is_without_satellites(platform: Platform) -> bool:
+    """Whether a platform's autopilot flies by the pose that the platform sends it, and by that alone."""
+    kinds = {kind.__name__ for row in platform.components for kind in row.load_class().__mro__}
+    return "VisionPoseDriver" in kinds and "SatellitesSampler" not in kinds
+
+
+def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFile:
+    """Reads and checks a mission; a plan of another format is converted into a folder first.
+
+    Raises:
+        InputError: it cannot be read, not be expressed, or may not fly; with everything that is wrong.
+    """
+    file, text, left_out = mission_text(str(path), platform.limits.speed_m_s)
+    is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
+    report = check_text(text, f"{file} (converted)" if is_foreign else file, Circumstances(platform=platform))
+    mission = report.flyable()
+    if is_foreign:
+        path = folder / "mission-converted.yaml"
+        path.write_text(text, encoding="utf-8")
+    duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S
+    return MissionFile(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings])
+
+
+def looks_down(platform: Platform, mission: Mission) -> bool:
+    """Whether pictures of the ground are used: one costs as much as everything else together."""
+    if any(action.capability == "record_images" for action in mission.actions().values()):
+        return True
+    recorder = platform.capabilities.get("record_images")
+    return any(
+        "camera/ground" in row.topics(name) and (recorder is None or row.name != recorder.performed_by)
+        for row in platform.components
+        for name in row.load_class().inputs
+    )

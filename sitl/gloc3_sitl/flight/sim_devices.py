@@ -1,0 +1,223 @@
+"""The world's cameras and laser scanner as devices of the onboard process, in one process with the simulator."""
+
+from asyncio import AbstractEventLoop, TimerHandle
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Generic, TypeVar
+
+from gloc3.messages.vehicle import Image
+from gloc3_sitl.faults.device_faults import (
+    Bottom,
+    DeviceFault,
+    Exposure,
+    PairExposure,
+    Turn,
+    is_silent,
+    is_stuck,
+    late_by_s,
+    seen_from,
+    spoilt,
+)
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.sensors.dvl import DvlModel
+from gloc3_sitl.world import World
+from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.laser import LaserModel, LaserScanner
+from gloc3_sitl.world.tracker import TrackerCamera
+
+Ready = Callable[[], None]
+T = TypeVar("T", Exposure, PairExposure, Turn, Bottom)
+
+_KEPT: Final = 64
+"""How many instants a trigger remembers, for devices that are late."""
+
+
+class Trigger:
+    """Says when a device takes data, at a steady rate, while it is open.
+
+    Args:
+        loop: whose time it goes by.
+        truth: what the vehicle does now.
+        rate_hz: how often.
+    """
+
+    def __init__(self, loop: AbstractEventLoop, truth: Callable[[], Truth], rate_hz: float) -> None:
+        self._truths: deque[tuple[float, Truth]] = deque(maxlen=_KEPT)
+        self._loop, self._truth, self._rate_hz = loop, truth, rate_hz
+        self._listeners: tuple[Ready, ...] = ()
+        self._timer: TimerHandle | None = None
+
+    def start(self) -> None:
+        """Goes off from now on."""
+        if self._timer is None:
+            self._set()
+
+    def stop(self) -> None:
+        """Goes off no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def truth(self, late_s: float = 0.0) -> Truth | None:
+        """The truth when it last went off, so long ago at least; None while there is none."""
+        until_s = self._loop.time() - late_s + 1e-6
+        return next((truth for t_s, truth in reversed(self._truths) if t_s <= until_s), None)
+
+    def listen(self, ready: Ready) -> Ready:
+        """Has `ready` called each time; gives what ends that."""
+        self._listeners = (*self._listeners, ready)
+
+        def unwatch() -> None:
+            self._listeners = tuple(other for other in self._listeners if other is not ready)
+
+        return unwatch
+
+    def _set(self) -> None:
+        count = int(self._loop.time() * self._rate_hz + 1e-6) + 1
+        self._timer = self._loop.call_at(count / self._rate_hz, self._go_off)
+
+    def _go_off(self) -> None:
+        self._set()
+        self._truths.append((self._loop.time(), self._truth()))
+        for ready in self._listeners:
+            ready()
+
+
+class _Device(Generic[T]):
+    """What all of them have: they look at the world only while they are open, and when they are asked."""
+
+    def __init__(self, trigger: Trigger) -> None:
+        self.fault: DeviceFault | None = None
+        """What is wrong with it."""
+        self._begun: tuple[DeviceFault, Truth] | None = None
+        """The fault that was last met, and what the vehicle did then."""
+        self._trigger = trigger
+        self._last: T | None = None
+
+    def open(self) -> None:
+        """Begins to take data."""
+        self._trigger.start()
+
+    def close(self) -> None:
+        """Ends taking data."""
+        self._trigger.stop()
+
+    def on_news(self, ready: Ready) -> Ready:
+        """Has `ready` called when there is something new; gives what ends that."""
+        return self._trigger.listen(lambda: None if is_silent(self.fault) else ready())
+
+    def _take(self, truth: Truth) -> T:
+        raise NotImplementedError
+
+    def _newest(self) -> T | None:
+        """What it gives now: something new once a trigger, with what the fault makes of it."""
+        fault = self.fault
+        truth = self._trigger.truth(late_by_s(fault))
+        stamp = truth if fault is None or fault.word != "old" else self._trigger.truth()
+        if truth is None or stamp is None or is_silent(fault):
+            return self._last
+        if self._last is not None and stamp.t_s <= self._last.t_s:
+            return self._last
+        if fault is not None and (self._begun is None or self._begun[0] is not fault):
+            self._begun = (fault, truth)
+        if self._last is not None and is_stuck(fault):
+            self._last = self._last._replace(t_s=truth.t_s)
+        else:
+            begin = self._begun[1] if self._begun is not None else truth
+            self._last = spoilt(self._take(self._seen_from(truth, fault, begin)), fault)._replace(t_s=stamp.t_s)
+        return self._last
+
+    def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+        return seen_from(truth, fault, begin)
+
+
+class SimCamera(_Device[Exposure]):
+    """A camera; a picture is rendered when it is asked for."""
+
+    def __init__(self, camera: Camera | TrackerCamera, trigger: Trigger) -> None:
+        super().__init__(trigger)
+        self.camera: Final = camera
+        """What it takes pictures with."""
+
+    def frame(self) -> Exposure | None:
+        """The latest frame; None before the first."""
+        return self._newest()
+
+    def _take(self, truth: Truth) -> Exposure:
+        return Exposure(truth.t_s, _image(self.camera, truth))
+
+
+class SimStereoCamera(_Device[PairExposure]):
+    """Two cameras that expose together."""
+
+    def __init__(self, left: Camera, right: Camera, trigger: Trigger) -> None:
+        super().__init__(trigger)
+        self.left: Final = left
+        self.right: Final = right
+
+    def pair(self) -> PairExposure | None:
+        """The latest two frames; None before the first."""
+        return self._newest()
+
+    def _take(self, truth: Truth) -> PairExposure:
+        return PairExposure(truth.t_s, _image(self.left, truth), _image(self.right, truth))
+
+
+class SimLaser(_Device[Turn]):
+    """A laser scanner."""
+
+    def __init__(self, world: World, model: LaserModel, trigger: Trigger, seed: int) -> None:
+        super().__init__(trigger)
+        self.scanner: Final = LaserScanner(world, model, seed)
+        """What it scans with."""
+
+    def scan(self) -> Turn | None:
+        """The latest turn; None before the first."""
+        return self._newest()
+
+    def _take(self, truth: Truth) -> Turn:
+        return Turn(truth.t_s, self.scanner.scan(truth))
+
+    def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+        """A scaled one stands where it is: its ranges are too long."""
+        return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
+
+
+class SimDvl(_Device[Bottom]):
+    """A Doppler velocity log."""
+
+    def __init__(self, trigger: Trigger, seed: int) -> None:
+        super().__init__(trigger)
+        self.model: Final = DvlModel(seed)
+        """What it measures with."""
+
+    def bottom_velocity(self) -> Bottom | None:
+        """The latest velocity over the floor; None before the first."""
+        return self._newest()
+
+    def _take(self, truth: Truth) -> Bottom:
+        return Bottom(truth.t_s, self.model.measure(truth))
+
+
+class NoCamera:
+    """A camera that is not plugged in."""
+
+    def open(self) -> None:
+        """Nothing happens."""
+
+    def close(self) -> None:
+        """Nothing happens."""
+
+    def on_news(self, ready: Ready) -> Ready:
+        """There is never any."""
+        return lambda: None
+
+    def frame(self) -> None:
+        """There is never a frame."""
+        return
+
+
+def _image(camera: Camera | TrackerCamera, truth: Truth) -> Image:
+    pixels = camera.capture(truth).pixels
+    height, width = pixels.shape
+    return Image(camera=camera.imager.name, width=width, height=height, data=pixels.tobytes())

@@ -1,0 +1,61 @@
+"""Everything of the world that an onboard process in the simulator's own process senses besides the autopilot."""
+
+from asyncio import AbstractEventLoop
+from collections.abc import Callable
+from typing import Final
+
+from gloc3.camera.model import CameraModel
+from gloc3_sitl.flight.sim_devices import NoCamera, SimCamera, SimDvl, SimLaser, SimStereoCamera, Trigger
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.sensors.dvl import RATE_HZ
+from gloc3_sitl.world import World, rig
+from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.tracker import TrackerCamera
+
+SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser", "dvl")
+"""Names of the devices, as platforms call them."""
+
+SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | NoCamera
+
+
+class SimRig:
+    """The devices of a vehicle; each looks at the world only while it is open.
+
+    Args:
+        world: what there is to see.
+        loop: whose time the devices go by.
+        truth: what the vehicle does now.
+        seed: of all noise.
+    """
+
+    def __init__(self, world: World, loop: AbstractEventLoop, truth: Callable[[], Truth], seed: int) -> None:
+        def trigger(rate_hz: float) -> Trigger:
+            return Trigger(loop, truth, rate_hz)
+
+        ground, left, right = (
+            Camera(world, *rig.CAMERAS[name], seed) for name in ("ground", "front_left", "front_right")
+        )
+        self.tracker: Final = _tracker(world, seed)
+        """The external camera; None in a world without."""
+        self._models = {name: model for name, (model, _) in rig.CAMERAS.items()} | {"tracker": rig.TRACKER}
+        self.devices: Final[dict[str, SimDevice]] = {
+            "ground_camera": SimCamera(ground, trigger(rig.GROUND_IMAGER.rate_hz)),
+            "stereo_camera": SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz)),
+            "tracker_camera": NoCamera(),
+            "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
+            "dvl": SimDvl(trigger(RATE_HZ), seed),
+        }
+        """By name, all of `SIM_DEVICES`."""
+        if self.tracker is not None:
+            self.devices["tracker_camera"] = SimCamera(self.tracker, trigger(rig.TRACKER_IMAGER.rate_hz))
+
+    def model(self, camera: str) -> CameraModel | None:
+        """The camera of that name, as it is truly calibrated; None where there is none."""
+        return self._models.get(camera)
+
+
+def _tracker(world: World, seed: int) -> TrackerCamera | None:
+    """The tracker of a world that has one."""
+    if world.file.tracker is None:
+        return None
+    return TrackerCamera(world, world.file.tracker, rig.TRACKER, rig.TRACKER_IMAGER, seed)

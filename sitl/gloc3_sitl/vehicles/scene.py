@@ -1,0 +1,21 @@
+"""A simulated vehicle in its world, as those need it who look at it and do not steer it."""
+
+from typing import Protocol
+
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.world import World
+
+
+class Scene(Protocol):
+    """Where the vehicle is, when, and what is around it."""
+
+    @property
+    def world(self) -> World:
+        """Where it is."""
+
+    @property
+    def now_s(self) -> float:
+        """Simulated seconds since the start."""
+
+    def truth(self) -> Truth:
+        """What the vehicle really does now."""

@@ -1,0 +1,143 @@
+"""Serves the simulated cameras and the laser scanner to companion processes on the same machine, over TCP."""
+
+import asyncio
+import errno
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple, Self
+
+from gloc3.camera.frame_stream import MOST_WISH_BYTES, GreyFrame, ScanFrame, encode, encode_scan, read_wish
+from gloc3.errors import Refused
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.vehicles.scene import Scene
+from gloc3_sitl.world import World, rig
+from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.laser import LaserScanner
+from gloc3_sitl.world.tracker import TrackerCamera
+
+MOST_CLIENTS: Final = 8
+_LOOK_EVERY_S: Final = 0.01
+
+
+class Feed(NamedTuple):
+    """One sensor."""
+
+    rate_hz: float
+    take: Callable[[Truth], bytes]
+    """Looks at the world; a record of the stream."""
+
+
+class SensorServer:
+    """Sends each client the sensors that it wishes for, at their rates; one that is too slow misses some.
+
+    A sensor that nobody wishes for costs nothing. Two that have the same rate look at the same instant.
+    """
+
+    def __init__(self, scene: Scene, loop: asyncio.AbstractEventLoop, seed: int) -> None:
+        self._scene, self._loop = scene, loop
+        self.feeds: Final[Mapping[str, Feed]] = _feeds(scene.world, seed)
+        """By name."""
+        self._slots = dict.fromkeys(self.feeds, -1)
+        self._clients: dict[asyncio.StreamWriter, frozenset[str]] = {}
+        self._server: asyncio.Server | None = None
+        self._timer: asyncio.TimerHandle | None = None
+
+    @property
+    def port(self) -> int:
+        """The port that it really has."""
+        assert self._server is not None
+        return int(self._server.sockets[0].getsockname()[1])
+
+    async def open(self, port: int) -> Self:
+        """Listens on loopback.
+
+        Raises:
+            Refused: the port is in use.
+        """
+        try:
+            self._server = await asyncio.start_server(self._connected, "127.0.0.1", port, limit=MOST_WISH_BYTES)
+        except OSError as error:
+            reason = "it is in use by another program" if error.errno == errno.EADDRINUSE else error.strerror
+            raise Refused(f"sensor port {port}: {reason}") from error
+        self.feeds["ground"].take(self._scene.truth())  # to paint takes long, and time does not run yet
+        self._tick()
+        return self
+
+    async def close(self) -> None:
+        """Serves no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+        for client in self._clients:
+            client.close()
+        if self._server is not None:
+            self._server.close()
+
+    async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Takes a client that wishes for what is there; others are turned away."""
+        try:
+            wish = read_wish(await reader.readline())
+        except (ValueError, ConnectionError):
+            wish = frozenset()
+        if not wish or not wish <= self.feeds.keys() or len(self._clients) >= MOST_CLIENTS:
+            writer.close()
+        else:
+            self._clients[writer] = wish
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(_LOOK_EVERY_S, self._tick)
+        self._clients = {client: wish for client, wish in self._clients.items() if not client.is_closing()}
+        wanted = frozenset[str]().union(*self._clients.values())
+        due = [name for name in self.feeds if name in wanted and self._is_due(name)]
+        if not due:
+            return
+        truth = self._scene.truth()
+        records = {name: self.feeds[name].take(truth) for name in due}
+        for client, wish in self._clients.items():
+            data = b"".join(record for name, record in records.items() if name in wish)
+            if data and client.transport.get_write_buffer_size() < len(data):
+                client.write(data)
+
+    def _is_due(self, name: str) -> bool:
+        slot = int(self._scene.now_s * self.feeds[name].rate_hz + 1e-6)
+        is_new = slot != self._slots[name]
+        self._slots[name] = slot
+        return is_new
+
+
+def _feeds(world: World, seed: int) -> dict[str, Feed]:
+    cameras: dict[str, Camera | TrackerCamera] = {
+        name: Camera(world, model, imager, seed) for name, (model, imager) in rig.CAMERAS.items()
+    }
+    if world.file.tracker is not None:
+        tracker = TrackerCamera(world, world.file.tracker, rig.TRACKER, rig.TRACKER_IMAGER, seed)
+        cameras[rig.TRACKER_IMAGER.name] = tracker
+    feeds = {name: Feed(camera.imager.rate_hz, _picture_of(camera)) for name, camera in cameras.items()}
+    feeds[rig.LASER.name] = Feed(rig.LASER.rate_hz, _scan_of(LaserScanner(world, rig.LASER, seed)))
+    return feeds
+
+
+def _picture_of(camera: Camera | TrackerCamera) -> Callable[[Truth], bytes]:
+    def take(truth: Truth) -> bytes:
+        pixels = camera.capture(truth).pixels
+        height, width = pixels.shape
+        return encode(GreyFrame(round(truth.t_s * 1e6), camera.imager.name, width, height, pixels.tobytes()))
+
+    return take
+
+
+def _scan_of(scanner: LaserScanner) -> Callable[[Truth], bytes]:
+    def take(truth: Truth) -> bytes:
+        scan = scanner.scan(truth)
+        return encode_scan(
+            ScanFrame(
+                round(truth.t_s * 1e6),
+                scan.scanner,
+                scan.angle_min_rad,
+                scan.angle_step_rad,
+                scan.range_min_m,
+                scan.range_max_m,
+                scan.duration_s,
+                scan.ranges_m,
+            )
+        )
+
+    return take

@@ -1,0 +1,302 @@
+"""A simulated vehicle, whole: physics, sensors and autopilot, advanced in time, with MAVLink links to the outside."""
+
+from asyncio import AbstractEventLoop, TimerHandle
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from math import inf, radians
+from typing import Final
+
+from msgspec.structs import replace
+
+from gloc3.clock import VIRTUAL_EPOCH_S
+from gloc3.messages.envelope import Severity
+from gloc3_sitl.autopilot.autopilot import Autopilot
+from gloc3_sitl.autopilot.control.control import Outputs
+from gloc3_sitl.autopilot.mavlink.front import Front
+from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
+from gloc3_sitl.autopilot.periods import STEP_S
+from gloc3_sitl.autopilot.pilot import Pilot
+from gloc3_sitl.autopilot.sources import WITHOUT_SATELLITES
+from gloc3_sitl.autopilot.surroundings import Failure, Power, Unit
+from gloc3_sitl.autopilot.verdict import Verdict
+from gloc3_sitl.faults.injection import inject
+from gloc3_sitl.physics.body import Situation
+from gloc3_sitl.physics.ground import PERIOD_STEPS, raise_ground
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.physics.wind import CALM, Wind
+from gloc3_sitl.sensors.magnetic_field import declination_deg
+from gloc3_sitl.sensors.range_finder import level_ground
+from gloc3_sitl.sensors.readings import Reading
+from gloc3_sitl.sensors.suite import SensorSuite
+from gloc3_sitl.vehicles.table import style_of, vehicle_named
+from gloc3_sitl.world import World
+from gloc3_sitl.world.probe import WorldProbe
+
+PERIOD_S: Final = 0.02
+"""How often a running simulator advances, in simulated time: the period of the autopilot's outer loops."""
+
+BOOT_S: Final = 1.5
+"""So long an autopilot that boots says and hears nothing."""
+_MOST_LATE_S: Final = 5.0
+"""A simulator that is further behind the wall clock than this gives up catching up: its clock slips."""
+_MOST_AT_ONCE_S: Final = 0.5
+"""So much is caught up with before others have their turn."""
+
+
+class _Wire:
+    """A link as the outside holds it: it stays when the autopilot behind it boots anew."""
+
+    __slots__ = ("is_datagram", "kind", "receive", "send")
+
+    def __init__(self, send: Send, kind: LinkKind, is_datagram: bool) -> None:
+        self.send, self.kind, self.is_datagram = send, kind, is_datagram
+        self.receive: Receive = _deaf
+
+    def take(self, data: bytes) -> None:
+        """Passes on what came in."""
+        self.receive(data)
+
+
+def _deaf(data: bytes) -> None:
+    """Nobody is there."""
+
+
+class Simulator:
+    """One vehicle in one world.
+
+    It has no clock of its own: `advance` brings it to a time, and `start` has an event loop do so, in virtual or wall
+    time. The same arguments, and the same data at the same times, give the same flight bit for bit.
+
+    Args:
+        world: where it flies.
+        vehicle: what flies, by the name of a model.
+        style: `px4` or `ardupilot`; None for the usual one of the vehicle.
+        seed: of turbulence and of all sensor noise.
+        wind: what the air does.
+        is_plain_gps: metre-level fixes in place of RTK-grade ones.
+        is_without_gps: no fixes at all; the autopilot is set to fly by `ODOMETRY`.
+        battery_remaining: charge at the start, 1 to 0.
+        parameters: autopilot parameters that differ from their defaults.
+
+    Raises:
+        Misuse: no such autopilot style, or no such vehicle.
+        Refused: a parameter does not exist or is out of bounds.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        vehicle: str = "pelican",
+        style: str | None = None,
+        seed: int = 0,
+        wind: Wind = CALM,
+        is_plain_gps: bool = False,
+        is_without_gps: bool = False,
+        battery_remaining: float = 1.0,
+        parameters: Mapping[str, float] | None = None,
+    ) -> None:
+        row = vehicle_named(vehicle)
+        style = style_of(vehicle, style)
+        self.world: Final = world
+        self._vehicle_class: Final = row.vehicle_class
+        self.body: Final = row.body(
+            Situation(
+                home=world.home,
+                wind=wind,
+                water=world.water,
+                seed=seed,
+                rate_hz=round(1.0 / STEP_S),
+                heading_deg=world.heading_deg,
+            )
+        )
+        self.sensors: Final = SensorSuite(
+            seed,
+            world.home,
+            pack=row.pack,
+            imu_bias_share=row.imu_bias_share,
+            is_plain_gps=is_plain_gps,
+            battery_remaining=battery_remaining,
+            probe=level_ground if world.is_flat else WorldProbe(world),
+            more=row.sensors(seed, world.home),
+        )
+        self.style: Final = style
+        """Name of the autopilot."""
+        self._style: Final = row.styles[style]
+        self.autopilot = self._new_autopilot()
+        for name, value in row.parameters.get(style, {}).items():
+            self.autopilot.parameters.set(name, value)
+        if is_without_gps:
+            self.sensors.fail("fix", "lost")
+            for name, value in WITHOUT_SATELLITES[style].items():
+                self.autopilot.parameters.set(name, value)
+        for name, value in (parameters or {}).items():
+            self.autopilot.parameters.set(name, value)
+        self.autopilot.utc_offset_s = VIRTUAL_EPOCH_S
+        self.texts: Final[deque[tuple[float, Severity, str]]] = deque(maxlen=200)
+        """What the autopilot said last: time, severity, text."""
+        self.texts_said = 0
+        """How many it has said in all."""
+        self.front = Front(self.autopilot)
+        self._wires: list[_Wire] = []
+        self._step: Callable[[Sequence[Reading], float], Outputs] = self.autopilot.step
+        self._boot_s = 0.0
+        self._up_s = inf
+        self.late = 0
+        """Times that a wall clock ran away."""
+        self._outputs = self._idle = self.autopilot.control.stopped
+        self._timer: TimerHandle | None = None
+        self._is_flat, self._is_diving = world.is_flat, row.is_diving
+
+    # -- time ---------------------------------------------------------------------------------------------------------
+
+    @property
+    def now_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.body.now_s
+
+    def advance(self, now_s: float) -> None:
+        """Simulates up to a time, in whole steps of 5 ms; a time that is past already changes nothing."""
+        body, sample = self.body, self.sensors.sample
+        outputs = self._outputs
+        rate_hz = body.rate_hz
+        for count in range(body.steps + 1, int(now_s * rate_hz + 1e-6) + 1):
+            body.step(outputs)
+            t_s = count / rate_hz
+            outputs = self._step(sample(body, t_s), t_s)
+            if not self._is_flat and count % PERIOD_STEPS == 0:
+                raise_ground(body, self.world, self.now_s, is_diving=self._is_diving)
+        self._outputs = outputs
+
+    def start(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:
+        """Has an event loop advance it from now on, `speed` times as fast as the loop's clock."""
+        begin_s = loop.time()
+        offset_s = self.now_s
+
+        def turn() -> None:
+            nonlocal begin_s, offset_s
+            wanted_s = offset_s + (loop.time() - begin_s) * speed
+            behind_s = wanted_s - self.now_s
+            if behind_s > _MOST_LATE_S * max(1.0, speed):
+                self.late += 1
+                begin_s, offset_s = loop.time(), self.now_s + PERIOD_S
+                wanted_s = offset_s
+            self.advance(min(wanted_s, self.now_s + _MOST_AT_ONCE_S * max(1.0, speed)))
+            next_s = begin_s + (self.now_s + PERIOD_S - offset_s) / speed
+            self._timer = loop.call_at(next_s, turn)
+
+        self._timer = loop.call_at(begin_s + PERIOD_S / speed, turn)
+
+    def stop(self) -> None:
+        """Ends what `start` began."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    # -- the outside --------------------------------------------------------------------------------------------------
+
+    def attach(self, send: Send, kind: LinkKind = LinkKind.COMPANION, *, is_datagram: bool = True) -> Receive:
+        """Connects a MAVLink link.
+
+        Args:
+            send: called with each frame that goes out.
+            kind: what the link is for: it decides which telemetry begins by itself.
+            is_datagram: whether each piece that comes in holds whole frames.
+
+        Returns:
+            What is to be called with each piece of data that comes in.
+        """
+        wire = _Wire(send, kind, is_datagram)
+        self._wires.append(wire)
+        if not self.is_down:
+            wire.receive = self.front.attach(send, kind, is_datagram=is_datagram)
+        return wire.take
+
+    @property
+    def pilot(self) -> Pilot:
+        """The human pilot's transmitter."""
+        return self.autopilot.pilot
+
+    def truth(self) -> Truth:
+        """What the vehicle really does now."""
+        return self.body.truth()
+
+    @property
+    def wind(self) -> Wind:
+        """What the air does; may be set at any time."""
+        return self.body.wind
+
+    @wind.setter
+    def wind(self, wind: Wind) -> None:
+        self.body.wind = wind
+
+    # -- power --------------------------------------------------------------------------------------------------------
+
+    @property
+    def is_down(self) -> bool:
+        """Whether the autopilot is booting or switched off."""
+        return self._step == self._stay_down
+
+    @property
+    def is_off(self) -> bool:
+        """Whether the autopilot was switched off for good."""
+        return self.is_down and self._up_s == inf
+
+    def switch(self, power: Power) -> None:
+        """Boots the autopilot anew, or leaves it without power, from the next step on."""
+        self._up_s = self.now_s + BOOT_S if power is Power.REBOOT else inf
+        self._step = self._go_down
+
+    def _go_down(self, readings: Sequence[Reading], t_s: float) -> Outputs:
+        for wire in self._wires:
+            wire.receive = _deaf
+        self._step = self._stay_down
+        return self._stay_down(readings, t_s)
+
+    def _stay_down(self, readings: Sequence[Reading], t_s: float) -> Outputs:
+        del readings
+        if t_s >= self._up_s:
+            self._boot(t_s)
+        return self._idle
+
+    def _boot(self, t_s: float) -> None:
+        """Begins anew, with the clock of the autopilot at 0 and what stood on its memory card."""
+        before, front = self.autopilot, self.front
+        self.autopilot = self._new_autopilot(before)
+        self.autopilot.utc_offset_s = before.utc_offset_s + t_s - self._boot_s if before.utc_offset_s else 0.0
+        self.front = Front(self.autopilot, front)
+        self._boot_s = t_s
+        for wire in self._wires:
+            wire.receive = self.front.attach(wire.send, wire.kind, is_datagram=wire.is_datagram)
+        self._step = self._step_since_boot
+
+    def _step_since_boot(self, readings: Sequence[Reading], t_s: float) -> Outputs:
+        boot_s = self._boot_s
+        shifted = [replace(reading, t_s=reading.t_s - boot_s) for reading in readings]
+        return self.autopilot.step(shifted, t_s - boot_s)
+
+    def _new_autopilot(self, before: Autopilot | None = None) -> Autopilot:
+        declination = radians(declination_deg(self.world.home))
+        return Autopilot(
+            self._style,
+            self._say,
+            vehicle=self._vehicle_class,
+            declination_rad=declination,
+            surroundings=self,
+            before=before,
+        )
+
+    def inject(self, unit: Unit, failure: Failure) -> Verdict:
+        """Makes something fail, or repairs it."""
+        return inject(self, unit, failure)
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self.texts_said += 1
+        self.texts.append((self.now_s, severity, text))
+        self.autopilot.logger.note(text)
+        self.front.say(severity, text)
+
+
+__all__ = ["PERIOD_S", "LinkKind", "Simulator"]

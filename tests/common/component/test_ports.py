@@ -1,0 +1,129 @@
+"""Ports and the bounded queues behind them."""
+
+from collections import deque
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gloc3.component.ports import Input, Keep, Mailbox, Output, Port, Report, inbox_of, ports_of
+from gloc3.errors import Misuse
+from gloc3.messages.envelope import Envelope, Message, Source
+
+
+class Reading(Message, frozen=True):
+    """A number from a device."""
+
+    value: float
+
+
+class Ports:
+    """A class that declares ports."""
+
+    newest = Input(Reading)
+    every = Input(Reading, keep=Keep.ALL, depth=3)
+    out = Output(Reading, frame="ned")
+
+
+class MorePorts(Ports):
+    """Adds one, and declares one anew."""
+
+    out = Output(Reading, frame="local")
+    extra = Output(Reading)
+
+
+def envelope(value: float, t_s: float = 0.0) -> Envelope[Reading]:
+    """A reading on its way."""
+    return Envelope("p/t", Source("p", "c", 1), 0, t_s, "", "Reading#", Reading(value=value))
+
+
+def test_a_class_declares_its_ports_and_inherits_those_of_its_bases() -> None:
+    inputs, outputs = ports_of(MorePorts)
+    assert list(inputs) == ["newest", "every"]
+    assert list(outputs) == ["out", "extra"]
+    assert outputs["out"].frame == "local"
+    assert outputs["out"].name == "out"
+
+
+def test_a_port_is_an_input_or_an_output() -> None:
+    class Neither:
+        odd = Port(Reading)
+
+    with pytest.raises(Misuse, match=r"Neither\.odd is neither Input nor Output"):
+        ports_of(Neither)
+
+
+def test_an_output_makes_reports() -> None:
+    report = MorePorts.extra.report(Reading(value=1.0), t_s=2.0)
+    assert report == Report("extra", Reading(value=1.0), 2.0)
+
+
+def test_an_inbox_gives_what_is_new_and_the_last_of_each() -> None:
+    mailbox = Mailbox(list(ports_of(Ports)[0].values()))
+    for value in range(2):
+        mailbox.put("newest", envelope(value, t_s=value))
+        mailbox.put("every", envelope(value))
+    first = mailbox.take()
+    assert [e.payload.value for e in first.new(Ports.newest)] == [1.0]
+    assert [e.payload.value for e in first.new(Ports.every)] == [0.0, 1.0]
+    second = mailbox.take()
+    assert (second.new(Ports.newest), second.new(Ports.every)) == ((), ())
+    latest = second.latest(Ports.newest)
+    assert latest is not None
+    assert latest.payload.value == 1.0
+    assert second.is_fresh(Ports.newest, 1.5, 0.5)
+    assert not second.is_fresh(Ports.newest, 1.6, 0.5)
+
+
+def test_an_inbox_that_was_taken_does_not_change() -> None:
+    mailbox = Mailbox(list(ports_of(Ports)[0].values()))
+    mailbox.put("newest", envelope(1.0))
+    inbox = mailbox.take()
+    again = mailbox.take()
+    mailbox.put("newest", envelope(2.0))
+    mailbox.take()
+    mailbox.clear()
+    for taken in (inbox, again):
+        latest = taken.latest(Ports.newest)
+        assert latest is not None
+        assert latest.payload.value == 1.0
+    assert mailbox.take().latest(Ports.newest) is None
+
+
+@settings(max_examples=80)
+@given(st.lists(st.sampled_from(["newest", "every", "take", "clear"]), max_size=40))
+def test_queues_are_bounded_and_what_is_dropped_is_counted(steps: list[str]) -> None:
+    mailbox = Mailbox(list(ports_of(Ports)[0].values()))
+    newest: deque[float] = deque(maxlen=1)
+    every: list[float] = []
+    dropped = 0
+    for number, step in enumerate(steps):
+        match step:
+            case "newest":
+                mailbox.put("newest", envelope(number))
+                newest.append(number)
+            case "every":
+                mailbox.put("every", envelope(number))
+                if len(every) < 3:
+                    every.append(number)
+                else:
+                    dropped += 1
+            case "take":
+                inbox = mailbox.take()
+                assert [e.payload.value for e in inbox.new(Ports.newest)] == list(newest)
+                assert [e.payload.value for e in inbox.new(Ports.every)] == every
+                newest.clear()
+                every.clear()
+            case "clear":
+                mailbox.clear()
+                newest.clear()
+                every.clear()
+    assert mailbox.dropped == dropped
+
+
+def test_an_inbox_for_tests_is_made_of_envelopes() -> None:
+    inbox = inbox_of(newest=envelope(1.0), every=[envelope(2.0), envelope(3.0)])
+    assert [e.payload.value for e in inbox.new(Ports.every)] == [2.0, 3.0]
+    latest = inbox.latest(Ports.every)
+    assert latest is not None
+    assert latest.payload.value == 3.0

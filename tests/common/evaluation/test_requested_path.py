@@ -1,0 +1,20 @@
+"""The path requested: what components were asked to fly, and until when."""
+
+from gloc3.evaluation.requested_path import RequestedPath
+from gloc3.exchange.base import Publisher
+from gloc3.exchange.local import LocalExchange
+from gloc3.messages.envelope import FunctionRequest
+
+
+def test_a_way_that_nobody_has_ended_ends_when_another_one_begins() -> None:
+    exchange = LocalExchange()
+    path = RequestedPath(exchange, "p")
+    for t_s, name in ((1.0, "one"), (4.0, "two")):
+        order = {"waypoints_ned_m": [[1.0, 2.0, -3.0]], "speed_m_s": 0.5}
+        asked = {"action_id": name, "arguments": order}
+        request = FunctionRequest(request_id=name, function="action.start", arguments=asked)
+        Publisher(exchange, "p", "command_server", 1).publish("p/components/waypoints/function", request, t_s)
+    assert [(flight.action_id, flight.start_s, flight.end_s) for flight in path.flights] == [
+        ("one", 1.0, 4.0),
+        ("two", 4.0, None),
+    ]

@@ -1,0 +1,244 @@
+"""Endpoints over real sockets and a pseudo terminal."""
+
+import asyncio
+import fcntl
+import os
+import pty
+import termios
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.mavlink import codec
+from gloc3.mavlink.services.peer_routes import systems_in
+from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.transport import serial_line, udp
+from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
+from gloc3.mavlink.transport.udp import UdpServerEndpoint
+
+pytestmark = pytest.mark.sockets
+
+RATE_NAMES = {f"B{digit}" for digit in range(1, 10)}
+FRAMES = [codec.Encoder(1, 1).encode(codec.message("ATTITUDE", time_boot_ms=n)) for n in range(1, 4)]
+
+
+class Opener:
+    """Opens endpoints and closes them all at the end."""
+
+    def __init__(self) -> None:
+        self.opened: list[Endpoint] = []
+
+    async def __call__(self, url: str) -> tuple[Endpoint, list[bytes]]:
+        heard: list[bytes] = []
+        endpoint = await open_endpoint(url, asyncio.get_running_loop(), heard.append)
+        self.opened.append(endpoint)
+        return endpoint, heard
+
+
+@pytest.fixture
+async def opener() -> AsyncIterator[Opener]:
+    opener = Opener()
+    yield opener
+    for endpoint in opener.opened:
+        await endpoint.close()
+
+
+async def until(is_so: Callable[[], bool]) -> None:
+    async with asyncio.timeout(60):
+        while not is_so():
+            await asyncio.sleep(0.005)
+
+
+async def test_udp_listener_answers_everyone_it_has_heard_from(opener: Opener) -> None:
+    server, heard = await opener("udpin://127.0.0.1:0")
+    assert server.local_port
+    assert not server.is_connected
+    server.send(b"nobody there")
+    clients = [await opener(f"udpout://127.0.0.1:{server.local_port}") for _ in range(2)]
+    for number, (client, _) in enumerate(clients):
+        client.send(FRAMES[number])
+    await until(lambda: len(heard) == 2)
+    server.send(FRAMES[2])
+    await until(lambda: all(answers == [FRAMES[2]] for _, answers in clients))
+    assert server.is_datagram
+    assert server.is_connected
+
+
+async def test_udp_listener_sends_what_is_for_one_system_to_those_who_were_heard_as_it(opener: Opener) -> None:
+    server, heard = await opener("udpin://127.0.0.1:0")
+    clients = [await opener(f"udpout://127.0.0.1:{server.local_port}") for _ in range(3)]
+    for system, (client, _) in zip((7, 8, 8), clients, strict=True):
+        client.send(codec.Encoder(system, 1).encode(codec.message("ATTITUDE")))
+    await until(lambda: len(heard) == 3)
+    encoder = codec.Encoder(255, 190)
+    for_7, for_8, for_9, for_all = (
+        encoder.encode(codec.message("COMMAND_LONG", command=400, target_system=target)) for target in (7, 8, 9, 0)
+    )
+    for frames in (for_7, for_8, for_9, for_all, for_7 + for_8):
+        server.send(frames)
+    own = [[for_7, for_9, for_all, for_7 + for_8], *2 * [[for_8, for_9, for_all, for_7 + for_8]]]
+    await until(lambda: [answers for _, answers in clients] == own)
+
+
+def test_the_systems_behind_a_peer_are_read_off_its_datagrams() -> None:
+    key = Signing(bytes(32), link_id=1, now=1)
+    signed = codec.Encoder(5, 1, key).encode(codec.message("ATTITUDE"))
+    old = bytes((0xFE, 9, 0, 6, 1, 0)) + bytes(11)
+    assert list(systems_in(signed + old + FRAMES[0])) == [5, 6, 1]
+    assert list(systems_in(b"\x00" * 40)) == []
+    assert list(systems_in(FRAMES[0][:3])) == []
+
+
+async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_ones(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(udp, "MOST_PEERS", 2)
+    server, heard = await opener("udpin://127.0.0.1:0")
+    assert isinstance(server, UdpServerEndpoint)
+    for _ in range(3):
+        client, _ = await opener(f"udpout://127.0.0.1:{server.local_port}")
+        client.send(b"x")
+    await until(lambda: server.strangers_refused == 1)
+    assert len(heard) == 2
+    monkeypatch.setattr(udp, "PEER_EXPIRES_S", -1.0)
+    assert server.peers == []
+    client.send(b"y")
+    await until(lambda: len(heard) == 3)
+
+
+async def test_a_burst_of_datagrams_is_kept(opener: Opener) -> None:
+    server, heard = await opener("udpin://127.0.0.1:0")
+    client, _ = await opener(f"udpout://127.0.0.1:{server.local_port}")
+    for _ in range(1000):
+        client.send(FRAMES[0])
+    await until(lambda: len(heard) == 1000)
+
+
+@pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
+async def test_a_port_in_use_is_said(opener: Opener, scheme: str) -> None:
+    first, _ = await opener(f"{scheme}://127.0.0.1:0")
+    with pytest.raises(Refused, match=f"port {first.local_port} is in use by another program"):
+        await opener(f"{scheme}://127.0.0.1:{first.local_port}")
+
+
+async def test_an_address_that_is_not_ours_is_said(opener: Opener) -> None:
+    with pytest.raises(Refused, match=r"0\.0\.0\.0 listens on all"):
+        await opener("udpin://203.0.113.7:0")
+
+
+async def test_tcp_server_keeps_its_clients_streams_apart(opener: Opener) -> None:
+    server, heard = await opener("tcpin://127.0.0.1:0")
+    clients = [await opener(f"tcpout://127.0.0.1:{server.local_port}") for _ in range(2)]
+    await until(lambda: all(client.is_connected for client, _ in clients))
+    for half in (slice(None, 15), slice(15, None)):
+        for number, (client, _) in enumerate(clients):
+            client.send(FRAMES[number][half])
+            await asyncio.sleep(0.01)
+    await until(lambda: sorted(heard) == sorted(FRAMES[:2]))
+    server.send(FRAMES[2])
+    await until(lambda: all(b"".join(answers) == FRAMES[2] for _, answers in clients))
+
+
+async def test_tcp_client_connects_again(opener: Opener, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gloc3.mavlink.transport.tcp.RECONNECT_S", 0.01)
+    server, _ = await opener("tcpin://127.0.0.1:0")
+    client, heard = await opener(f"tcpout://127.0.0.1:{server.local_port}")
+    await until(lambda: client.is_connected)
+    port = server.local_port
+    await server.close()
+    await until(lambda: not client.is_connected and client.problem != "")
+    client.send(b"lost")
+    assert client.dropped == 1
+    await until(lambda: client.problem == "connection refused")
+    server, _ = await opener(f"tcpin://127.0.0.1:{port}")
+    await until(lambda: client.is_connected and server.is_connected)
+    server.send(FRAMES[0])
+    await until(lambda: heard == [FRAMES[0]])
+
+
+async def test_serial_line_both_ways_and_a_missing_device(opener: Opener) -> None:
+    master, slave = pty.openpty()
+    try:
+        endpoint, heard = await opener(f"serial://{os.ttyname(slave)}:57600")
+        await until(lambda: endpoint.is_connected)
+        os.write(master, FRAMES[0])
+        await until(lambda: b"".join(heard) == FRAMES[0])
+        endpoint.send(FRAMES[1])
+        await until(lambda: endpoint.bytes_sent > 0)
+        assert os.read(master, 300) == FRAMES[1]
+        missing, _ = await opener("serial:///dev/gloc3-is-not-there:57600")
+        await until(lambda: missing.problem == "no such file or directory")
+        assert not missing.is_connected
+        await endpoint.close()
+        await missing.close()
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def _line_rate(descriptor: int) -> int:
+    """The rate that a line is set to, in baud."""
+    code = termios.tcgetattr(descriptor)[5]
+    return next(int(name[1:]) for name, value in vars(termios).items() if name[:2] in RATE_NAMES and value == code)
+
+
+async def test_the_rate_of_a_serial_line_is_found(opener: Opener) -> None:
+    master, slave = pty.openpty()
+    try:
+        endpoint, heard = await opener(f"serial://{os.ttyname(slave)}:auto")
+        tried: list[int] = []
+        while not endpoint.is_connected:
+            rate = _line_rate(slave)
+            tried += [rate] if tried[-1:] != [rate] else []
+            wrong = bytes(byte ^ 0xA5 for byte in FRAMES[0])  # what a line of another rate makes of it
+            os.write(master, FRAMES[0] if rate == 921_600 else wrong)
+            if rate != 921_600:
+                assert heard == [], "nothing is taken for heard before the rate is known"
+                endpoint.send(FRAMES[1])
+            await asyncio.sleep(0.02)
+        assert tried[-3:] == [57_600, 115_200, 921_600]
+        assert endpoint.bytes_sent == 0, "nothing is sent at a rate that may be wrong"
+        assert endpoint.problem == ""
+        os.write(master, FRAMES[2])
+        await until(lambda: b"".join(heard).endswith(FRAMES[2]))
+        await endpoint.close()
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+async def test_a_serial_line_that_another_program_holds_says_so(opener: Opener) -> None:
+    master, slave = pty.openpty()
+    other = os.open(os.ttyname(slave), os.O_RDWR | os.O_NOCTTY)
+    try:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        endpoint, _ = await opener(f"serial://{os.ttyname(slave)}:57600")
+        await until(lambda: endpoint.problem == "in use by another program")
+        assert not endpoint.is_connected
+        await endpoint.close()
+    finally:
+        for number in (other, slave, master):
+            os.close(number)
+
+
+async def test_a_line_with_flow_control_that_nobody_lets_flow_says_so(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_line, "WRITE_TIMEOUT_S", 0.1)
+    master, slave = pty.openpty()
+    try:
+        plain, _ = await opener(f"serial://{os.ttyname(slave)}:57600")
+        await until(lambda: plain.is_connected)
+        assert not termios.tcgetattr(slave)[2] & termios.CRTSCTS
+        await plain.close()
+        endpoint, _ = await opener(f"serial_flowcontrol://{os.ttyname(slave)}:57600")
+        await until(lambda: endpoint.is_connected)
+        assert termios.tcgetattr(slave)[2] & termios.CRTSCTS
+        for _ in range(200):
+            endpoint.send(bytes(1000))
+        await until(lambda: endpoint.dropped > 0 and "wired for flow control" in endpoint.problem)
+        await endpoint.close()
+    finally:
+        os.close(master)
+        os.close(slave)

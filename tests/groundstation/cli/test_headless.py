@@ -1,0 +1,164 @@
+"""The headless station flies a mission on a scripted platform and narrates it; the narration is golden."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from tests.groundstation.scripted_platform import ScriptedPlatform, refused, reply_to
+
+from gloc3.clock import run_virtual
+from gloc3.errors import Gloc3Error
+from gloc3.exchange import LocalExchange
+from gloc3.messages.command_interface import LoadMission, ReadReports, Steer
+from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import CiEvent, ContactSummary, Health, MissionSummary
+from gloc3_groundstation.cli.headless import Headless
+from gloc3_groundstation.cli.narration import Line
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station.command_client import Declined
+from gloc3_groundstation.station.station import Station
+
+PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+GOLDEN = Path(__file__).parents[1] / "golden" / "narration.txt"
+
+
+def script(platform: ScriptedPlatform) -> None:
+    """What the platform does from 10 s on, when the mission has been started."""
+    later = platform.loop.call_later
+    later(3.0, lambda: platform.advance(depart="running", depart__climb="running"))
+    later(3.0, lambda: platform.fly(is_armed=True, mode="TAKEOFF", landed="taking_off"))
+    later(6.0, lambda: platform.fly(landed="in_air", mode="OFFBOARD", position_m=(0.0, 0.0, 1.5), speed_m_s=0.5))
+    later(6.0, lambda: platform.advance(depart="done", depart__climb="done", sweep="running", sweep__wall="running"))
+    later(6.0, lambda: platform.advance("running", {"sweep.wall": 0.1}, sweep__photos="running"))
+    later(8.0, lambda: platform.event("gust of 7 m/s", Severity.NOTICE, "pose"))
+    later(8.5, lambda: platform.event("cycle 400", Severity.INFO, "pose"))
+    later(9.0, lambda: platform.trouble("ground_camera", "no frame for 1.0 s"))
+    later(10.0, setattr, platform, "is_deaf", True)
+    later(15.0, setattr, platform, "is_deaf", False)
+    later(18.0, lambda: platform.states.update(ground_camera=Health.WORKING))
+    later(20.0, lambda: platform.advance(sweep="done", sweep__wall="done", sweep__photos="done", recover="running"))
+    later(24.0, lambda: platform.fly(is_armed=False, landed="on_ground", mode="HOLD", position_m=(0.1, 0.0, 0.0)))
+    later(24.5, lambda: platform.advance("done", recover="done", recover__home="done", recover__down="done"))
+
+
+def fly(platform_setup: list[str], told: list[Line], refusal: str = "") -> str:
+    async def main() -> str:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        station = Station(exchange, platform.loop, "255", 11)
+        if "silent" not in platform_setup:
+            platform.loop.call_later(1.2, platform.speak_every, 0.5)
+            script(platform)
+        if refusal == "check":
+            platform.answer_next(LoadMission, refused("does not fit", "hold.yaml:1:1: no tasks"))
+        if refusal == "start":
+            platform.answer_next(Steer, refused("battery is at 12 %"))
+        run = Headless(station, told.append, platform="heron")
+        try:
+            return (await run.fly(PLAN, wait_s=20.0)).state
+        finally:
+            station.close()
+
+    return run_virtual(main())
+
+
+def test_a_whole_mission_is_narrated_calmly() -> None:
+    told: list[Line] = []
+    assert fly([], told) == "done"
+    assert "\n".join(str(line) for line in told) + "\n" == GOLDEN.read_text()
+
+
+def test_what_is_told_is_also_data() -> None:
+    told: list[Line] = []
+    fly([], told)
+    result = told[-1]
+    assert (result.kind, result.data) == ("result", {"mission": "cargo hold", "state": "done", "reason": ""})
+    progress = next(line for line in told if line.kind == "progress")
+    assert progress.data["vehicle"]["is_armed"] is True
+    assert {"target": "sweep.wall", "state": "running"} in [line.data for line in told if line.kind == "action"]
+
+
+def test_a_platform_that_is_not_heard_is_said_after_the_wait() -> None:
+    with pytest.raises(Gloc3Error, match="heron was not heard within 20 s; is it running"):
+        fly(["silent"], [])
+
+
+def test_a_mission_that_does_not_pass_onboard_is_not_started() -> None:
+    with pytest.raises(Declined, match=r"does not fit\nhold\.yaml:1:1: no tasks"):
+        fly([], [], refusal="check")
+
+
+def test_a_refused_start_is_told() -> None:
+    with pytest.raises(Declined, match="battery is at 12 %"):
+        fly([], [], refusal="start")
+
+
+def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:
+    told: list[Line] = []
+
+    async def main() -> None:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        station = Station(exchange, platform.loop, "255", 11)
+        platform.speak_every(0.5)
+        platform.mission = MissionSummary(name="other", digest="x", state="running", tasks={"a": "running"})
+        watching = asyncio.ensure_future(Headless(station, told.append).watch())
+        platform.loop.call_later(2.0, watching.cancel)
+        with pytest.raises(asyncio.CancelledError):
+            await watching
+        station.close()
+
+    run_virtual(main())
+    assert "mission 'other': running" in [line.text for line in told]
+
+
+CONTACT = ContactSummary(
+    station="255",
+    t_s=41.0,
+    silent_s=20.0,
+    health=Health.WORKING,
+    mission="cargo hold",
+    state="done",
+    doing="",
+    policy="",
+    landed="on_ground",
+    battery_percent=80,
+    position_m=(1.0, 2.0, 0.0),
+    geo=None,
+    conditions=[],
+    store=5,
+    last=2,
+    delivered=0,
+)
+
+
+def test_a_run_whose_mission_ended_out_of_contact_tells_the_summary_and_all_that_happened_before_it_ends() -> None:
+    told: list[Line] = []
+
+    async def main() -> None:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        station, later = Station(exchange, platform.loop, "255", 11), platform.loop.call_later
+        kept = [[number, int(Severity.WARNING), "depth", f"leak {number}", 15.0 * number] for number in (1, 2)]
+        platform.answer_next(
+            ReadReports, lambda request: reply_to(request, result={"store": 5, "last": 2, "reports": kept})
+        )
+        first = CiEvent(severity=Severity.WARNING, source="depth", text="leak 1", t_s=15.0, number=1, store=5)
+        later(1.2, platform.speak_every, 0.5)
+        later(13.0, lambda: platform.advance(depart="running"))
+        later(15.0, lambda: platform.say("event", first))
+        later(20.0, setattr, platform, "is_deaf", True)
+        later(40.0, setattr, platform, "is_deaf", False)
+        later(40.1, lambda: platform.advance("done"))
+        later(41.0, lambda: platform.publisher.publish("heron/contact", CONTACT, platform.loop.time()))
+        try:
+            await Headless(station, told.append, platform="heron").fly(PLAN, wait_s=20.0)
+        finally:
+            station.close()
+
+    run_virtual(main())
+    texts = [line.text for line in told]
+    assert texts[-1].startswith("'cargo hold': done after")
+    summary = next(at for at, text in enumerate(texts) if text.startswith("contact after 20 s"))
+    assert [text for text in texts if "leak" in text] == ["warning: depth: leak 1", "warning: depth: leak 2"]
+    assert next(at for at, text in enumerate(texts) if "leak 2" in text) > summary

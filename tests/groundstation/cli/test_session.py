@@ -1,0 +1,47 @@
+"""A run of the station in wall time: Ctrl-C ends it cleanly and says what becomes of the vehicle."""
+
+import asyncio
+import os
+import signal
+
+import pytest
+
+from gloc3_groundstation.assembly import StationSetup
+from gloc3_groundstation.cli.narration import Line
+from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions
+from gloc3_groundstation.missions.plans import Plan
+
+URL = "udpin://127.0.0.1:0"
+PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+
+
+def session(plan: Plan | None = None, foxglove_port: int | None = None) -> Session:
+    return Session(StationSetup(boot=1), SessionOptions(urls=(URL,), plan=plan, foxglove_port=foxglove_port))
+
+
+@pytest.mark.sockets
+@pytest.mark.parametrize(("plan", "code"), [(None, 0), (PLAN, 130)])
+def test_ctrl_c_ends_it_with_a_word(plan: Plan | None, code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    told: list[Line] = []
+
+    def tell(line: Line) -> None:
+        told.append(line)
+        if "listening" in line.text:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert asyncio.run(session(plan=plan).narrate(HeadlessOptions(wait_s=10.0), tell)) == code
+    assert told[-1].text == "stopped"
+    assert capsys.readouterr().err.count("\n") == len(told)
+
+
+@pytest.mark.sockets
+def test_foxglove_is_served_where_it_was_asked_for_and_the_place_is_told() -> None:
+    told: list[str] = []
+
+    def tell(line: Line) -> None:
+        told.append(line.text)
+        if "Foxglove" in line.text:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert asyncio.run(session(foxglove_port=0).narrate(HeadlessOptions(wait_s=10.0), tell)) == 0
+    assert any(text.startswith("Foxglove is served, view only: ws://127.0.0.1:") for text in told)

@@ -1,0 +1,88 @@
+"""The command `gloc3 station`: wrong use is told at once, before any link is opened."""
+
+from pathlib import Path
+
+import pytest
+
+from gloc3.errors import InputError, Refused
+from gloc3_groundstation.cli.station import app
+
+
+def run(*arguments: str) -> object:
+    return app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--json"], "--json goes with --headless"),
+        (["--start"], "need a --mission"),
+        (["--headless", "--wait", "0"], "--wait must be above 0"),
+        (["--headless", "--station-id", "1"], "--station-id must be from 200 to 255"),
+        (["--headless", "--mission", "nowhere.yaml"], "there is no mission file 'nowhere.yaml'"),
+        (["--headless", "--link", "udp://1.2.3.4:5"], "use udpin:// to listen or udpout:// to send"),
+        ([], "there is no terminal here; use --headless, or --web for a browser"),
+        (["--web", "--headless"], "with --headless there is none"),
+        (["--web", "--web-port", "65536"], "--web-port must be from 0 to 65535"),
+        (["--headless", "--foxglove-port", "-1"], "--foxglove-port must be from 0 to 65535"),
+    ],
+)
+def test_wrong_use_is_refused_with_the_reason(arguments: list[str], reason: str) -> None:
+    with pytest.raises(Refused, match=reason):
+        run(*arguments)
+
+
+def test_a_mission_of_a_name_that_nothing_has_is_wrong_use() -> None:
+    with pytest.raises(InputError, match="no such mission"):
+        run("--headless", "--mission", "nope")
+
+
+def test_a_mission_that_does_not_pass_the_check_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text("mission: x\nframe: hold\ntasks: {}\n")
+    assert run("--headless", "--mission", str(file)) == 1
+    assert "bad.yaml:3" in capsys.readouterr().err
+
+
+@pytest.mark.sockets
+def test_a_platform_that_never_comes_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--headless", "--mission", "hop", "--link", "udpin://127.0.0.1:0", "--wait", "0.05") == 1
+    told = capsys.readouterr()
+    assert "listening on udpin://127.0.0.1:0" in told.err
+    assert "a platform was not heard" in told.err
+    assert told.out == ""
+
+
+@pytest.mark.sockets
+def test_a_bad_configuration_file_is_told_with_its_place_and_the_defaults_are_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "station.toml"
+    file.write_text('theme = "dark"\nlink = []\n')
+    arguments = ("--config", str(file), "--link", "udpin://127.0.0.1:0", "--wait", "0.05")
+    assert run("--headless", "--mission", "hop", *arguments) == 1
+    told = capsys.readouterr().err
+    assert f"warning: {file}:2:1: unknown setting 'link' (did you mean 'links'?); the station runs with" in told
+    assert file.read_text() == 'theme = "dark"\nlink = []\n'
+
+
+def test_the_help_teaches_a_first_flight_with_keys_that_are_so(capsys: pytest.CaptureFixture[str]) -> None:
+    from gloc3_groundstation.tui.app import StationApp
+    from gloc3_groundstation.tui.keys import MISSION_KEYS
+    from gloc3_groundstation.tui.screens.mission import MissionScreen
+    from gloc3_groundstation.tui.screens.preflight import PreflightScreen
+    from gloc3_groundstation.tui.screens.table import SCREENS
+
+    run("--help")
+    told = " ".join(capsys.readouterr().out.split())
+    for words in (
+        "3, then o: opens",
+        "8: tells whether",
+        "s: streams it and starts it",
+        "p pauses, r resumes, a aborts",
+    ):
+        assert words in told
+    assert {row.key: row.screen for row in SCREENS}.items() >= {"3": MissionScreen, "8": PreflightScreen}.items()
+    rows = (*MISSION_KEYS, *MissionScreen.BINDINGS, *StationApp.BINDINGS)
+    bound = {key for row in rows for key in (row[0] if isinstance(row, tuple) else row.key).split(",")}
+    assert bound >= {"o", "s", "p", "r", "a", "space", "q"}

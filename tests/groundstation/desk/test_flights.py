@@ -1,0 +1,142 @@
+"""A mission from the station's side: readiness, streaming, and telling its end from everything that is none."""
+
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+import msgspec
+import pytest
+from tests.groundstation.scripted_platform import VEHICLE, ScriptedPlatform, reply_to
+
+from gloc3.clock import run_virtual
+from gloc3.errors import Refused
+from gloc3.exchange import LocalExchange
+from gloc3.messages.command_interface import Control
+from gloc3.messages.summaries import ControlState, Health, MissionSummary
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.flights import End, Follower
+from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.station.snapshots import PlatformSnapshot, Timed
+from gloc3_groundstation.station.station import Station
+
+T = TypeVar("T")
+PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+
+
+def with_station(play: Callable[[Station, ScriptedPlatform], Awaitable[T]]) -> T:
+    async def main() -> T:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        station = Station(exchange, platform.loop, "255", 11)
+        platform.loop.call_later(0.1, platform.speak_every, 0.5)
+        try:
+            return await play(station, platform)
+        finally:
+            station.close()
+
+    return run_virtual(main())
+
+
+def snapshot(
+    state: str, *, heard_s: float = 10.0, digest: str = "d", policy: str = "", armed: bool = True
+) -> PlatformSnapshot:
+    vehicle = msgspec.structs.replace(VEHICLE, is_armed=armed)
+    mission = MissionSummary(name="m", digest=digest, state=state, policy=policy, reason="because")
+    return PlatformSnapshot(
+        name="heron",
+        boot=1,
+        first_heard_s=0.0,
+        heard_s=heard_s,
+        vehicle=Timed(vehicle, heard_s),
+        mission=Timed(mission, heard_s),
+    )
+
+
+def test_a_station_asks_a_new_platform_for_its_full_state() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        await flights.await_platform(station, None)
+        await flights.stream(station, "heron", PLAN)
+        known = station.fleet.get("heron")
+        assert known is not None
+        assert len(known.components(station.now_s())) == 13
+
+    with_station(play)
+
+
+def test_a_start_waits_for_what_is_missing_and_names_it() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        platform.states["pose"] = Health.FAULTY
+        platform.vehicle = msgspec.structs.replace(VEHICLE, is_pose_valid=False)
+        await flights.await_platform(station, "heron")
+        assert await flights.await_ready(station, "heron", 5.0) == ["a valid position", "pose"]
+        assert station.now_s() == pytest.approx(5.0, abs=0.6)
+
+    with_station(play)
+
+
+def test_control_that_is_held_is_not_asked_for_again() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        platform.control = ControlState(holder="255")
+        platform.say("control", platform.control)
+        await flights.stream(station, "heron", PLAN)
+        assert not any(isinstance(body, Control) for body in platform.requests)
+
+    with_station(play)
+
+
+def test_streaming_takes_control_first() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        await flights.stream(station, "heron", PLAN)
+        assert platform.control.holder == "255"
+        assert platform.text == PLAN.text
+
+    with_station(play)
+
+
+def test_a_mission_is_followed_to_its_end_through_silence() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> End:
+        await flights.stream(station, "heron", PLAN)
+        follower = await flights.start(station, "heron")
+        platform.loop.call_later(2.0, setattr, platform, "is_deaf", True)
+        platform.loop.call_later(300.0, setattr, platform, "is_deaf", False)
+        platform.loop.call_later(299.0, lambda: platform.advance("done"))
+        return await flights.follow(station, "heron", follower)
+
+    assert with_station(play) == End(state="done")
+
+
+def test_the_end_of_the_flight_before_is_not_the_end_of_this_one() -> None:
+    follower = Follower(started_s=10.0)
+    assert follower.end(snapshot("done", heard_s=10.1), 10.1) is None
+    assert follower.end(snapshot("running", heard_s=10.6), 10.6) is None
+    assert follower.end(snapshot("done", heard_s=11.0), 11.0) == End(state="done", reason="because")
+
+
+def test_an_end_right_after_the_start_is_believed_once_it_is_repeated() -> None:
+    follower = Follower(started_s=10.0)
+    assert follower.end(snapshot("failed", heard_s=13.1), 13.1) == End(state="failed", reason="because")
+
+
+def test_a_failed_mission_has_not_ended_while_its_policy_is_flown() -> None:
+    follower = Follower(started_s=0.0)
+    assert follower.end(snapshot("failed", policy="land"), 10.0) is None
+    landed = follower.end(snapshot("failed", policy="land", armed=False), 10.0)
+    assert landed is not None
+    assert not landed.is_done
+
+
+def test_a_platform_that_forgot_the_mission_has_lost_it() -> None:
+    follower = Follower(started_s=0.0)
+    assert follower.end(snapshot("running"), 10.0) is None
+    lost = follower.end(snapshot("", digest=""), 20.0)
+    assert lost is not None
+    assert lost.state == "lost"
+
+
+def test_control_that_another_station_keeps_is_not_taken_for_granted() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        platform.control = ControlState(holder="254")
+        platform.answer_next(Control, lambda request: reply_to(request, reason="station 254 has been asked"))
+        await flights.stream(station, "heron", PLAN)
+
+    with pytest.raises(Refused, match="control of heron was asked for and not given: station 254 keeps it"):
+        with_station(play)

@@ -1,0 +1,209 @@
+"""Vehicles by what the links hear: bare ones appear with their state, platforms get their autopilots, doubles are told."""
+
+import asyncio
+
+import pytest
+from tests.groundstation.vehicles_scene import ARDUPILOT, BRAKE, PX4, SMARTAP, Autopilot, Scene, over
+
+from gloc3.errors import Refused
+from gloc3.mavlink.codec import Parser
+from gloc3.mavlink.message import Address
+from gloc3.messages.command_interface import EmergencyVerb
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.station import alerts
+from gloc3_groundstation.station.alerts import Alerts
+from gloc3_groundstation.station.vehicles import RESTARTED
+
+
+def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
+    async def play(scene: Scene) -> None:
+        autopilot = Autopilot(scene.memories[0], ARDUPILOT, custom_mode=BRAKE, base_mode=128)
+        await scene.pass_s(1.5)
+        autopilot.say("SYS_STATUS", battery_remaining=64)
+        autopilot.say("EXTENDED_SYS_STATE", landed_state=2)
+        await scene.pass_s(2.0)
+        autopilot.say("GLOBAL_POSITION_INT", lat=473977000, lon=85456000, alt=500_000, relative_alt=12_000, hdg=9000)
+        await scene.pass_s(1.0)
+        bare = scene.platform("ardupilot-1")
+        assert bare.vehicle is not None
+        vehicle = bare.vehicle.value
+        assert (vehicle.mode, vehicle.is_armed, vehicle.battery_percent) == ("BRAKE", True, 64)
+        assert (vehicle.landed, vehicle.heading_deg, vehicle.geo) == ("in_air", 90, (47.3977, 8.5456, 500.0))
+        assert not bare.has_companion
+        assert scene.vehicles.reach("ardupilot-1") == (scene.links[0][1], Address(1, 1))
+        said = "is heard: ArduPilot quadrotor, system 1, without a companion of ours: services only"
+        assert scene.texts() == [said]
+        assert list(alerts.causes(scene.station.fleet, scene.station.now_s())) == []
+        autopilot.is_on = False
+        await scene.pass_s(6.0)
+        assert scene.platform("ardupilot-1").is_quiet_link(scene.station.now_s())
+        autopilot.is_on = True
+        await scene.pass_s(2.0)
+        assert "is heard again after 7 s of silence" in scene.texts()
+
+    over(play)
+
+
+def test_a_bare_vehicle_gets_no_commands_and_says_so() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(4.0)
+        desk = Desk(scene.station)
+        assert desk.moves(scene.platform("px4-1")) == frozenset()
+        assert not await desk.emergency("px4-1", EmergencyVerb.HOLD)
+        assert not desk.was_just_held("px4-1")
+        (*_, event) = scene.station.fleet.events
+        assert (event.severity, event.text) == (
+            Severity.ALERT,
+            "emergency hold: px4-1 has no companion of ours to do it; use its remote control",
+        )
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(2.0):
+                await flights.await_platform(scene.station, None)
+
+    over(play)
+
+
+def test_a_platform_gets_its_own_autopilot_and_no_bare_vehicle_is_shown_beside_it() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        tunnel = scene.companion(0)
+        await scene.pass_s(6.0)
+        assert list(scene.station.fleet.platforms) == ["heron"]
+        autopilot = scene.platform("heron").autopilot
+        assert autopilot is not None
+        assert (autopilot.firmware, autopilot.system, autopilot.link) == ("PX4", 1, "udpin://0.0.0.0:14550")
+        assert scene.vehicles.reach("heron") == (scene.links[0][1], Address(1, 1))
+        tunnel.close()
+
+    over(play)
+
+
+def test_a_companion_that_comes_late_takes_the_bare_vehicles_place() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["px4-1"]
+        tunnel = scene.companion(0)
+        await scene.pass_s(4.0)
+        assert list(scene.station.fleet.platforms) == ["heron"]
+        assert "was shown as px4-1 so far" in scene.texts()
+        tunnel.close()
+
+    over(play)
+
+
+def test_a_platform_whose_autopilot_is_not_heard_is_refused_with_a_hint() -> None:
+    async def play(scene: Scene) -> None:
+        tunnel = scene.companion(0)
+        await scene.pass_s(3.0)
+        with pytest.raises(Refused, match="no link of this station hears the autopilot of heron; --link"):
+            scene.vehicles.reach("heron")
+        tunnel.close()
+
+    over(play)
+
+
+def test_two_vehicles_of_one_system_id_on_two_links_are_told_and_each_is_reached_by_its_link() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(7.5)
+        Autopilot(scene.memories[1], PX4)
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["px4-1", "px4-1@2"]
+        assert scene.vehicles.reach("px4-1")[0] is scene.links[0][1]
+        assert scene.vehicles.reach("px4-1@2")[0] is scene.links[1][1]
+        told = alerts.update(Alerts(), scene.station.fleet, scene.station.now_s()).pending
+        assert [(alert.platform, alert.what) for alert in told] == [
+            ("px4-1", "same system id"),
+            ("px4-1@2", "same system id"),
+        ]
+        assert told[0].text.startswith("px4-1@2 on udpin://0.0.0.0:14551 has the same system id 1: each is spoken to")
+
+    over(play)
+
+
+def test_one_vehicle_on_two_links_is_one_and_is_reached_by_the_one_that_is_left() -> None:
+    async def play(scene: Scene) -> None:
+        first, second = (Autopilot(memory, PX4) for memory in scene.memories)
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["px4-1"]
+        assert scene.vehicles.reach("px4-1")[0] is scene.links[0][1]
+        first.is_on = False
+        await scene.pass_s(6.0)
+        assert scene.vehicles.reach("px4-1")[0] is scene.links[1][1]
+        assert not scene.platform("px4-1").is_quiet_link(scene.station.now_s())
+        assert second.is_on
+
+    over(play)
+
+
+def test_two_vehicles_of_one_system_id_on_one_link_are_told_and_a_restart_is_not() -> None:
+    async def play(scene: Scene) -> None:
+        first = Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(20.0)
+        first.booted_s = asyncio.get_running_loop().time()
+        await scene.pass_s(3.0)
+        assert scene.platform("px4-1").problems == ()
+        await scene.pass_s(8.5)
+        assert [text for text in scene.texts() if "restarted" in text] == [RESTARTED]
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(5.0)
+        (problem,) = scene.platform("px4-1").problems
+        assert scene.texts().count(RESTARTED) == 1
+        assert problem.text.startswith("two vehicles share system id 1 on udpin://0.0.0.0:14550: both obey; give one")
+
+    over(play)
+
+
+def test_an_unknown_autopilot_says_what_is_the_matter() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], SMARTAP, system=9)
+        await scene.pass_s(5.0)
+        (problem,) = scene.platform("autopilot-9").problems
+        assert problem.text.startswith("unknown autopilot (smartap), neither PX4 nor ArduPilot: parameters, files")
+
+    over(play)
+
+
+def test_a_bare_vehicle_is_asked_a_few_times_for_what_it_does_not_tell() -> None:
+    async def play(scene: Scene) -> None:
+        asked: list[tuple[int, float, float]] = []
+
+        def take(data: bytes) -> None:
+            for frame in Parser(is_datagram=True).receive(data):
+                decoded = frame.decode()
+                if decoded is not None and decoded.name == "COMMAND_LONG":
+                    asked.append((decoded.command, decoded.param1, decoded.param2))
+
+        scene.memories[0].b.on_data = take
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(60.0)
+        assert len(asked) == 4 * 5
+        assert set(asked) == {(511, 1.0, 1e6), (511, 30.0, 1e6), (511, 33.0, 1e6), (511, 74.0, 1e6), (511, 245.0, 1e6)}
+
+    over(play)
+
+
+def test_a_link_that_is_closed_takes_its_bare_vehicles_with_it_and_a_platform_loses_its_autopilot() -> None:
+    async def play(scene: Scene) -> None:
+        Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(1.5)
+        Autopilot(scene.memories[1], ARDUPILOT, system=2)
+        tunnel = scene.companion(0)
+        await scene.pass_s(6.0)
+        assert list(scene.station.fleet.platforms) == ["heron", "ardupilot-2"]
+        gone = scene.links[:]
+        scene.links.clear()
+        await scene.pass_s(1.0)
+        assert list(scene.station.fleet.platforms) == ["heron"]
+        assert scene.platform("heron").autopilot is None
+        scene.links.append(gone[1])
+        await scene.pass_s(5.0)
+        assert list(scene.station.fleet.platforms) == ["heron", "ardupilot-2"]
+        scene.links.append(gone[0])
+        tunnel.close()
+
+    over(play)

@@ -1,0 +1,135 @@
+"""The fleet screen, driven by keys: marks, orders, control with a second station, links."""
+
+import msgspec
+import pytest
+from tests.groundstation.desk.test_fleet_desk import SharedPlatform
+from tests.groundstation.station_scene import LINKS, ScriptedLinks, scene
+from tests.groundstation.tui.views.test_views import PLATFORM, view
+
+from gloc3.messages.command_interface import ControlVerb, Emergency, Steer, Verb
+from gloc3.messages.summaries import ControlState
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.links.link_snapshot import LinkSnapshot
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.tui.dialogues.questions import AskFor, Question
+from gloc3_groundstation.tui.views.fleet import control_lines, fleet_line, link_line, rate
+from gloc3_groundstation.tui.widgets.lines import text_of
+
+
+def test_a_vehicles_line_tells_its_state_and_its_worst_component_at_eighty_columns() -> None:
+    line = text_of(fleet_line(view(PLATFORM), PLATFORM, {"heron"}, 80))
+    assert line.split() == ["►", "●", "heron", "disarmed", "97", "%", "ok", "running", "all", "13", "well"]
+    wide = text_of(fleet_line(view(PLATFORM), PLATFORM, (), 200))
+    assert "here" in wide
+    assert "HOLD" in wide
+
+
+def test_a_links_line_tells_what_passes_who_is_behind_it_or_what_is_wrong() -> None:
+    udp, _, tcp = (text_of(link_line(link, 120)) for link in LINKS)
+    assert udp.split()[:6] == ["udpin://0.0.0.0:14550", "18.4", "k", "640", "120,311", "4,012"]
+    assert "heron, autopilot 1/1" in udp
+    assert tcp.rstrip().endswith("connection refused")
+    assert [rate(value) for value in (0.0, 9_999.0, 18_400.0, 2.5e6)] == ["0", "9999", "18.4 k", "2.5 M"]
+
+
+def test_a_links_line_tells_what_was_refused_or_did_not_come() -> None:
+    link = LinkSnapshot(url="udpin://0.0.0.0:14550", is_connected=True, heard=("autopilot 1/1",), frames_in=95, lost=5)
+    assert "autopilot 1/1; 5% lost or left out" in text_of(link_line(link, 140))
+    refused = msgspec.structs.replace(link, refusals={"not signed": 12}, heard=())
+    assert "12 refused: not signed; 5% lost or left out; nobody is heard" in text_of(link_line(refused, 200))
+
+
+def test_who_asks_for_control_is_told_with_the_keys_that_answer() -> None:
+    said = [text_of(line) for line in control_lines(view(PLATFORM), {ControlVerb.GRANT, ControlVerb.REFUSE})]
+    assert said == [" this station in control", "   g grant   f refuse"]
+
+
+@pytest.mark.sockets
+async def test_marked_vehicles_are_ordered_together_after_a_question_that_names_them() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        others = [SharedPlatform(here.exchange, name, 20 + n) for n, name in enumerate(("egret", "stork"))]
+        for other in others:
+            other.speak()
+        await here.go("0")
+        await here.until("vehicles", "stork")
+        await here.press("m", "down")
+        await here.until("title", "egret 2/3")
+        await here.press("m")
+        await here.wait(lambda: here.shown("vehicles").count("●") == 2)
+        await here.press("p")
+        await here.shows(Question)
+        question = here.app.screen
+        assert isinstance(question, Question)
+        assert "heron, egret" in question._question
+        await here.press("y")
+        await here.wait(lambda: all(Steer(verb=Verb.PAUSE) in each.requests for each in (here.platform, others[0])))
+        assert not [body for body in others[1].requests if isinstance(body, Steer)]
+        await here.wait(lambda: here.app.screen is here.app.base)
+        await here.press("M", "l")
+        await here.shows(Question)
+        await here.press("n")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        assert here.asked(Emergency) == [], "no is no"
+        await here.press("M", "l")
+        await here.shows(Question)
+        await here.press("n")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        assert here.asked(Emergency) == [], "landing hurts, so it is asked about for one vehicle too"
+        before = len(others[0].requests)
+        await here.press("p")
+        await here.wait(lambda: others[0].requests[before:].count(Steer(verb=Verb.PAUSE)) == 1)
+
+
+@pytest.mark.sockets
+async def test_control_of_a_second_vehicle_is_requested_and_granted_between_two_stations() -> None:
+    async with scene(None) as here:
+        other = Desk(Station(here.exchange, here.platform.loop, "254", 12))
+        egret = SharedPlatform(here.exchange, "egret", 20)
+        egret.authority.holder = "254"
+        here.platform.speak()
+        egret.tell_control()
+        egret.speak()
+        await here.go("0")
+        await here.until("vehicles", "egret")
+        await here.press("down")
+        await here.until("control", "station 254 in control")
+        await here.press("c")
+        await here.wait(lambda: egret.control == ControlState(holder="254", requested_by="255"))
+        await here.until("control", "this station has asked for it")
+        assert any("station 255 asks for control" in event.text for event in other.station.fleet.events)
+        assert await other.fleet.control("egret", ControlVerb.GRANT)
+        await here.until("control", "this station in control")
+        egret.speak_every(0.5)  # and now the other way round
+        here.app.run_worker(other.take_control("egret"))
+        await here.until("title", "254 asks for control")
+        await here.until("alert", "station 254 asks for control")
+        await here.until("control", "station 254 asks for it")
+        await here.press("g")
+        await here.until("control", "station 254 in control")
+        await here.press("t")
+        await here.shows(Question)
+        await here.press("y")
+        await here.until("control", "this station in control")
+        other.station.close()
+
+
+@pytest.mark.sockets
+async def test_a_link_is_opened_and_closed_by_keys() -> None:
+    links = ScriptedLinks(*LINKS)
+    async with scene(None, links=links) as here:
+        here.platform.speak()
+        await here.go("0")
+        await here.until("links", "serial:///dev/ttyUSB0")
+        await here.press("n")
+        await here.shows(AskFor)
+        (await here.field()).value = "tcpout://boat:5760"
+        await here.press("enter")
+        await here.until("links", "tcpout://boat:5760")
+        await here.press("tab")
+        await here.wait(lambda: getattr(here.app.focused, "id", "") == "links")
+        await here.press("delete")
+        await here.shows(Question)
+        await here.press("y")
+        await here.wait(lambda: "udpin" not in here.shown("links"))
+        assert [link.url for link in links.open][-1] == "tcpout://boat:5760"

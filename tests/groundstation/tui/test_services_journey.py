@@ -1,0 +1,100 @@
+"""An operator changes a parameter of the simulated vehicle, which has no companion, over UDP: the whole way by keys."""
+
+import asyncio
+import re
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from tests.groundstation.scripted_platform import ScriptedPlatform
+from tests.groundstation.station_scene import Scene
+from textual.widgets import Input
+
+from gloc3_groundstation.assembly import GroundStation, StationSetup
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.tui.app import StationApp
+from gloc3_groundstation.tui.widgets.entry import Entry
+
+pytestmark = [pytest.mark.sockets, pytest.mark.flight]
+
+PROGRAM = "import sys; from gloc3_sitl.cli.sitl import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
+VEHICLES = {"px4": ("px4-1", "NAV_DLL_ACT", "PX4"), "ardupilot": ("ardupilot-1", "FS_GCS_ENABLE", "ArduPilot")}
+
+
+@asynccontextmanager
+async def terminal(style: str, folder: Path) -> AsyncIterator[Scene]:
+    """The station's terminal and the simulated vehicle, as `gloc3 station` and `gloc3 sitl` bring them up."""
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", PROGRAM, "--world", "open", "--home", "47.3977,8.5456,488.0,0"),
+            *("--autopilot", style, "--link", "station=udpin://127.0.0.1:0"),
+        ],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    ground = GroundStation(StationSetup(boot=11, downloads=folder))
+    station, exchange = ground.station, ground.exchange
+    try:
+        assert process.stderr is not None
+        port = next(int(found[1]) for line in process.stderr if (found := re.search(r"port (\d+)", line)))
+        await ground.open([f"udpout://127.0.0.1:{port}"])
+        app = StationApp(Desk(station, services=ground.services))
+        async with app.run_test(size=(100, 30)) as pilot:
+            yield Patient(app, pilot, ScriptedPlatform(exchange), station, exchange)
+    finally:
+        await ground.close()
+        process.terminate()
+        process.communicate(timeout=60)
+
+
+class Patient(Scene):
+    """A scene that waits in wall time for a vehicle."""
+
+    async def wait(self, is_so: object) -> None:
+        try:
+            async with asyncio.timeout(60.0):
+                while not is_so():  # type: ignore[operator]
+                    await self.pilot.pause(0.05)
+        except TimeoutError:
+            raise AssertionError("it never came to that") from None
+
+
+@pytest.mark.parametrize("style", sorted(VEHICLES))
+async def test_a_parameter_of_a_vehicle_without_a_companion_is_changed_by_keys(style: str, tmp_path: Path) -> None:
+    name, parameter, firmware = VEHICLES[style]
+    async with terminal(style, tmp_path) as here:
+        await here.until("title", name)
+        await here.until("title", "services only")
+        await here.until("facts", "no companion: services only")
+        await here.until("title", "bat 100 %")
+        await here.go("6")
+        await here.until("services", f"{firmware} ")
+        await here.press("f")
+        await here.until("job", " parameters")
+        await here.press("slash")
+        await here.types(parameter.lower())
+        await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
+        await here.enter()
+        await here.press("e")
+        await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
+        here.app.screen.query_one(Input).value = "2"
+        await here.press("enter")
+        await here.until("job", f"✓ {parameter} is 2 now")
+        await here.press("e")
+        await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
+        here.app.screen.query_one(Input).value = "77"
+        await here.press("enter")
+        await here.until("job", f"✗ {parameter} was not set")
+        await here.press("s")
+        await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
+        await here.press("enter")
+        await here.until("job", "parameters are in")
+        (saved,) = tmp_path.iterdir()
+        assert re.search(rf"{parameter}\s+2", saved.read_text())
+        await here.press("tab", "f")
+        await here.until("job", "✓ on the vehicle: 0 items")
+        await here.press("tab", "tab", "f")
+        await here.until("job", "file")

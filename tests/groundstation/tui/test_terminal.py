@@ -1,0 +1,304 @@
+"""The terminal, driven by keys: journeys of an operator with a scripted platform."""
+
+from unittest.mock import patch
+
+import pytest
+from tests.groundstation.scripted_platform import ScriptedPlatform, refused
+from tests.groundstation.station_scene import Scene, scene
+from textual.command import CommandPalette
+from textual.widgets import ContentSwitcher, Input, OptionList
+
+from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMission, Steer, Verb
+from gloc3.messages.summaries import ControlState
+from gloc3_groundstation.desk.flights import End
+from gloc3_groundstation.store.configuration import Configuration, LastSession
+from gloc3_groundstation.tui.dialogues.questions import AskFor, Question
+from gloc3_groundstation.tui.help import HelpScreen
+from gloc3_groundstation.tui.screens.table import SCREENS
+from gloc3_groundstation.tui.widgets.lines import text_of
+from gloc3_groundstation.tui.widgets.panel import Panel
+
+pytestmark = pytest.mark.thorough
+
+
+async def test_what_comes_is_shown_and_keys_that_make_no_sense_do_nothing() -> None:
+    async with scene(None) as here:
+        assert "Waiting for a platform on udpin://0.0.0.0:14550." in here.shown("vehicles")
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        assert "HOLD   disarmed   bat 97 %   link ok" in here.shown("title")
+        panel = here.app.screen.query_one("#facts", Panel)
+        await here.press("s", "p", "r", "a", "u")
+        await here.pilot.pause()
+        assert here.asked(Steer) == here.asked(LoadMission) == []
+        here.app.look()
+        with patch.object(panel, "refresh") as refresh:
+            here.app.look()
+            assert not refresh.called, "nothing has changed, so nothing is drawn"
+        for number in range(40):
+            here.platform.event(f"number {number}")
+        here.app.look()
+        await here.pilot.pause()
+        events = here.app.screen.query_one("#events", Panel)
+        assert "number 39" in events.render_line(events.size.height - 1).text
+
+
+async def test_what_comes_while_it_ends_is_shown_to_nobody() -> None:
+    async with scene(None) as here:
+        pass
+    assert not here.app.screen_stack
+    here.app._was_possible = None  # as if what is possible had changed meanwhile
+    here.app.look()
+
+
+async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys() -> None:
+    async with scene() as here:
+        here.platform.answer_next(Steer, refused("pose is faulty"))
+        here.platform.speak()
+        await here.until("events", "is loaded and read back")
+        await here.press("s", "n")
+        assert not here.asked(Steer), "what arms the vehicle is asked about first"
+        await here.press("s", "y")
+        await here.until("events", "error: heron: start: pose is faulty")
+        here.platform.fly(is_armed=True)
+        await here.until("title", "ARMED")
+        await here.press("s")
+        await here.until("events", "the mission is started")
+        assert len(here.asked(LoadMission)) == 1
+        await here.until("mission", "depart")
+        await here.press("p")
+        await here.until("events", "pause: accepted")
+        here.platform.advance("paused")
+        here.app.look()
+        await here.press("r")
+        await here.until("events", "resume: accepted")
+        here.platform.advance("running")
+        here.app.look()
+        await here.press("a", "n", "a", "y")
+        await here.until("events", "abort: accepted")
+        verbs = (Verb.START, Verb.START, Verb.PAUSE, Verb.RESUME, Verb.ABORT)
+        assert here.asked(Steer) == [Steer(verb=verb) for verb in verbs]
+
+
+@pytest.mark.sockets
+async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_and_leaving_is_asked() -> None:
+    async with scene(None) as here:
+        here.platform.control = ControlState(holder="255")
+        here.platform.speak()
+        here.platform.fly(is_armed=True)
+        await here.until("title", "ARMED")
+        await here.press("space")
+        await here.until("events", "emergency hold")
+        await here.press("space", "l")
+        await here.until("events", "emergency land")
+        await here.press("space", "d")
+        await here.wait(lambda: isinstance(here.app.focused, Input))
+        typed = here.app.screen.query_one(Input)
+        typed.value = "herron"
+        await here.press("enter")
+        await here.wait(lambda: typed.value == "")
+        typed.value = "heron"
+        await here.press("enter")
+        await here.until("events", "emergency disarm")
+        verbs = [getattr(body, "verb", None) for body in here.asked(Emergency)]
+        assert verbs == [EmergencyVerb.HOLD, EmergencyVerb.LAND, EmergencyVerb.DISARM]
+        assert getattr(here.asked(Emergency)[-1], "confirmation", "") == "heron"
+        await here.press("q", "n")
+        assert not here.app._exit
+        await here.press("q", "ctrl+c")
+        assert here.app._exit
+        assert here.app.return_code == 130, "Ctrl-C asks nothing"
+
+
+@pytest.mark.sockets
+async def test_it_flies_by_itself_and_closes_when_the_mission_has_ended() -> None:
+    async with scene(flies=True) as here:
+        here.platform.speak_every(0.3)
+        await here.until("events", "the mission is started")
+        here.platform.advance("running")
+        await here.until("vehicles", "running")
+        here.platform.advance("done")
+        await here.wait(lambda: here.app._exit)
+        assert here.app.return_value == End(state="done")
+
+
+@pytest.mark.sockets
+async def test_digits_and_function_keys_show_the_screens_and_only_the_one_that_is_shown_is_filled() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        assert [row.key for row in SCREENS] == sorted((row.key for row in SCREENS), key=lambda key: (key == "0", key))
+        for row in SCREENS:
+            await here.go(row.key)
+            assert here.app.current_mode == row.name
+        await here.go("f2")
+        await here.until("components", "command_server")
+        overview = here.app._screen_stacks["overview"][0]
+        with patch.object(type(overview), "look") as look:
+            here.app.look()
+            assert not look.called
+        await here.press("down", "down", "down")
+        await here.until("component", "data processor, required, 20 Hz")
+
+
+@pytest.mark.sockets
+async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere() -> None:
+    async with scene(None) as here:
+        await here.go("3")
+        await here.press("question_mark")
+        await here.wait(
+            lambda: isinstance(here.app.screen, HelpScreen) and any(each.lines for each in here.app.screen.query(Panel))
+        )
+        screen = here.app.screen
+        assert isinstance(screen, HelpScreen)
+        said = "\n".join(text_of(line) for line in screen.query_one(Panel).lines)
+        assert "a         Abort: cancels it, then flies on_failure; asks first" in said
+        assert "space     HOLD: the vehicle holds at once" in said
+        assert "1         Overview: is everything all right?" in said
+        await here.press("escape")
+        await here.wait(lambda: here.app.screen is not screen)
+    assert all(row.screen.HELP.strip() for row in SCREENS), "every screen says what it is for"
+
+
+@pytest.mark.sockets
+async def test_an_alert_stands_on_every_screen_until_it_is_acknowledged() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        here.platform.fly(battery_percent=12)
+        await here.until("alert", "critical: heron: battery at or below 15 %")
+        await here.go("9")
+        assert "battery at or below 15 %" in here.shown("alert")
+        assert "1 alert" in here.shown("title")
+        await here.press("x")
+        await here.wait(lambda: here.shown("alert") == "")
+        assert "1 known" in here.shown("title")
+
+
+@pytest.mark.sockets
+async def test_the_palette_offers_what_can_be_done_now() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        await here.press("ctrl+p")
+        await here.shows(CommandPalette)
+        await here.wait(lambda: any(found.option_count for found in here.app.screen.query(OptionList)))
+        here.app.screen.query_one(Input).value = "daylight"
+        await here.wait(lambda: here.app.screen.query_one(OptionList).option_count == 1)
+        await here.press("enter")
+        await here.wait(lambda: here.app.theme == "daylight")
+        assert here.app.configuration().theme == "daylight"
+        await choose(here, "export")
+        await here.wait(lambda: isinstance(here.app.screen, AskFor) and here.app.current_mode == "events")
+        await here.press("escape")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        await choose(here, "logs: list")
+        await here.wait(lambda: here.app.current_mode == "services")
+        await here.wait(lambda: here.app.screen.query_one(ContentSwitcher).current == "logs")
+
+
+async def choose(here: Scene, query: str) -> None:
+    """Takes the first that the command palette finds."""
+    await here.press("ctrl+p")
+    await here.shows(CommandPalette)
+    here.app.screen.query_one(Input).value = query
+    await here.wait(lambda: here.app.screen.query_one(OptionList).option_count > 0)
+    await here.pilot.pause(0.1)
+    await here.press("enter")
+
+
+async def test_the_vehicle_key_looks_at_the_next_and_what_was_in_view_is_kept_for_next_time() -> None:
+    last = Configuration(session=LastSession(platform="egret", screen="health"))
+    async with scene(None, configuration=last) as here:
+        assert here.app.current_mode == "health"
+        here.platform.speak()
+        await here.until("title", "heron")
+        egret = ScriptedPlatform(here.exchange, "egret", 9)
+        egret.speak()
+        await here.until("title", "egret 2/2")
+        await here.press("v")
+        await here.until("title", "heron 1/2")
+        await here.go("4")
+    kept = here.app.configuration().session  # as the session asks for it: when the terminal has closed
+    assert (kept.platform, kept.screen) == ("heron", "map")
+
+
+@pytest.mark.sockets
+async def test_a_terminal_that_is_too_small_says_so_and_the_emergency_key_works_on() -> None:
+    async with scene(None, size=(60, 20)) as here:
+        here.platform.speak()
+        assert "This terminal has 60 × 20 characters." in here.shown("too_small")
+        assert not here.app.screen.query_one("#body").display
+        await here.press("space")
+        await here.wait(lambda: bool(here.asked(Emergency)))
+        await here.pilot.resize_terminal(80, 24)
+        await here.until("title", "heron")
+        await here.wait(lambda: here.app.screen.query_one("#body").display)
+
+
+@pytest.mark.sockets
+async def test_keys_screens_and_the_alert_can_be_clicked() -> None:
+    async with scene() as here:
+        here.platform.speak()
+        await here.until("keys", "s Start")
+        await here.pilot.click("#keys", offset=(here.shown("keys").index("Start"), 0))
+        await here.shows(Question)
+        await here.press("y")
+        await here.until("events", "the mission is started")
+        await here.pilot.click("#keys", offset=(here.shown("keys").index("HOLD"), 0))
+        await here.until("events", "emergency hold")
+        await here.pilot.click("#keys", offset=(79, 0))
+        here.platform.fly(battery_percent=12)
+        await here.until("alert", "battery at or below 15 %")
+        await here.pilot.click("#alert", offset=(20, 0))
+        await here.wait(lambda: "battery" not in here.shown("alert"))
+        for title, name in (("9Events", "events"), ("3Mission", "mission"), ("1Overview", "overview")):
+            await here.pilot.click("#tabs", offset=(here.shown("tabs").index(title) + len(title) - 1, 0))
+            await here.wait(lambda name=name: here.app.current_mode == name and here.is_shown(name))  # type: ignore[misc]
+
+
+@pytest.mark.sockets
+async def test_the_line_of_keys_is_laid_out_anew_when_the_terminal_is_made_narrower() -> None:
+    async with scene(None, size=(250, 70)) as here:
+        here.platform.speak()
+        await here.until("keys", "? Help")
+        now_s = here.station.now_s()
+        here.station.now_s = lambda: now_s  # type: ignore[misc]  # nothing else changes the keys
+        await here.pilot.resize_terminal(80, 24)
+        await here.wait(lambda: len(here.shown("keys")) <= 80)
+        assert here.shown("keys").rstrip().endswith("space HOLD  ? Help")
+
+
+@pytest.mark.sockets
+async def test_the_emergency_key_works_over_a_dialogue_and_while_typing_with_control() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        await here.until("facts", "all 13 well")
+        await here.press("ctrl+p")
+        await here.wait(lambda: isinstance(here.app.focused, Input))
+        await here.pilot.press("space")
+        await here.wait(lambda: here.app.screen.query_one(Input).value == " ")
+        assert here.asked(Emergency) == [], "what is typed is typed"
+        await here.press("ctrl+@")
+        await here.wait(lambda: len(here.asked(Emergency)) == 1)
+        await here.press("escape")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        here.app.desk._held_s.clear()
+        await here.press("question_mark")
+        await here.shows(HelpScreen)
+        await here.press("space")
+        await here.wait(lambda: len(here.asked(Emergency)) == 2)
+
+
+@pytest.mark.sockets
+async def test_no_color_shows_no_colours_and_leaves_the_chosen_theme(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    async with scene(None, configuration=Configuration(theme="daylight")) as here:
+        assert here.app.theme == "mono"
+        assert here.app.configuration().theme == "daylight"
+        here.platform.speak()
+        here.platform.fly(battery_percent=9)
+        await here.until("title", "bat 9 %")
+        title = here.app.screen.query_one("#title", Panel).render_line(0)
+        styles = [segment.style for segment in title if segment.style is not None]
+        assert {style.color.name for style in styles if style.color} <= {"default"}
+        assert any(style.reverse and style.bold for style in styles), "an alarm is told by reverse"

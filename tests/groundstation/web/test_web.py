@@ -1,0 +1,323 @@
+"""The station in a browser: a real page and a real websocket; who gets in, who has the window, and what outlives it."""
+
+import asyncio
+import json
+import signal
+import socket
+import sys
+import urllib.request
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.error import HTTPError
+
+import pytest
+from tests.commands.programs import program
+from tests.groundstation.emulator import Emulator
+from tests.groundstation.scripted_platform import ScriptedPlatform
+from tests.groundstation.station_scene import PLAN
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import InvalidStatus
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.exchange import LocalExchange
+from gloc3.messages.command_interface import Emergency, Steer
+from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import ControlState
+from gloc3_groundstation.cli import session
+from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.tui.app import StationApp
+from gloc3_groundstation.web.server import MOST_WAITING, WebOptions, WebServer, exposure
+
+pytestmark = pytest.mark.sockets
+
+
+class Page:
+    """What the page does: a terminal at the end of a websocket."""
+
+    def __init__(self, websocket: ClientConnection, columns: int, lines: int) -> None:
+        self.websocket = websocket
+        self.terminal = Emulator(columns, lines)
+
+    async def say(self, *message: object) -> None:
+        await self.websocket.send(json.dumps(message))
+
+    async def press(self, text: str) -> None:
+        await self.say("stdin", text)
+
+    async def until(self, text: str) -> None:
+        """Waits until the terminal shows a text."""
+        try:
+            async with asyncio.timeout(10.0):
+                while text not in self.terminal.text():
+                    data = await self.websocket.recv()
+                    if isinstance(data, bytes):
+                        self.terminal.feed(data)
+        except TimeoutError:
+            raise AssertionError(f"never shown: {text!r}\n{self.terminal.text()}") from None
+
+
+class Served(NamedTuple):
+    url: str
+    app: StationApp
+    platform: ScriptedPlatform
+    told: list[str]
+    ended: asyncio.Task[Any]
+
+    @asynccontextmanager
+    async def page(self, columns: int = 100, lines: int = 30, origin: str | None = None) -> AsyncIterator[Page]:
+        url = f"{self.url.replace('http', 'ws')}ws?width={columns}&height={lines}"
+        headers = {} if origin is None else {"Origin": origin}
+        async with connect(url, additional_headers=headers, compression=None, open_timeout=60.0) as websocket:
+            yield Page(websocket, columns, lines)
+
+
+@asynccontextmanager
+async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Served]:  # noqa: B008 - immutable
+    """A station with a scripted platform, shown to browsers."""
+    exchange = LocalExchange()
+    platform = ScriptedPlatform(exchange)
+    platform.delay_s = 0.001
+    station = Station(exchange, platform.loop, "255", 11)
+    app = StationApp(Desk(station, PLAN), is_in_browser=True)
+    told: list[str] = []
+    async with WebServer(lambda: app.window, options, lambda text, _: told.append(text)).serving() as url:
+        ended = asyncio.create_task(app.run_async())
+        platform.speak()
+        try:
+            yield Served(url, app, platform, told, ended)
+        finally:
+            app.exit()
+            await ended
+            platform.is_deaf = True
+            station.close()
+
+
+def nobody(text: str, is_watched: bool) -> None:
+    raise AssertionError(text)
+
+
+async def status_of(url: str, **headers: str) -> int:
+    def ask() -> int:
+        try:
+            with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=60.0) as answer:
+                return int(answer.status)
+        except HTTPError as error:
+            return error.code
+
+    return await asyncio.to_thread(ask)
+
+
+async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() -> None:
+    async with served() as here, here.page() as page:
+        await page.until("heron   HOLD   disarmed")
+        await page.press("s")
+        await page.until("It arms and sets off.")
+        await page.press("y")
+        await page.until("the mission is started")
+        assert len([body for body in here.platform.requests if isinstance(body, Steer)]) == 1
+        await page.press("\x1bOQ")
+        await page.until("the data flows from end to end")
+        page.terminal.resize(70, 20)
+        await page.say("resize", {"width": 70, "height": 20})
+        await page.until("This terminal has 70 × 20 characters.")
+        await page.until("The station needs 80 × 24: load the page again")
+        await page.press(" ")
+        async with asyncio.timeout(5.0):
+            while not any(isinstance(body, Emergency) for body in here.platform.requests):
+                await asyncio.sleep(0.01)
+        page.terminal.resize(120, 40)
+        await page.say("resize", {"width": 120, "height": 40})
+        await page.press("1")
+        await page.until("emergency hold")
+        await page.say("ping", "17")
+        while (answer := await page.websocket.recv()) != '["pong","17"]':
+            assert isinstance(answer, bytes)
+
+
+async def test_escape_alone_is_a_key_and_ctrl_c_asks_as_quitting_does() -> None:
+    async with served() as here, here.page() as page:
+        await page.until("heron")
+        here.platform.control = ControlState(holder="255")
+        here.platform.fly(is_armed=True)
+        here.platform.speak()
+        await page.until("in control")
+        await page.press("\x03")
+        await page.until("y  quit")
+        await page.press("\x1b")
+        async with asyncio.timeout(5.0):
+            while "y  quit" in page.terminal.text():
+                page.terminal.feed(bytes(await page.websocket.recv()))  # type: ignore[arg-type]
+        assert not here.ended.done()
+
+
+async def test_the_station_runs_on_when_its_window_is_closed_and_is_whole_for_the_next() -> None:
+    async with served() as here:
+        async with here.page() as page:
+            await page.until("heron")
+            await page.press("2")
+            await page.until("the data flows from end to end")
+        async with asyncio.timeout(5.0):
+            while "has gone" not in here.told[-1]:
+                await asyncio.sleep(0.01)
+        here.platform.fly(mode="OFFBOARD")
+        async with here.page(80, 24) as page:
+            await page.until("heron   OFFBOARD")
+            await page.until("the data flows from end to end")
+            assert here.told[-1] == "the station is shown to 127.0.0.1"
+
+
+async def test_that_nobody_looks_at_an_armed_vehicle_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "narrate", lambda text: None)
+    exchange = LocalExchange()
+    platform = ScriptedPlatform(exchange)
+    station = Station(exchange, platform.loop, "255", 11)
+    platform.control = ControlState(holder="255")
+    tell = session.teller(Desk(station))
+    for is_armed in (False, True):
+        platform.fly(is_armed=is_armed)
+        platform.speak()
+        tell("it is shown", True)
+        tell("it has gone", False)
+    told = [event for event in station.fleet.events if event.text.startswith("it ")]
+    assert [event.severity for event in told] == [Severity.NOTICE] * 3 + [Severity.WARNING]
+    assert "heron: armed and in this station's control" in told[-1].text
+    platform.is_deaf = True
+    station.close()
+
+
+async def test_a_second_window_says_so_and_takes_the_station_over_with_enter() -> None:
+    async with served() as here, here.page() as first, here.page() as second:
+        await first.until("heron")
+        await second.until("The station is shown in another window.")
+        await second.press("q s \x03")
+        await second.press("\r")
+        await second.until("heron   HOLD   disarmed")
+        await first.until("The station is shown in another window.")
+        assert not [body for body in here.platform.requests if isinstance(body, Steer)], "what came before was not keys"
+        await first.press("\r")
+        await first.until("heron   HOLD   disarmed")
+
+
+async def test_q_ends_the_station_and_the_page_is_told() -> None:
+    async with served() as here, here.page() as page:
+        await page.until("heron")
+        await page.press("q")
+        await asyncio.wait_for(here.ended, 5.0)
+
+
+async def test_a_browser_that_takes_nothing_costs_no_memory_and_is_drawn_anew() -> None:
+    async with served() as here, here.page() as page:
+        await page.until("heron")
+        window = here.app.window
+        assert window is not None
+        for _ in range(40):
+            window.write("x" * (MOST_WAITING // 10))
+        await page.until("heron   HOLD   disarmed")
+        assert page.terminal.received < 2 * MOST_WAITING
+
+
+async def test_a_browser_that_takes_nothing_does_not_keep_the_station_from_closing() -> None:
+    loop = asyncio.get_running_loop()
+    async with AsyncExitStack() as stack:
+        async with served() as here:
+            page = await stack.enter_async_context(here.page())
+            await page.until("heron")
+            window = here.app.window
+            assert window is not None
+            for _ in range(100):
+                window.write("x" * (MOST_WAITING // 10))
+                await asyncio.sleep(0.002)
+            begin_s = loop.time()
+        assert loop.time() - begin_s < 9.0
+        page.websocket.transport.abort()
+
+
+@pytest.mark.parametrize("name", ["localhost:1", "127.0.0.1", "[::1]:9"])
+async def test_it_answers_under_the_names_of_this_computer(name: str) -> None:
+    async with served() as here:
+        assert await status_of(here.url, Host=name) == 200
+
+
+async def test_pages_of_other_sites_and_names_pointed_here_get_nothing() -> None:
+    async with served() as here:
+        assert await status_of(here.url, Host="drones.example") == 403
+        assert await status_of(here.url, Origin="https://drones.example") == 403
+        for origin in ("http://drones.example", "null"):
+            with pytest.raises(InvalidStatus, match="403"):
+                async with here.page(origin=origin):
+                    pass
+        async with here.page(origin=here.url.rstrip("/")) as page:
+            await page.until("heron")
+
+
+async def test_what_cannot_be_understood_is_left_alone() -> None:
+    async with served() as here, here.page() as page:
+        for data in (
+            "",
+            "{",
+            "[]",
+            "{}",
+            "[1]",
+            '["stdin"]',
+            '["stdin", 3]',
+            '["resize", {"width": -4, "height": 1e9}]',
+        ):
+            await page.websocket.send(data)
+        await page.websocket.send(b"\x00")
+        await page.say("resize", {"width": 10**9, "height": 0})
+        await page.say("resize", {"width": 100, "height": 30})
+        await page.until("heron   HOLD   disarmed")
+
+
+async def test_beyond_this_computer_the_address_has_a_key_and_a_warning_names_what_it_opens() -> None:
+    async with served(WebOptions(host="0.0.0.0", port=0)) as here:
+        _, _, host, key, _ = here.url.split("/")
+        root = f"http://127.0.0.1:{host.rpartition(':')[2]}/"
+        assert len(key) >= 16
+        assert await status_of(f"{root}{key}/") == 200
+        for way in ("", "ws", "static/js/textual.js", "wrong/", "wrong/ws"):
+            assert await status_of(root + way) == 404
+        warning = exposure(here.url, "ann")
+        assert here.url in warning
+        for said in ("commands every vehicle", "as ann", "nothing is encrypted", "ssh -L"):
+            assert said in warning
+
+
+async def test_an_address_that_cannot_be_had_is_told_with_what_to_do() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(Refused, match=f"port {port}: address already in use; another port: --web-port"):
+            async with WebServer(lambda: None, WebOptions(port=port), nobody).serving():
+                pass
+    with pytest.raises(Refused, match=r"on nowhere\.invalid port 0: .*--web-host"):
+        async with WebServer(lambda: None, WebOptions(host="nowhere.invalid", port=0), nobody).serving():
+            pass
+
+
+async def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "textual_serve", None)
+    with pytest.raises(Gloc3Error, match=r"--web needs textual-serve: pip install 'gloc3\[groundstation\]'"):
+        async with WebServer(lambda: None, WebOptions(), nobody).serving():
+            pass
+
+
+async def test_the_program_serves_and_ctrl_c_ends_it_while_a_browser_looks(tmp_path: Path) -> None:
+    options = ("--link", "udpin://127.0.0.1:0", "--no-record", "--config", "station.toml")
+    with program("station", "--web", "--web-port", "0", *options, folder=tmp_path) as station:
+        line = await asyncio.to_thread(station.await_line, lambda line: "the station is at" in line)
+        url = line.split()[4]
+        assert url.startswith("http://127.0.0.1:"), "nobody else is served unless that is asked for"
+        assert await status_of(url) == 200
+        assert await status_of(f"{url}static/js/textual.js") == 200
+        async with connect(f"{url.replace('http', 'ws')}ws?width=90&height=30") as websocket:
+            page = Page(websocket, 90, 30)
+            await page.until("Waiting for a platform")
+            station.interrupt()
+            await asyncio.wait_for(websocket.wait_closed(), 10.0)
+            assert websocket.close_reason == "the station was closed"
+        assert await asyncio.to_thread(station.end) == 128 + signal.SIGINT
+        assert station.lines[-1].endswith("stopped")
+        assert not any("Traceback" in line for line in station.lines)

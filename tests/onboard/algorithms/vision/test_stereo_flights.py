@@ -1,0 +1,58 @@
+"""The stereo odometer in short flights through the simulated hold, and on real pictures that are made to move."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.onboard.algorithms.vision.flights import fly, inspection
+from tests.onboard.algorithms.vision.moved_rest import drive, rectified
+from tests.onboard.algorithms.vision.trial import Trial, constant, follow, zero
+
+from gloc3.evaluation.metrics import Alignment, evaluate
+from gloc3.evaluation.trajectory import Trajectory
+from gloc3_onboard.algorithms.odometry.chain import OdometryChain
+from gloc3_onboard.algorithms.vision.stereo_odometry import StereoOdometer
+
+pytestmark = pytest.mark.thorough
+
+EUROC = Path(__file__).parents[5] / "shared" / "data" / "images" / "euroc_rest"
+
+
+def share(estimate: Trajectory, truth: Trajectory) -> float:
+    return 100.0 * evaluate(estimate, truth, Alignment.ORIGIN).absolute_share
+
+
+@pytest.fixture(scope="module")
+def path() -> Trajectory:
+    """Six metres of an inspection, every second picture of it."""
+    return inspection(3).take(slice(0, 160, 2))
+
+
+def test_a_flight_in_the_hold_is_told_to_half_a_percent_and_the_controls_are_not(path: Trajectory) -> None:
+    trial = Trial(path, fly(path, "hold", 3))
+    assert not trial.reasons
+    assert share(trial.estimate, trial.truth) < 0.5
+    assert 0.5 < np.mean(trial.squares) < 9.0
+    assert share(zero(path), path) > 20.0
+    assert share(constant(path, 15), path) > 20.0
+
+
+def test_lamps_dust_blur_and_jumps_of_the_exposure_are_stood(path: Trajectory) -> None:
+    short = path.take(slice(0, 60))
+    trial = Trial(short, fly(short, "hold_hard", 3))
+    assert trial.reasons.total() <= 3
+    assert share(trial.estimate, trial.truth) < 1.5
+
+
+@pytest.mark.skipif(not EUROC.is_dir(), reason="the shared pictures are not on this machine")
+def test_real_pictures_that_are_made_to_move_give_the_speed_that_they_have() -> None:
+    left, right, *_ = rectified(EUROC)
+    odometer, chain = StereoOdometer(left, right), OdometryChain()
+    times, places = [], []
+    for t_s, one, other in drive(EUROC, np.array([0.2, 0.0, 0.0]), every=8):
+        place = follow(chain, odometer.update(one, other, t_s))
+        times.append(t_s)
+        places.append(place)
+    speed = (places[-1] - places[0]) / (times[-1] - times[0])
+    assert np.linalg.norm(speed) == pytest.approx(0.2, rel=0.03)
+    assert speed[1] == pytest.approx(0.2, rel=0.03)

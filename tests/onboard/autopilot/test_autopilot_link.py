@@ -1,0 +1,353 @@
+"""The autopilot behind its link: who is taken for it, what it tells, and that no command waits, lingers or gets lost."""
+
+import asyncio
+import math
+from collections.abc import Callable
+from random import Random
+
+import pytest
+from tests.onboard.fake_autopilot import VEHICLE, FakeAutopilot
+
+from gloc3.clock import Clock, VirtualLoop
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.transport.memory import Conditions, MemoryLink
+from gloc3.messages.envelope import Severity
+from gloc3.messages.vehicle import FlightMode, LandedState, Style
+from gloc3_onboard.autopilot.commands import KEPT, NOBODY
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE
+from gloc3_onboard.companion.rate_watch import RateWatch
+
+STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
+SET_POSITION = "SET_POSITION_TARGET_LOCAL_NED"
+
+
+class Rig:
+    """A companion and an autopilot on a link of 20 ms."""
+
+    def __init__(self, style: str = "px4", *, loss: float = 0.0, own: Address = VEHICLE, vehicle_type: int = 2) -> None:
+        self.loop = VirtualLoop()
+        self.wire = MemoryLink(self.loop, Random(3), Conditions(latency_s=0.02, loss=loss))
+        self.said: list[str] = []
+        self.why_not_arm = ""
+        self.link = AutopilotLink(self.loop, Clock(self.loop), say=self._say, why_not_arm=lambda: self.why_not_arm)
+        self.wire.a.on_data = self.link.receive
+        self.autopilot = FakeAutopilot(self.loop, self.wire.b, style, own, vehicle_type)
+        self.link.open(self.wire.a)
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self.said.append(text)
+
+    def run(self, seconds: float) -> "Rig":
+        self.loop.run_until_complete(asyncio.sleep(seconds))
+        return self
+
+    def asked(self, command: int) -> list[tuple[float, ...]]:
+        return [request.params for request in self.autopilot.ran if request.command == command]
+
+    def until(self, condition: Callable[[], bool], within_s: float) -> float:
+        begin_s = self.loop.time()
+        while not condition():
+            assert self.loop.time() - begin_s < within_s
+            self.run(0.02)
+        return self.loop.time() - begin_s
+
+    def __enter__(self) -> "Rig":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.link.close()
+        self.loop.close()
+        assert self.loop.failures == []
+
+
+@STYLES
+def test_it_is_found_told_apart_and_asked_for_everything_that_is_needed(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        assert rig.said[0] == f"{style} autopilot found as 1/1, of a copter"
+        assert rig.link.state().style is Style(style)
+        for stream in COMMON_STREAMS:
+            name = codec.name_of(stream.message_id)
+            assert rig.autopilot.rate_hz(name or "") == pytest.approx(stream.rate_hz), name
+        assert rig.autopilot.rate_hz("HEARTBEAT") == (0.0 if style == "px4" else 5.0), "PX4 would refuse"
+
+
+@STYLES
+def test_what_it_tells(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        state, pose, height = rig.link.state(), rig.link.pose(), rig.link.height()
+        assert (state.is_connected, state.is_armed, state.mode) == (True, False, FlightMode.HOLD)
+        assert (state.landed, state.is_armable) == (LandedState.ON_GROUND, True)
+        assert (state.battery_v, state.battery_a, state.battery_remaining) == pytest.approx((11.5, 1.5, 0.8))
+        assert pose is not None
+        assert height is not None
+        assert pose.pose.position_ned_m == (0.0, 0.0, -2.0)
+        assert pose.pose.origin_geo == pytest.approx((39.5, 2.6, 5.0))
+        assert rig.loop.time() - pose.t_s < 0.1
+        assert height.height.height_m == pytest.approx(2.1)
+        assert height.height.is_valid
+
+
+def test_over_a_bad_link_all_streams_are_asked_for_in_the_end() -> None:
+    with Rig(loss=0.3) as rig:
+        rig.run(20.0)
+        for stream in COMMON_STREAMS:
+            assert rig.autopilot.rate_hz(codec.name_of(stream.message_id) or "") == pytest.approx(stream.rate_hz)
+
+
+@pytest.mark.parametrize("off_s", [0.5, 6.0])
+def test_after_a_restart_the_streams_are_asked_for_again_and_the_old_origin_is_forgotten(off_s: float) -> None:
+    with Rig() as rig:
+        rig.run(10.0)
+        rig.autopilot.is_off = True
+        rig.run(off_s)
+        assert rig.link.state().is_connected == (off_s < 2.5)
+        rig.autopilot.is_off = False
+        rig.autopilot.boot()
+        rig.until(lambda: rig.autopilot.rate_hz("LOCAL_POSITION_NED") == pytest.approx(20.0), 8.0)
+        rig.run(3.0)
+        assert rig.link.state().is_connected
+        pose = rig.link.pose()
+        assert pose is not None
+        assert rig.loop.time() - pose.t_s < 0.2
+        assert "the autopilot has restarted" in rig.said
+
+
+def test_a_stream_that_stays_away_is_asked_for_again_and_a_refused_one_is_not() -> None:
+    with Rig() as rig:
+        rig.run(5.0)
+        rig.autopilot._streams.set_rate("DISTANCE_SENSOR", 0.0, rig.loop.time())
+        rig.until(lambda: rig.autopilot.rate_hz("DISTANCE_SENSOR") == pytest.approx(20.0), 8.0)
+    with Rig() as rig:
+        rig.autopilot.refuses[511] = CommandResult.DENIED, "no"
+        rig.run(10.0)
+        assert len(rig.asked(511)) == len(rig.link.style.streams)
+        assert len([text for text in rig.said if "refuses to send" in text]) == len(rig.link.style.streams)
+        assert any(text.startswith("the autopilot refuses to send SYS_STATUS at 2 Hz: denied") for text in rig.said)
+
+
+def test_a_stream_that_another_station_has_slowed_down_is_asked_for_again_and_one_that_flows_is_not() -> None:
+    with Rig() as rig:
+        rig.run(5.0)
+        asked = len(rig.asked(511))
+        rig.run(30.0)
+        assert len(rig.asked(511)) == asked
+        usual_hz = rig.autopilot.rate_hz("LOCAL_POSITION_NED")
+        assert usual_hz > 8.0
+        rig.autopilot._streams.set_rate("LOCAL_POSITION_NED", 4.0, rig.loop.time())
+        rig.until(lambda: rig.autopilot.rate_hz("LOCAL_POSITION_NED") == pytest.approx(usual_hz), 12.0)
+        assert len(rig.asked(511)) == asked + 1
+
+
+def test_when_a_station_asks_for_all_streams_ours_are_asked_for_right_behind_it() -> None:
+    with Rig() as rig:
+        rig.run(5.0)
+        watch, station = RateWatch(rig.link.ask_streams_again, rig.loop.time), codec.Encoder(255, 190)
+        wanted = {codec.name_of(stream.message_id): stream.rate_hz for stream in rig.link.style.streams}
+        parser = codec.Parser()
+        slow = codec.message(
+            "REQUEST_DATA_STREAM", target_system=1, target_component=1, req_message_rate=4, start_stop=1
+        )
+        other = codec.message("COMMAND_LONG", target_system=1, target_component=1, command=ARM_DISARM)
+        watch.hear(parser.receive(station.encode(other)))
+        rig.run(1.0)
+        asked = len(rig.asked(511))
+        for _ in range(2):  # as MAVProxy sends it
+            rig.autopilot._streams.receive(slow, codec.Address(255, 190), rig.loop.time())
+            watch.hear(parser.receive(station.encode(slow)))
+            rig.run(0.02)
+        assert {name: rig.autopilot.rate_hz(name) for name in wanted} == pytest.approx(wanted, rel=1e-3)
+        rig.run(2.0)
+        assert len(rig.asked(511)) <= asked + 4 * len(wanted)
+        asked = len(rig.asked(511))
+        for _ in range(500):  # a flood of them is answered a few times
+            rig.autopilot._streams.receive(slow, codec.Address(255, 190), rig.loop.time())
+            watch.hear(parser.receive(station.encode(slow)))
+        rig.run(1.0)
+        assert {name: rig.autopilot.rate_hz(name) for name in wanted} == pytest.approx(wanted)
+        assert len(rig.asked(511)) <= asked + 8 * len(wanted)
+
+
+def test_an_autopilot_of_another_kind_is_left_alone() -> None:
+    with Rig("paparazzi") as rig:
+        rig.run(5.0)
+        kind = "an autopilot of a kind that is not supported (MAV_AUTOPILOT 4, MAV_TYPE 2)"
+        assert rig.said == [f"1/1 is {kind}: it is left alone"]
+        ticket = rig.link.command_arm()
+        rig.link.send_setpoint((0.0, 0.0, 0.0), None, None)
+        rig.run(1.0)
+        assert rig.link.answer(ticket) == (False, NOBODY)
+        assert rig.autopilot.ran == []
+        assert not rig.link.state().is_connected
+
+
+def test_an_autopilot_of_another_system_is_taken_when_it_has_been_alone() -> None:
+    with Rig(own=Address(7, 1)) as rig:
+        rig.run(2.0)
+        assert rig.said == []
+        rig.run(2.0)
+        assert rig.said == ["px4 autopilot found as 7/1, of a copter"]
+
+
+def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_ours() -> None:
+    with Rig() as rig:
+        gimbal = codec.Encoder(1, 154).encode(codec.message("HEARTBEAT", type=26, autopilot=0))
+        rig.link.receive(gimbal)
+        rig.run(2.0)
+        assert rig.said[0] == "px4 autopilot found as 1/1, of a copter"
+
+
+def test_a_command_before_there_is_an_autopilot_is_refused_and_never_sent_later() -> None:
+    with Rig() as rig:
+        rig.autopilot.is_off = True
+        ticket = rig.link.command_arm()
+        assert rig.link.answer(ticket) == (False, NOBODY)
+        rig.autopilot.is_off = False
+        rig.run(5.0)
+        assert rig.asked(ARM_DISARM) == []
+
+
+@STYLES
+def test_modes_arming_and_take_off_in_the_words_of_each_style(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        tickets = [rig.link.command_arm(), rig.link.command_take_off(1.5)]
+        for mode in (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.LAND):
+            tickets.append(rig.link.command_mode(mode))
+            rig.run(0.5)
+        assert all(rig.link.answer(ticket) == (True, "") for ticket in tickets)
+        assert rig.asked(ARM_DISARM)[0][0] == 1.0
+        (take_off,) = rig.asked(NAV_TAKEOFF)
+        if style == "px4":
+            assert take_off[6] == pytest.approx(9.0), "altitude above the sea"
+            assert math.isnan(take_off[3])
+            assert [params[:3] for params in rig.asked(SET_MODE)] == [(1.0, 6.0, 0.0), (1.0, 4.0, 3.0)]
+            assert len(rig.asked(NAV_LAND)) == 1
+        else:
+            assert take_off[6] == pytest.approx(1.5), "height above home"
+            assert [params[:2] for params in rig.asked(SET_MODE)] == [(1.0, 4.0), (1.0, 17.0), (1.0, 9.0)]
+
+
+def test_a_take_off_before_the_altitude_is_known_is_refused() -> None:
+    with Rig() as rig:
+        rig.autopilot.refuses[511] = CommandResult.DENIED, "no"
+        rig.run(4.0)
+        ticket = rig.link.command_take_off(2.0)
+        assert rig.link.answer(ticket) == (False, "the autopilot has not told its altitude yet")
+
+
+@STYLES
+def test_a_refusal_is_answered_with_what_the_autopilot_says_at_once_or_a_moment_later(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        why = "Arming denied: the compass is not calibrated, and the battery is low, too"
+        rig.autopilot.refuses[ARM_DISARM] = CommandResult.TEMPORARILY_REJECTED, why
+        ticket = rig.link.command_arm()
+        took_s = rig.until(lambda: rig.link.answer(ticket) is not None, 2.0)
+        answer = rig.link.answer(ticket)
+        assert answer is not None
+        assert not answer.is_accepted
+        assert answer.reason == f"rejected for now; it may be accepted later: {why}"
+        assert took_s < 0.6
+
+
+def test_reasons_against_arming_are_kept_until_it_would_arm() -> None:
+    with Rig() as rig:
+        rig.run(3.0)
+        rig.link._telemetry._set(is_armable=False)
+        rig.autopilot.say("PreArm: no fix")
+        rig.run(0.1)
+        assert "PreArm: no fix" in rig.link.state().reasons
+        rig.run(1.0)
+        assert rig.link.state().reasons == []
+
+
+@STYLES
+def test_hold_never_waits_behind_an_older_mode_command(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        rig.autopilot.silent_on = {SET_MODE}
+        guided = rig.link.command_mode(FlightMode.GUIDED)
+        rig.run(0.3)
+        hold = rig.link.command_mode(FlightMode.HOLD)
+        rig.run(0.05)
+        wanted = (1.0, 4.0, 3.0) if style == "px4" else (1.0, 17.0, 0.0)
+        message = next(m for m in reversed(rig.autopilot.heard) if m.name == "COMMAND_LONG" and m.command == SET_MODE)
+        assert (message.param1, message.param2, message.param3) == wanted
+        assert rig.link.answer(guided) == (False, "overtaken by a later command")
+        assert rig.link.answer(hold) is None
+
+
+@STYLES
+def test_after_the_pilot_has_taken_over_nothing_is_sent_again(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        rig.autopilot.silent_on = {SET_MODE, ARM_DISARM}
+        tickets = [rig.link.command_mode(FlightMode.GUIDED), rig.link.command_arm()]
+        rig.run(0.1)
+        rig.link.abandon_commands()
+        rig.autopilot.heard.clear()
+        rig.run(10.0)
+        assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_LONG" and m.command in (SET_MODE, ARM_DISARM)]
+        assert all(rig.link.answer(ticket) == (False, "somebody else has control") for ticket in tickets)
+
+
+def test_a_command_that_is_never_answered_is_told_in_good_time() -> None:
+    with Rig() as rig:
+        rig.run(4.0)
+        rig.wire.a.conditions = Conditions(loss=1.0)
+        ticket = rig.link.command_mode(FlightMode.HOLD)
+        rig.until(lambda: rig.link.answer(ticket) is not None, 6.0)
+        assert rig.link.answer(ticket) == (False, "not answered")
+
+
+def test_answers_are_kept_for_the_last_commands_only() -> None:
+    with Rig() as rig:
+        rig.run(4.0)
+        tickets = [rig.link.command_mode(FlightMode.HOLD) for _ in range(3 * KEPT)]
+        rig.run(1.0)
+        assert len(rig.link._desk._answers) <= KEPT
+        assert rig.link.answer(tickets[0]) is None
+        assert rig.link.answer(tickets[-1]) == (True, "")
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "yaw", "mask"),
+    [
+        ((1.0, 2.0, -3.0), (0.1, 0.2, 0.3), 0.5, 0b1001_1100_0000),
+        ((1.0, 2.0, -3.0), None, 0.5, 0b1001_1111_1000),
+        (None, (0.1, 0.2, 0.3), None, 0b1101_1100_0111),
+    ],
+)
+@STYLES
+def test_setpoints_and_what_of_them_is_to_be_ignored(
+    style: str,
+    position: tuple[float, float, float] | None,
+    velocity: tuple[float, float, float] | None,
+    yaw: float | None,
+    mask: int,
+) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        rig.link.send_setpoint(position, velocity, yaw)
+        rig.run(0.1)
+        heard = next(message for message in rig.autopilot.heard if message.name == SET_POSITION)
+        assert (heard.type_mask, heard.coordinate_frame, heard.target_system) == (mask, 1, 1)
+        assert (heard.x, heard.y, heard.z) == (position or (0.0, 0.0, 0.0))
+        assert (heard.vx, heard.vy, heard.vz) == pytest.approx(velocity or (0.0, 0.0, 0.0))
+        assert heard.time_boot_ms == pytest.approx(4000, abs=60)
+
+
+def test_garbage_and_others_do_no_harm() -> None:
+    with Rig() as rig:
+        rig.run(4.0)
+        stranger = codec.Encoder(9, 1)
+        rig.link.receive(stranger.encode(codec.message("EXTENDED_SYS_STATE", landed_state=2)))
+        rig.link.receive(bytes(range(256)) * 4)
+        assert rig.link.state().landed is LandedState.ON_GROUND
+        rig.run(1.0)
+        assert rig.link.state().is_connected

@@ -1,0 +1,125 @@
+"""The autopilot's own geofence follows that of the loaded mission: uploaded, read back, tried again."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from gloc3.component.ports import Actuation, inbox_of
+from gloc3.mavlink.codec import Encoder, Parser
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.services.mission_client import MissionClient, Transfer
+from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.plan import PlanType
+from gloc3.messages.envelope import Envelope, Source
+from gloc3.messages.vehicle import FenceProgress, FenceState, GeoArea, GeoFence
+from gloc3.mission.formats.items import FenceArea
+from gloc3_onboard.autopilot.fence_upload import FenceUpload, fence_items
+from gloc3_onboard.components.drivers.autopilot_fence import RETRY_S, AutopilotFence, SendFence
+from gloc3_onboard.sensors.devices import Answer
+
+COMPANION, AUTOPILOT = Address(1, 191), Address(1, 1)
+SQUARE = [(47.0, 8.0), (47.001, 8.0), (47.001, 8.001), (47.0, 8.001)]
+FENCE = GeoFence(digest="abc", areas=[GeoArea(True, SQUARE), GeoArea(False, [], (47.0005, 8.0005), 5.3)])
+AREAS = (
+    FenceArea(is_inclusion=True, polygon=tuple(SQUARE)),
+    FenceArea(is_inclusion=False, center=(47.0005, 8.0005), radius_m=5.3),
+)
+
+
+class Control:
+    """Answers what the test says."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[FenceArea, ...]] = []
+        self.says: Answer | None = None
+
+    def command_fence(self, areas: Sequence[FenceArea]) -> int:
+        self.sent.append(tuple(areas))
+        return len(self.sent)
+
+    def answer(self, ticket: int) -> Answer | None:
+        return self.says
+
+
+def cycle(driver: AutopilotFence, now_s: float, fence: GeoFence | None = None) -> list[FenceState]:
+    inbox = inbox_of()
+    if fence is not None:
+        inbox = inbox_of(geofence=Envelope("p/f", Source("p", "c", 1), 0, now_s, "", "GeoFence", fence))
+    states = []
+    for result in driver.work(now_s, inbox):
+        if isinstance(result, Actuation):
+            assert isinstance(result.write, SendFence)
+            driver.actuate(result.write)
+        elif isinstance(result, FenceState):
+            states.append(result)
+    return states
+
+
+def test_a_fence_is_sent_once_and_confirmed_when_it_was_read_back() -> None:
+    control = Control()
+    driver = AutopilotFence(control)
+    assert cycle(driver, 0.0, FENCE)[0].progress is FenceProgress.UPLOADING
+    cycle(driver, 0.2, FENCE)
+    assert control.sent == [AREAS]
+    control.says = Answer(True, "")
+    assert cycle(driver, 0.4, FENCE)[0] == FenceState(digest="abc", progress=FenceProgress.CONFIRMED)
+
+
+def test_a_fence_that_is_refused_is_told_with_the_reason_and_sent_again() -> None:
+    control = Control()
+    driver = AutopilotFence(control)
+    cycle(driver, 0.0, FENCE)
+    control.says = Answer(False, "no room")
+    assert cycle(driver, 0.2, FENCE)[0].reason == "no room"
+    cycle(driver, 0.2 + RETRY_S, FENCE)
+    assert len(control.sent) == 2
+
+
+def test_a_fence_that_was_never_ours_is_left_alone_and_ours_is_cleared() -> None:
+    control = Control()
+    driver = AutopilotFence(control)
+    cycle(driver, 0.0, GeoFence(digest=""))
+    assert control.sent == []
+    cycle(driver, 1.0, FENCE)
+    cycle(driver, 2.0, GeoFence(digest=""))
+    assert control.sent == [AREAS, ()]
+
+
+def on_the_wire(message: MavlinkMessage, sender: Address) -> MavlinkMessage:
+    """What arrives of it: numbers in single precision."""
+    (frame,) = Parser().receive(Encoder(*sender).encode(message))
+    arrived = frame.decode()
+    assert arrived is not None
+    return arrived
+
+
+def exchange(client: MissionClient, server: MissionServer, upload: FenceUpload, steps: int = 400) -> list[Answer]:
+    answers = []
+    for step in range(steps):
+        now_s = 0.01 * step
+        for message in client.outgoing():
+            server.receive(on_the_wire(message, COMPANION), COMPANION, now_s)
+        for message in server.outgoing():
+            client.receive(on_the_wire(message, AUTOPILOT), AUTOPILOT, now_s)
+        client.tick(now_s)
+        server.tick(now_s)
+        for event in client.events():
+            ended = upload.heard(event, now_s) if isinstance(event, Transfer) else None
+            if ended is not None:
+                answers.append(ended[1])
+    return answers
+
+
+def test_the_fence_is_uploaded_over_the_mission_protocol_and_compared() -> None:
+    client, server = MissionClient(COMPANION), MissionServer(AUTOPILOT)
+    upload = FenceUpload(client)
+    upload.begin(1, AREAS, AUTOPILOT, 0.0)
+    assert exchange(client, server, upload) == [Answer(True, "")]
+    assert [item.command for item in server.plans[PlanType.FENCE]] == [5001, 5001, 5001, 5001, 5004]
+
+
+def test_a_circle_and_a_polygon_keep_their_places_to_a_centimetre() -> None:
+    items = fence_items(AREAS)
+    assert (items[0].x, items[0].y, items[0].param1) == (470000000, 80000000, 4.0)
+    assert (items[4].x, items[4].y) == (470005000, 80005000)
+    assert items[4].param1 == pytest.approx(5.3)

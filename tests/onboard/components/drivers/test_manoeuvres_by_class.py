@@ -1,0 +1,104 @@
+"""Setting off and ending a way, where a vehicle neither climbs nor disarms by itself."""
+
+import pytest
+from msgspec.structs import replace
+from tests.onboard.driver_rig import DriverRig
+from tests.onboard.scripted_autopilot import ScriptedAutopilot
+
+from gloc3.messages.vehicle import FlightMode, LandedState, ManoeuvreKind, VehicleClass
+
+LAND, SET_OFF, TAKE_OFF = ManoeuvreKind.LAND, ManoeuvreKind.SET_OFF, ManoeuvreKind.TAKE_OFF
+LED = pytest.mark.parametrize("vehicle", [VehicleClass.ROVER, VehicleClass.BOAT, VehicleClass.SUB])
+
+
+def rig_of(vehicle: VehicleClass) -> DriverRig:
+    return DriverRig(autopilot=ScriptedAutopilot("ardupilot", vehicle))
+
+
+def under_way(vehicle: VehicleClass) -> DriverRig:
+    """Armed, and following the owner's setpoints."""
+    rig = rig_of(vehicle)
+    rig.step()
+    rig.ask(SET_OFF, may_arm=True)
+    rig.run(1.0)
+    rig.autopilot.state = replace(rig.autopilot.state, landed=LandedState.IN_AIR)
+    rig.hold()
+    rig.run(1.0)
+    assert rig.state.is_guided
+    return rig
+
+
+@LED
+def test_it_sets_off_armed_in_guided_and_then_follows_the_stream(vehicle: VehicleClass) -> None:
+    rig = rig_of(vehicle)
+    rig.step()
+    rig.ask(SET_OFF, may_arm=True)
+    rig.run(1.0)
+    assert rig.autopilot.commands == ["mode guided", "arm"]
+    assert rig.state.manoeuvre_state == "done"
+    assert under_way(vehicle).autopilot.setpoints
+
+
+@LED
+def test_it_does_not_take_off(vehicle: VehicleClass) -> None:
+    rig = rig_of(vehicle)
+    rig.ask(TAKE_OFF, height_m=2.0, may_arm=True)
+    rig.run(1.0)
+    assert rig.autopilot.commands == []
+    assert "does not take off" in rig.state.manoeuvre_reason
+
+
+def test_a_copter_does_not_set_off_without_climbing() -> None:
+    rig = rig_of(VehicleClass.COPTER)
+    rig.ask(SET_OFF, may_arm=True)
+    rig.run(1.0)
+    assert rig.autopilot.commands == []
+    assert "ask for a take-off" in rig.state.manoeuvre_reason
+
+
+@pytest.mark.parametrize("vehicle", [VehicleClass.ROVER, VehicleClass.BOAT])
+def test_a_way_on_the_ground_ends_in_hold_at_rest_and_disarmed(vehicle: VehicleClass) -> None:
+    rig = under_way(vehicle)
+    rig.wants = lambda: None
+    rig.ask(LAND)
+    rig.run(0.5)
+    assert rig.autopilot.modes_asked[-1] == "hold"
+    assert "disarm" not in rig.autopilot.commands
+    rig.run(4.0)
+    assert rig.autopilot.commands[-1] == "disarm"
+    assert rig.state.manoeuvre_state == "done"
+    assert not rig.state.has_pilot_control
+
+
+def test_what_still_rolls_is_not_disarmed() -> None:
+    from tests.onboard.messages import autopilot_pose, pose
+
+    rig = under_way(VehicleClass.ROVER)
+    rig.wants = lambda: None
+    rig.ask(LAND)
+    for _ in range(100):
+        rig.step(pose=replace(pose(0.0, 0.0, 0.0), velocity_ned_m_s=(0.5, 0.0, 0.0)), autopilot_pose=autopilot_pose())
+    assert "disarm" not in rig.autopilot.commands
+    rig.run(3.0)
+    assert rig.autopilot.commands[-1] == "disarm"
+
+
+def test_a_submarine_that_has_surfaced_goes_over_to_alt_hold_by_itself_and_is_disarmed() -> None:
+    rig = under_way(VehicleClass.SUB)
+    rig.wants = lambda: None
+    rig.ask(LAND)
+    rig.run(2.0)
+    assert rig.autopilot.modes_asked[-1] == "land"
+    assert "disarm" not in rig.autopilot.commands, "it has only begun to rise"
+    rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
+    rig.run(1.0)
+    assert rig.autopilot.commands[-1] == "disarm"
+    assert rig.state.manoeuvre_state == "done"
+    assert not rig.state.has_pilot_control
+
+
+def test_a_submarine_whose_pilot_takes_alt_hold_under_way_is_left_to_him() -> None:
+    rig = under_way(VehicleClass.SUB)
+    rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
+    rig.see()
+    assert rig.state.has_pilot_control

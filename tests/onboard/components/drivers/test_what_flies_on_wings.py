@@ -1,0 +1,143 @@
+"""The components of a plane: its ways are plans that end in a circle, and it waits in circles of its autopilot's."""
+
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from tests.onboard.messages import grant, pose
+from tests.onboard.stage import Stage
+
+from gloc3.errors import Refused
+from gloc3.messages.vehicle import (
+    AutopilotPose,
+    AutopilotState,
+    FlightMode,
+    Home,
+    LandedState,
+    Manoeuvre,
+    ManoeuvreKind,
+    Style,
+)
+from gloc3_onboard.autopilot.plan_upload import way_items
+from gloc3_onboard.components.controllers.circle import CircleController
+from gloc3_onboard.components.drivers.winged_plan import WingedPlan, WingedPlanSettings
+from gloc3_onboard.sensors.devices import Answer, Way
+
+FLYING = AutopilotState(
+    is_connected=True, is_armed=True, is_armable=True, landed=LandedState.IN_AIR, mode=FlightMode.MISSION
+)
+STANDING = replace(FLYING, is_armed=False, landed=LandedState.ON_GROUND, mode=FlightMode.MANUAL)
+
+
+class Plans:
+    """Takes every plan."""
+
+    def __init__(self) -> None:
+        self.ways: list[Way] = []
+        self.places_reached = 0
+
+    def command_plan(self, way: Way) -> int:
+        self.ways.append(way)
+        return len(self.ways)
+
+    def answer(self, ticket: int) -> Answer | None:
+        return Answer(True, "")
+
+
+def stage(state: AutopilotState, height_m: float = 60.0) -> tuple[Stage, Plans]:
+    plans = Plans()
+    found = Stage(WingedPlan(plans), WingedPlanSettings(arm=True))
+    see(found, state, height_m)
+    return found, plans
+
+
+def see(found: Stage, state: AutopilotState, height_m: float = 60.0) -> None:
+    here = pose(1.0, 2.0, height_m)
+    own = AutopilotPose(
+        position_ned_m=here.position_ned_m,
+        velocity_ned_m_s=(0.0, 0.0, 0.0),
+        ned_from_frd=here.ned_from_frd,
+        rate_frd_rad_s=(0.0, 0.0, 0.0),
+        origin_geo=(47.0, 8.0, 500.0),
+    )
+    found.step(pose=here, autopilot_pose=own, autopilot=state, home=Home(position_ned_m=(0.0, 0.0, 0.0)))
+
+
+def commands(way: Way) -> list[int]:
+    return [item.command for item in way_items(way, Style.ARDUPILOT)][1:]
+
+
+def test_a_take_off_is_a_plan_that_arms_and_ends_in_a_circle_over_home() -> None:
+    found, plans = stage(STANDING, 0.0)
+    found.begin("take_off", height_m=50.0)
+    for _ in range(3):
+        see(found, STANDING, 0.0)
+    assert commands(plans.ways[0]) == [178, 22, 17]
+    assert plans.ways[0].places[0].altitude_m == pytest.approx(550.0)
+    asked = found.last(Manoeuvre)
+    assert (asked.kind, asked.may_arm) == (ManoeuvreKind.PLAN, True)
+    plans.places_reached = 1
+    see(found, FLYING, 50.0)
+    assert found.status.state == "done"
+
+
+def test_ways_are_lines_that_are_passed_waits_are_circles_and_none_of_them_arms() -> None:
+    found, plans = stage(FLYING)
+    found.begin("follow_waypoints", waypoints_ned_m=((500.0, 0.0, -60.0), (500.0, 400.0, -60.0)), speed_m_s=23.0)
+    for _ in range(3):
+        see(found, FLYING)
+    (way,) = plans.ways
+    assert commands(way) == [178, 16, 16, 17]
+    assert way.acceptance_m == 30.0
+    assert not found.last(Manoeuvre).may_arm
+    assert commands(way._replace(hold_s=20.0)) == [178, 19, 19, 17]
+
+
+@pytest.mark.parametrize(
+    ("state", "capability", "arguments", "why"),
+    [
+        (FLYING, "take_off", {"height_m": 50.0}, "in the air already"),
+        (STANDING, "take_off", {"height_m": 5.0}, "too low to circle in"),
+        (replace(STANDING, is_armable=False, reasons=("no fix",)), "take_off", {"height_m": 50.0}, "no fix"),
+        (
+            FLYING,
+            "go_to",
+            {"waypoints_ned_m": ((500.0, 0.0, -60.0),), "speed_m_s": 23.0, "wall_distance_m": 2.0},
+            "keeps no distance from a wall",
+        ),
+        (
+            FLYING,
+            "go_to",
+            {"waypoints_ned_m": ((500.0, 0.0, -60.0),), "speed_m_s": 23.0, "heading": {"mode": "fixed"}},
+            "points where it flies",
+        ),
+    ],
+)
+def test_what_a_plane_cannot_do_is_refused_with_the_reason(
+    state: AutopilotState, capability: str, arguments: dict[str, Any], why: str
+) -> None:
+    found, _ = stage(state)
+    with pytest.raises(Refused, match=why):
+        found.begin(capability, **arguments)
+
+
+def test_it_waits_by_asking_for_circles_until_the_autopilot_flies_them_and_asks_for_nothing_on_the_ground() -> None:
+    found = Stage(CircleController())
+    found.step(grant=grant("hold", "circle"), autopilot=STANDING)
+    assert not found.all(Manoeuvre)
+    for _ in range(50):
+        found.step(grant=grant("hold", "circle"), autopilot=FLYING)
+    assert [asked.kind for asked in found.all(Manoeuvre)] == [ManoeuvreKind.HOLD] * 2
+    found.step(2.0, grant=grant("hold", "circle"), autopilot=replace(FLYING, mode=FlightMode.HOLD))
+    found.step(2.0, grant=grant("way", "ways"), autopilot=FLYING)
+    assert len(found.all(Manoeuvre)) == 2
+
+
+def test_the_action_hold_ends_with_its_time() -> None:
+    found = Stage(CircleController())
+    found.begin("hold", "wait", duration_s=4.0)
+    for _ in range(79):
+        found.step(grant=grant("wait", "circle"), autopilot=FLYING)
+    assert found.status.state == "running"
+    found.step(0.1, grant=grant("wait", "circle"), autopilot=FLYING)
+    assert found.status.state == "done"

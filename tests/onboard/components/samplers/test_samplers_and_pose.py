@@ -1,0 +1,179 @@
+"""Samplers report what is new, once; the pose processor moves the estimate into the platform's frame."""
+
+import math
+from typing import Any
+
+import pytest
+from tests.onboard.messages import autopilot_pose, standing
+from tests.onboard.stage import Stage
+
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.test_bench import Bench
+from gloc3.messages.frames import GeoPoint, TangentPlane
+from gloc3.messages.vehicle import AutopilotState, HeightAboveGround, Image, Pose
+from gloc3_onboard.components.processors.pose import PoseProcessor, PoseSettings
+from gloc3_onboard.components.samplers.autopilot_pose import AutopilotPoseSampler
+from gloc3_onboard.components.samplers.autopilot_state import AutopilotStateSampler
+from gloc3_onboard.components.samplers.camera import CameraSampler
+from gloc3_onboard.components.samplers.height import HeightSampler
+from gloc3_onboard.sensors.devices import Bell, Stamped, StampedHeight, StampedImage, Unwatch
+
+HOLD = (39.5528, 2.6285, 2.0)
+
+
+class Device:
+    """Everything that can be sampled, as the test sets it."""
+
+    def __init__(self) -> None:
+        self.is_open = False
+        self.now_state: AutopilotState = standing()
+        self.now_pose: Stamped | None = None
+        self.now_height: StampedHeight | None = None
+        self.now_frame: StampedImage | None = None
+        self.bell = Bell()
+
+    def state(self) -> AutopilotState:
+        return self.now_state
+
+    def pose(self) -> Stamped | None:
+        return self.now_pose
+
+    def height(self) -> StampedHeight | None:
+        return self.now_height
+
+    def frame(self) -> StampedImage | None:
+        return self.now_frame
+
+    def open(self) -> None:
+        self.is_open = True
+
+    def close(self) -> None:
+        self.is_open = False
+
+    def on_state(self, changed: Any) -> Unwatch:
+        return self.bell.listen(changed)
+
+    on_pose = on_height = on_news = on_state
+
+
+def hosted(bench: Bench, create: Any) -> Device:
+    device = Device()
+    bench.host(ComponentRow(name="sampler", class_name="x:Y", rate_hz=50.0), lambda: create(device))
+    return device
+
+
+def test_the_state_is_reported_on_every_change_and_five_times_a_second() -> None:
+    with Bench() as bench:
+        device = hosted(bench, AutopilotStateSampler)
+        bench.run(2.01)
+        assert len(bench.all("autopilot")) == pytest.approx(11, abs=1)
+        device.now_state = standing(is_armed=True)
+        bench.run(0.021)
+        assert bench.last("autopilot").is_armed
+
+
+@pytest.mark.parametrize("kind", ["pose", "height", "image"])
+def test_what_is_sampled_is_reported_once_with_its_own_time(kind: str) -> None:
+    create = {"pose": AutopilotPoseSampler, "height": HeightSampler, "image": CameraSampler}[kind]
+    topic = {"pose": "autopilot_pose"}.get(kind, kind)
+    with Bench() as bench:
+        device = hosted(bench, create)
+        bench.run(0.1)
+        assert bench.all(topic) == []
+        for t_s in (0.08, 0.08, 0.15, 0.12):
+            device.now_pose = Stamped(t_s, autopilot_pose())
+            device.now_height = StampedHeight(t_s, HeightAboveGround(height_m=1.0, is_valid=True))
+            device.now_frame = StampedImage(t_s, Image(camera="ground", width=1, height=1, data=b"x"))
+            bench.run(0.05)
+        envelopes = [envelope for envelope in bench.envelopes if envelope.topic == f"bench/{topic}"]
+        found = [
+            envelope.t_s for envelope in envelopes if "time goes back" not in getattr(envelope.payload, "reason", "")
+        ]
+        assert found == [0.08, 0.15]
+
+
+def test_a_camera_is_open_while_its_sampler_works() -> None:
+    with Bench() as bench:
+        device = hosted(bench, CameraSampler)
+        assert device.is_open
+        bench.command("sampler", "stop")
+        assert not device.is_open
+
+
+@pytest.mark.parametrize(
+    ("height_m", "is_valid"), [(0.01, False), (0.05, True), (40.0, True), (40.1, False), (math.nan, False)]
+)
+def test_a_range_beyond_what_the_device_can_tell_is_not_valid(height_m: float, is_valid: bool) -> None:
+    with Bench() as bench:
+        device = hosted(bench, HeightSampler)
+        device.now_height = StampedHeight(0.0, HeightAboveGround(height_m=height_m, is_valid=True))
+        bench.run(0.05)
+        height = bench.last("height")
+        assert height.is_valid == is_valid
+        assert bool(height.reason) != is_valid
+
+
+# --- the pose ---
+
+
+def processor(origin: tuple[float, float, float] | None = HOLD, **settings: Any) -> Stage:
+    return Stage(PoseProcessor(), PoseSettings(origin_geo=origin, **settings))
+
+
+def poses(stage: Stage, *given: Any) -> list[Pose]:
+    for one in given:
+        stage.step(autopilot_pose=one)
+    return stage.all(Pose)
+
+
+def test_the_estimate_is_moved_into_the_platforms_frame() -> None:
+    stage = processor()
+    origin = TangentPlane(GeoPoint(*HOLD)).geo_from_ned((5.0, -3.0, 0.5))
+    (found,) = poses(stage, autopilot_pose(1.0, 1.0, 2.0, origin_geo=tuple(origin)))
+    assert found.position_ned_m == pytest.approx((6.0, -2.0, -1.5), abs=1e-3)
+    assert (found.is_valid, found.origin_geo, found.sources) == (True, HOLD, ["autopilot"])
+
+
+def test_without_the_autopilots_origin_it_is_not_valid() -> None:
+    first, second = poses(processor(), autopilot_pose(), autopilot_pose(origin_geo=HOLD))
+    assert (first.is_valid, first.reason, first.quality) == (False, "the autopilot has not told its origin", 0.0)
+    assert second.is_valid
+
+
+def test_far_from_the_local_frame_or_without_one_the_autopilots_origin_is_taken() -> None:
+    elsewhere = (47.4, 8.5, 400.0)
+    for origin in (HOLD, None):
+        (found,) = poses(processor(origin), autopilot_pose(1.0, origin_geo=elsewhere))
+        assert found.position_ned_m == (1.0, 0.0, -2.0)
+        assert (found.origin_geo, found.is_valid) == (elsewhere, True)
+
+
+def test_a_step_that_the_velocity_does_not_explain_is_counted_as_a_jump() -> None:
+    stage = processor()
+    fast: dict[str, Any] = {"origin_geo": HOLD, "velocity_ned_m_s": (8.0, 0.0, 0.0)}
+    found = poses(stage, *[autopilot_pose(0.4 * step, **fast) for step in range(5)])
+    assert {pose.reset_counter for pose in found} == {0}
+    found = poses(stage, autopilot_pose(9.0, **fast))
+    assert found[-1].reset_counter == 1
+
+
+def test_a_new_origin_of_the_autopilot_is_no_jump() -> None:
+    stage = processor()
+    moved = TangentPlane(GeoPoint(*HOLD)).geo_from_ned((100.0, 0.0, 0.0))
+    found = poses(stage, autopilot_pose(1.0, origin_geo=HOLD), autopilot_pose(-99.0, origin_geo=tuple(moved)))
+    assert found[-1].position_ned_m == pytest.approx((1.0, 0.0, -2.0), abs=2e-3)
+    assert found[-1].reset_counter == 0
+
+
+def test_an_estimate_that_is_not_finite_is_not_passed_on_and_counts_as_one_jump() -> None:
+    good = autopilot_pose(1.0, origin_geo=HOLD)
+    stage = processor()
+    found = poses(stage, good, *[autopilot_pose(math.nan, origin_geo=HOLD)] * 3, good)
+    assert [pose.is_valid for pose in found] == [True, False, False, False, True]
+    assert all(map(math.isfinite, found[2].position_ned_m))
+    assert found[2].reason == "the autopilot's estimate is not finite"
+    assert found[-1].reset_counter == 1
+    (spun,) = poses(processor(), autopilot_pose(1.0, rate_frd_rad_s=(0.0, 0.0, math.nan)))
+    assert not spun.is_valid
+    (first,) = poses(processor(), autopilot_pose(math.inf))
+    assert (first.is_valid, first.position_ned_m) == (False, (0.0, 0.0, 0.0))

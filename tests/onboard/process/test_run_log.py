@@ -1,0 +1,100 @@
+"""The log of a run over several files: nothing is lost between them, and the oldest go when there is no room."""
+
+import asyncio
+import os
+from pathlib import Path
+
+import pytest
+
+from gloc3.clock import Clock
+from gloc3.exchange import LocalExchange, Publisher
+from gloc3.log.reader import LogReader
+from gloc3.log.record import PLATFORM_FILE, RUN
+from gloc3.messages.envelope import Event, Severity
+from gloc3.messages.topics import TopicTable
+from gloc3_onboard.process import run_log
+from gloc3_onboard.process.log_files import LogFiles
+from gloc3_onboard.process.run_log import CONTINUES, LogLimits, RunLog
+
+pytestmark = pytest.mark.thorough
+
+
+def texts(path: Path) -> list[str]:
+    with LogReader(path) as reader:
+        assert reader.is_finished
+        assert list(reader.attachments) == [PLATFORM_FILE]
+        return [entry.envelope.payload.text for entry in reader.entries("components/talker/event")]
+
+
+def touched(folder: Path, *names: str) -> LogFiles:
+    for name in names:
+        (folder / name).write_bytes(b"." * 1000)
+    return LogFiles(folder)
+
+
+async def test_a_file_that_has_grown_large_is_followed_by_the_next_and_every_message_is_in_one_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_log, "LOOK_EVERY_S", 0.02)
+    loop, exchange, said = asyncio.get_running_loop(), LocalExchange(), list[str]()
+    talker = Publisher(exchange, "bench", "talker", 1)
+    log = RunLog(
+        LogFiles(tmp_path),
+        LogLimits(file_mb=0.002, total_mb=0.0),
+        Clock(loop),
+        TopicTable.installed(),
+        exchange,
+        loop,
+        {"platform": "bench"},
+        b"platform: bench\n",
+        list,
+        lambda _, text: said.append(text),
+    )
+    count = 0
+    while log.path.name != "log-4.mcap":
+        talker.publish("bench/components/talker/event", Event(severity=Severity.INFO, text=f"{count}"), loop.time())
+        log.keep("a", "in", bytes(range(1, 200)))
+        count += 1
+        await asyncio.sleep(0.005)
+        assert count < 5000
+    await log.close()
+    found = [text for number in ("", "-2", "-3", "-4") for text in texts(tmp_path / f"log{number}.mcap")]
+    assert found == [f"{number}" for number in range(count)]
+    with LogReader(tmp_path / "log-3.mcap") as reader:
+        assert (reader.metadata(RUN) or {})[CONTINUES] == "log-2.mcap"
+    assert said == []
+
+
+async def test_logs_beyond_the_total_are_deleted_from_the_oldest_on_but_nothing_else(tmp_path: Path) -> None:
+    files = touched(
+        tmp_path, "log.mcap", "log.tlog", "log-2.mcap", "log-3.mcap", "log-10.mcap", "log-front-2.mcap", "log-4.txt"
+    )
+    assert [path.name for path in files.prune(3500)] == ["log.mcap", "log.tlog", "log-2.mcap"]
+    assert files.next().name == "log-11.mcap", "a number is not used again"
+    assert files.prune(0) == [tmp_path / "log-3.mcap"], "the last one is being written"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log-10.mcap", "log-4.txt", "log-front-2.mcap"]
+
+
+def test_a_stem_of_its_own_has_its_own_numbers(tmp_path: Path) -> None:
+    touched(tmp_path, "log-7.mcap", "log-front.mcap")
+    assert LogFiles(tmp_path, "log-front").next().name == "log-front-2.mcap"
+    assert LogFiles(tmp_path, "log-rear").next().name == "log-rear.mcap"
+
+
+def test_the_oldest_logs_of_all_processes_go_but_never_the_last_of_one(tmp_path: Path) -> None:
+    names = (
+        "log-rear.mcap",
+        "log-front.mcap",
+        "log-rear-2.mcap",
+        "log-front-2.mcap",
+        "log-front-2.tlog",
+        "log-front-3.mcap",
+    )
+    touched(tmp_path, *names)
+    (tmp_path / "map.yaml").write_bytes(b"." * 9000)
+    for second, name in enumerate(names):
+        os.utime(tmp_path / name, (second, second))
+    assert [path.name for path in LogFiles(tmp_path, "log-rear").prune(4500)] == ["log-rear.mcap", "log-front.mcap"]
+    removed = LogFiles(tmp_path, "log-front").prune(0)
+    assert [path.name for path in removed] == ["log-front-2.mcap", "log-front-2.tlog"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log-front-3.mcap", "log-rear-2.mcap", "map.yaml"]

@@ -1,0 +1,177 @@
+"""`gloc3 onboard` as a service: what its manager is told, and what happens when it hangs, dies, is reloaded or ends."""
+
+import os
+import re
+import signal
+import socket
+import time
+from pathlib import Path
+
+import pytest
+from tests.onboard.fake_manager import FakeManager, service
+
+from gloc3_onboard.service.manager import ServiceManager
+from gloc3_sitl.demo.demo import free_ports
+
+pytestmark = pytest.mark.sockets
+
+STUCK = '''
+"""A sampler that hangs for as long as a file is there."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+from gloc3.component.component import SensorSampler
+from gloc3.component.settings import Bounds, Settings
+
+
+class StuckSettings(Settings, frozen=True):
+    """Settings of the sampler."""
+
+    depth_m: Annotated[float, Bounds(0.0, 5.0)] = 1.0
+    """How deep it is stuck."""
+
+
+class StuckSampler(SensorSampler[StuckSettings]):
+    """Hangs when it is told to."""
+
+    settings_type = StuckSettings
+
+    def initialize(self, settings):
+        Path("depth_m").write_text(str(settings.depth_m))
+
+    def work(self, now_s, inbox):
+        while Path("stuck").exists():
+            time.sleep(0.05)
+        return []
+'''
+SERVER = (
+    '  - {name: command_server, class: "gloc3_onboard.command_server.server:CommandServer", rate_hz: 10, '
+    "trigger: [request, event], devices: {site: site}, required: true, ports: {height: [], request: ci/request, "
+    'heard: ci/heard, status: "components/*/status", reply: "components/*/reply", function_reply: '
+    '"components/*/function_reply", event: "components/*/event", action_status: "action_status/*", ci_reply: ci/reply, '
+    "summary: ci/summary, table: ci/table, trouble: ci/trouble, vehicle: ci/vehicle, motion: ci/motion, whereabouts: "
+    "ci/site, mission: ci/mission, control: ci/control, ci_event: ci/event, command: "
+    '"components/{key}/command", function: "components/{key}/function", grant: motion/grant, limits: motion/limits, '
+    "home: motion/home, take_over: motion/take_over, emergency: motion/emergency, geofence: motion/geofence, "
+    "fence_state: [], autopilot: [], pose: [], setpoint: [], driver: [], autopilot_setup: [], computer: []}}\n"
+)
+PLATFORM = (
+    "platform: bench\nvehicle: {type: quadrotor, mass_kg: 1.0}\ncomponents:\n"
+    "  - {name: stuck, class: 'stuck_sampler:StuckSampler', rate_hz: 10, required: true}\n" + SERVER
+)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    """A folder with a platform that needs no autopilot, and a component that can be made to hang."""
+    (tmp_path / "stuck_sampler.py").write_text(STUCK)
+    (tmp_path / "bench.yaml").write_text(PLATFORM)
+    return tmp_path
+
+
+def arguments() -> list[str]:
+    companion, ground = free_ports(2, socket.SOCK_DGRAM)
+    links = ["--autopilot", f"udpin://127.0.0.1:{companion}", "--station", f"udpout://127.0.0.1:{ground}"]
+    return ["onboard", "bench.yaml", *links, "--out", "out"]
+
+
+def fed_after(manager: FakeManager, life: int, line: str) -> bool:
+    told = [each for number, _, each in manager.told if number == life]
+    return line in told and "WATCHDOG=1" in told[told.index(line) :]
+
+
+def test_a_manager_hears_ready_then_the_watchdog_and_at_the_end_stopping(bench: Path) -> None:
+    with service(*arguments(), folder=bench, is_abstract=True) as manager:
+        manager.await_line(0, "READY=1")
+        manager.until(lambda: fed_after(manager, 0, "READY=1"), "the watchdog is fed")
+        manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is heard")
+        os.kill(manager.process.pid, signal.SIGTERM)
+        manager.until(lambda: manager.ends == [0], "it ends by itself")
+    order = manager.lines(0)
+    before = order[: order.index("READY=1")]
+    assert all(line.startswith("STATUS=bench is ") for line in before)
+    assert before[-1].startswith("STATUS=bench is working: 2 of 2 components work"), "all are up"
+    assert order[-2:] == ["STOPPING=1", "STATUS=stopping"]
+    assert "<5>onboard: stopping" in manager.journal.splitlines()
+    assert "<6>onboard: bench: 2 components; log in out/log.mcap" in manager.journal.splitlines()
+
+
+def test_a_required_component_that_hangs_or_a_kill_has_the_manager_start_it_anew(bench: Path) -> None:
+    with service(*arguments(), folder=bench, watchdog_s=2.0) as manager:
+        manager.until(lambda: fed_after(manager, 0, "READY=1"), "the watchdog is fed")
+        (bench / "stuck").touch()
+        manager.await_line(0, "STATUS=bench is faulty: 1 of 2 components work; stuck hung")
+        manager.until(lambda: len(manager.ends) == 1, "the watchdog ends it")
+        (bench / "stuck").unlink()
+        manager.await_line(1, "READY=1")
+        os.kill(manager.process.pid, signal.SIGKILL)
+        manager.await_line(2, "STATUS=bench is working: 2 of 2 components work")
+    assert manager.ends == [-signal.SIGABRT, -signal.SIGKILL]
+    assert "<3>onboard: stuck: working -> faulty: hung: a cycle had not ended after 0.5 s" in manager.journal
+    assert re.search(r'stuck_sampler\.py", line \d+ in work', manager.journal), "where it hung"
+    assert sorted(path.name for path in (bench / "out").glob("*.mcap")) == ["log-2.mcap", "log-3.mcap", "log.mcap"]
+
+
+def test_what_a_manager_is_told_stands_in_lines_and_one_that_is_away_is_lamented_once(tmp_path: Path) -> None:
+    said: list[str] = []
+    environment = {
+        "NOTIFY_SOCKET": str(tmp_path / "notify"),
+        "WATCHDOG_USEC": "3000000",
+        "WATCHDOG_PID": "1",
+        "HOME": "/",
+    }
+    manager = ServiceManager.of_this_process(environment, said.append)
+    assert environment == {"HOME": "/"}, "children are not to speak for the service"
+    assert manager.watchdog_s is None, "it is another process that is watched"
+    manager.ready()
+    manager.status("away")
+    assert said == ["the service manager cannot be told: No such file or directory"]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
+        heard.bind(str(tmp_path / "notify"))
+        manager.extend(10.0)
+        manager.alive()
+        for text in ("two\nlines", "two\nlines", "one"):
+            manager.status(text)
+        manager.stopping()
+        told = [heard.recv(4096).decode() for _ in range(4)]
+    assert told == ["EXTEND_TIMEOUT_USEC=10000000", "STATUS=two lines", "STATUS=one", "STOPPING=1"]
+    manager.close()
+    manager.ready()
+    assert len(said) == 1
+
+
+def reloaded(manager: FakeManager, bench: Path, change: tuple[str, str]) -> list[str]:
+    """What was told from a reload on, until the service is ready again."""
+    file = bench / "bench.yaml"
+    file.write_text(file.read_text().replace(*change))
+    before = len(manager.lines(0))
+    os.kill(manager.process.pid, signal.SIGHUP)
+    manager.until(lambda: "READY=1" in manager.lines(0)[before:], "the reload has ended")
+    return manager.lines(0)[before:]
+
+
+def test_a_reload_has_the_components_adopt_what_they_may_and_a_wrong_file_changes_nothing(bench: Path) -> None:
+    with service(*arguments(), folder=bench) as manager:
+        manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is heard")
+        begun_us = time.monotonic_ns() // 1000
+        told = reloaded(manager, bench, ("required: true}\n", "required: true, settings: {depth_m: 2.5}}\n"))
+        [reload] = [line for line in told if line.startswith("MONOTONIC_USEC=")]
+        assert told.index("RELOADING=1") < told.index(reload) < told.index("READY=1")
+        assert begun_us <= int(reload.partition("=")[2]) <= time.monotonic_ns() // 1000
+        assert (bench / "depth_m").read_text() == "2.5"
+        reloaded(manager, bench, ("depth_m: 2.5", "depth_m: 7.5"))
+        reloaded(manager, bench, ("depth_m: 7.5", "depth_m: 2.5"))
+        reloaded(manager, bench, ("rate_hz: 10, required: true, s", "rate_hz: 20, required: true, timeout_s: 4, s"))
+        assert (bench / "depth_m").read_text() == "2.5"
+    said = [line for line in manager.journal.splitlines() if line.startswith(("<3>", "<5>"))]
+    said = said[next(number for number, line in enumerate(said) if "read again" in line) :]
+    assert said == [
+        "<5>onboard: read again: stuck: settings: adopted",
+        "<3>onboard: bench.yaml:4:105: depth_m: expected a number <= 5.0 (7.5)",
+        "<3>onboard: the platform file cannot be used: nothing was changed",
+        "<5>onboard: read again: nothing has changed",
+        "<5>onboard: read again: stuck: rate_hz: adopted",
+        "<5>onboard: read again: stuck: timeout_s: counts from the next start",
+    ]

@@ -1,0 +1,168 @@
+"""The world's cameras and scanner as devices: their rates, their common exposure, their cost while nobody looks."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gloc3.clock import run_virtual
+from gloc3_sitl.flight.sim_devices import SimCamera, SimDvl, SimLaser, SimStereoCamera
+from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
+from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.vehicles.simulator import Simulator
+from gloc3_sitl.world import World, rig
+from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.imager import Photo
+
+pytestmark = pytest.mark.thorough
+
+
+def run(test: Callable[[SimRig, Simulator], Coroutine[Any, Any, None]], world: str = "hold", seed: int = 3) -> None:
+    """Runs a test beside a simulator in virtual time."""
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        simulator = Simulator(World.load(world), seed=seed)
+        simulator.start(loop)
+        await test(SimRig(simulator.world, loop, simulator.truth, seed), simulator)
+        simulator.stop()
+
+    run_virtual(main())
+
+
+def test_a_stereo_pair_comes_at_15_hz_from_one_instant() -> None:
+    async def test(sims: SimRig, simulator: Simulator) -> None:
+        stereo = sims.devices["stereo_camera"]
+        assert isinstance(stereo, SimStereoCamera)
+        news: list[float] = []
+        unwatch = stereo.on_news(lambda: news.append(asyncio.get_running_loop().time()))
+        stereo.open()
+        assert stereo.pair() is None
+        times = []
+        for _ in range(6):
+            count = len(news)
+            while len(news) == count:
+                await asyncio.sleep(0.005)
+            pair = stereo.pair()
+            assert pair is not None
+            assert stereo.pair() is pair, "asked again, it does not look again"
+            assert (pair.left.camera, pair.right.camera) == ("front_left", "front_right")
+            assert len(pair.left.data) == len(pair.right.data) == 640 * 480
+            times.append(pair.t_s)
+        unwatch()
+        stereo.close()
+        steps = np.diff(times)
+        assert steps.mean() == pytest.approx(1.0 / 15.0, abs=0.005)
+        assert news[1] - news[0] == pytest.approx(1.0 / 15.0, abs=1e-6)
+        assert max(abs(steps - 1.0 / 15.0)) <= 0.02 + 1e-6, "the physics moves on in steps of 20 ms"
+        count = len(news)
+        await asyncio.sleep(1.0)
+        assert len(news) == count
+
+    run(test)
+
+
+def test_all_devices_give_what_they_are_named_for() -> None:
+    async def test(sims: SimRig, simulator: Simulator) -> None:
+        assert tuple(sims.devices) == SIM_DEVICES
+        laser, ground, tracker = (sims.devices[name] for name in ("laser", "ground_camera", "tracker_camera"))
+        assert isinstance(laser, SimLaser)
+        assert isinstance(ground, SimCamera)
+        assert isinstance(tracker, SimCamera)
+        news = {"laser": 0, "ground": 0, "tracker": 0}
+
+        def counter(name: str) -> Callable[[], None]:
+            def count() -> None:
+                news[name] += 1
+
+            return count
+
+        for device, name in ((laser, "laser"), (ground, "ground"), (tracker, "tracker")):
+            device.on_news(counter(name))
+            device.open()
+        await asyncio.sleep(0.35)
+        turn, frame, seen = laser.scan(), ground.frame(), tracker.frame()
+        assert turn is not None
+        assert frame is not None
+        assert seen is not None
+        assert turn.t_s == pytest.approx(0.3, abs=0.021)
+        assert frame.t_s == pytest.approx(5.0 / 15.0, abs=0.021)
+        assert (turn.scan.scanner, frame.image.camera, seen.image.camera) == ("laser", "ground", "tracker")
+        assert max(seen.image.data) > 200, "the light of the vehicle"
+        assert sims.model("front_left") == rig.FRONT_LEFT
+        assert sims.model("nose") is None
+        await asyncio.sleep(0.67)
+        assert news == {"laser": 10, "ground": 15, "tracker": 15}, "in 1.02 s"
+
+    run(test)
+
+
+def test_nothing_is_drawn_before_somebody_opens_a_device_and_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[str] = []
+    capture = Camera.capture
+
+    def note(camera: Camera, truth: Truth) -> Photo:
+        taken.append(camera.imager.name)
+        return capture(camera, truth)
+
+    monkeypatch.setattr(Camera, "capture", note)
+
+    async def test(sims: SimRig, simulator: Simulator) -> None:
+        stereo, ground = sims.devices["stereo_camera"], sims.devices["ground_camera"]
+        assert isinstance(stereo, SimStereoCamera)
+        assert isinstance(ground, SimCamera)
+        await asyncio.sleep(1.0)
+        assert stereo.pair() is None
+        assert ground.frame() is None
+        stereo.open()
+        await asyncio.sleep(1.0)
+        assert taken == [], "open, but not asked"
+        stereo.pair()
+        assert taken == ["front_left", "front_right"]
+
+    run(test)
+
+
+def test_the_same_seed_gives_the_same_data_whoever_else_looks() -> None:
+    found: list[tuple[bytes, bytes]] = []
+
+    def collect(*names: str) -> Callable[[SimRig, Simulator], Coroutine[Any, Any, None]]:
+        async def test(sims: SimRig, simulator: Simulator) -> None:
+            stereo, laser = sims.devices["stereo_camera"], sims.devices["laser"]
+            assert isinstance(stereo, SimStereoCamera)
+            assert isinstance(laser, SimLaser)
+            for name in names:
+                sims.devices[name].open()
+            for _ in range(4):
+                await asyncio.sleep(0.1)
+                for name in names:
+                    device = sims.devices[name]
+                    if isinstance(device, SimCamera):
+                        device.frame()
+            pair, turn = stereo.pair(), laser.scan()
+            assert pair is not None
+            assert turn is not None
+            found.append((pair.right.data, turn.scan.ranges_m))
+
+        return test
+
+    run(collect("stereo_camera", "laser"))
+    run(collect("ground_camera", "tracker_camera", "laser", "stereo_camera"))
+    run(collect("stereo_camera", "laser"), seed=4)
+    assert found[0] == found[1]
+    assert found[0][0] != found[2][0]
+    assert found[0][1] != found[2][1]
+
+
+def test_a_world_without_a_tracker_has_none() -> None:
+    async def test(sims: SimRig, simulator: Simulator) -> None:
+        device = sims.devices["tracker_camera"]
+        assert sims.tracker is None
+        device.open()
+        await asyncio.sleep(0.2)
+        assert not isinstance(device, SimStereoCamera | SimLaser | SimDvl)
+        assert device.frame() is None
+
+    run(test, world="open")

@@ -10,7 +10,7 @@ NAME ?=
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit check bench evidence schema lock clean
+.PHONY: demo test unit check bench evidence schema docs lock clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
@@ -36,6 +36,9 @@ evidence: $(READY)  ## every bar in full, one page each under docs/evidence; NAM
 schema: $(READY)  ## the JSON Schemas of mission and platform files, as they are published
 	$(BIN)/gloc3 mission schema --out docs/schema/mission.schema.json
 	$(BIN)/gloc3 platform schema --out docs/schema/platform.schema.json
+
+docs: $(READY)  ## the pages that are made from the code: where things are, and the walks
+	$(BIN)/python -m tests.house
 
 lock:  ## after a change of the dependencies: new hashes
 	test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv

@@ -46,7 +46,3 @@ def _line(module: Module, face: tuple[str, ...]) -> str:
     name = module.name.rpartition(".")[2]
     first = (ast.get_docstring(module.tree) or "").partition("\n")[0]
     return f"- {f'**`{name}`**' if name in face else f'`{name}`'}: {first}"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")

@@ -11,6 +11,7 @@ from gloc3.messages.envelope import Kind, Message, Severity
 from gloc3.messages.hosts import HostLine, HostNames
 from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.status_fields import ROW_FIELDS
 from gloc3.messages.summaries import (
     ComponentLine,
     ComponentTable,
@@ -24,7 +25,6 @@ from gloc3.messages.summaries import (
 )
 from gloc3.messages.teleoperation import TeleoperationState
 from gloc3.messages.vehicle import ObstacleScan
-from gloc3.status_fields import ROW_FIELDS
 
 M = TypeVar("M", bound=Message)
 

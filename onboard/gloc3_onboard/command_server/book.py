@@ -7,6 +7,7 @@ from gloc3.component.deployment import Begin, ComponentRow
 from gloc3.component.lci import OPERATING, State
 from gloc3.messages.envelope import ComponentStatus
 from gloc3.messages.software import own_software
+from gloc3.messages.status_fields import COLUMN_FIELDS, ROW_FIELDS
 from gloc3.messages.summaries import (
     ComponentLine,
     ComponentTable,
@@ -16,7 +17,6 @@ from gloc3.messages.summaries import (
     TableRow,
     health_of,
 )
-from gloc3.status_fields import COLUMN_FIELDS, ROW_FIELDS
 
 SILENT_PERIODS: Final = 3.0
 """A component whose status stays away for so many periods counts as absent."""

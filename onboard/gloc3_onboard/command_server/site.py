@@ -5,9 +5,9 @@ from typing import Final
 
 import msgspec
 
-from gloc3.log.store import Records, RecordStore
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
+from gloc3.store import Records, RecordStore
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.log_shelf import NoShelf, Shelf
 from gloc3_onboard.command_server.mission_checks import AtOnce

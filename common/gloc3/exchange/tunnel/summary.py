@@ -15,8 +15,8 @@ from msgspec.structs import astuple, replace
 from gloc3.exchange.tunnel.layout import ROOM
 from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
 from gloc3.messages.envelope import Envelope
+from gloc3.messages.status_fields import BYTE, ROW_FIELDS
 from gloc3.messages.summaries import ComponentLine, Health, Summary
-from gloc3.status_fields import BYTE, ROW_FIELDS
 
 _T_S: Final = struct.Struct("<d")
 _HEALTH: Final = tuple(Health)

@@ -2,8 +2,8 @@
 
 from typing import Final
 
+from gloc3.messages.status_fields import STATUS_FIELDS, StatusField
 from gloc3.messages.summaries import Health
-from gloc3.status_fields import STATUS_FIELDS, StatusField
 from gloc3_groundstation.desk.component_desk import Answer
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot

@@ -13,9 +13,9 @@ from gloc3.exchange.tunnel.frames import Status, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.status import StatusReceiver, StatusSender
 from gloc3.messages.envelope import ComponentStatus, Envelope, Kind, Message, Source
+from gloc3.messages.status_fields import COLUMN_FIELDS, ROW_FIELDS, STATUS_FIELDS, StatusField
 from gloc3.messages.summaries import ComponentLine, Health, Summary
 from gloc3.messages.wire import type_name
-from gloc3.status_fields import COLUMN_FIELDS, ROW_FIELDS, STATUS_FIELDS, StatusField
 
 BYTES_OF_A_VALUE = 3
 TEMPERATURE = StatusField(name="temperature", title="temp", width=6, show=lambda value, _: f"{value} °C")

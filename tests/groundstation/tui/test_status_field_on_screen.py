@@ -6,9 +6,9 @@ import pytest
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Envelope, Kind, Message, Source
+from gloc3.messages.status_fields import STATUS_FIELDS, StatusField
 from gloc3.messages.summaries import Health
 from gloc3.messages.wire import type_name
-from gloc3.status_fields import StatusField
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.tui.views import components as view
@@ -34,7 +34,7 @@ def heard(fleet: Fleet, topic: str, message: Message) -> Fleet:
 
 def test_one_declaration_takes_a_value_to_its_column(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(observing, "COLUMN_FIELDS", (TEMPERATURE,))
-    monkeypatch.setattr(view, "STATUS_FIELDS", (*view.STATUS_FIELDS, TEMPERATURE))
+    monkeypatch.setattr(view, "STATUS_FIELDS", (*STATUS_FIELDS, TEMPERATURE))
     monkeypatch.setattr(view, "COLUMNS", (*view.COLUMNS[:-1], Column("temp", 6, is_right=True), view.COLUMNS[-1]))
     rows = [msgspec.convert({"name": name, "class": "x:Y"}, ComponentRow) for name in ("camera", "laser", "height")]
     book = ComponentBook(rows)

@@ -14,8 +14,7 @@ from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, Emer
 from gloc3.messages.envelope import Envelope
 from gloc3.store import MemoryRecords
 from gloc3_groundstation.links.acoustic_way import AcousticWay, ModemContext
-from gloc3_onboard.command_server.answers import answer
-from gloc3_onboard.command_server.journal import Journal
+from gloc3_onboard.command_server.journal import Journal, answer
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 
 KEY = b"a key of the modem"

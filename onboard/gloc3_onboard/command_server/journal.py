@@ -5,8 +5,8 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.log.store import Records
 from gloc3.messages.command_interface import CiReply, CiRequest, Outcome
+from gloc3.store import Records
 
 REMEMBERED: Final = 256
 """Requests kept for each sender."""

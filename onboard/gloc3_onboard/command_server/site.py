@@ -7,10 +7,10 @@ from typing import Annotated, Final
 import msgspec
 
 from gloc3.component.settings import Bounds, Settings
-from gloc3.log.store import Records, RecordStore
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
+from gloc3.store import Records, RecordStore
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.log_shelf import AtOnce, NoShelf, Shelf
 from gloc3_onboard.command_server.report_store import ReportStore

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from gloc3.component.lci import State
-from gloc3.log.store import MemoryRecords
 from gloc3.messages.command_interface import (
     AnyBody,
     CallFunction,
@@ -50,6 +49,7 @@ from gloc3.mission.checking.checker import Report, check_text
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts

@@ -43,7 +43,7 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf, NoShelf, Shelf
-from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.files import LOGS, Folders
@@ -284,7 +284,9 @@ class Flight:
             "rig": self.rig,
             **sensors,
             "pictures": self._pictures,
-            "site": Site(platform, self._journal, self._progress, self._reports, boot, self._shelf()),
+            "site": Site(
+                platform, self._journal, self._progress, self._reports, boot, background=Background(shelf=self._shelf())
+            ),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),
             "catalogue": Catalogue(platform, self.topics),
         }

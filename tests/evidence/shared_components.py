@@ -2,8 +2,8 @@
 
 from tests.evidence.page import Bar, Figure, Progress
 
+from gloc3.platform.bases import platform_files
 from gloc3.platform.reader import load_platform
-from gloc3.platform_bases import platform_files
 
 ADAPTED = frozenset({"copter", "submarine"})
 """Platform files for vehicles of any make, which repeat what others have."""

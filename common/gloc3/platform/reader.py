@@ -6,9 +6,9 @@ from pathlib import Path
 from gloc3.documents import schema
 from gloc3.documents.document import Document, dump_rows, load_bytes, parse
 from gloc3.errors import Finding, InputError, NotThere, nearest
+from gloc3.platform.bases import completed, platform_files
 from gloc3.platform.check import findings_of
 from gloc3.platform.platform import Platform
-from gloc3.platform_bases import completed, platform_files
 
 
 def load_platform(

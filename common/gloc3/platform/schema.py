@@ -9,8 +9,8 @@ from gloc3.component.description import find_class, installed
 from gloc3.documents.json_schema import Schema, described, document, ref, struct_schema
 from gloc3.errors import Gloc3Error
 from gloc3.mission.model.arguments import argument_kinds
+from gloc3.platform.bases import EXTENDS, base_files
 from gloc3.platform.platform import Platform
-from gloc3.platform_bases import EXTENDS, base_files
 
 ROW: Final = "ComponentRow"
 WHOLE: Final = "whole "

@@ -11,9 +11,9 @@ from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checking.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
+from gloc3.platform.bases import platform_files
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
-from gloc3.platform_bases import platform_files
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):

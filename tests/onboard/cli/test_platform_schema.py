@@ -11,9 +11,9 @@ from tests.common.damage import damaged
 from gloc3.documents.document import parse
 from gloc3.documents.json_schema import as_text
 from gloc3.errors import InputError
+from gloc3.platform.bases import platform_files
 from gloc3.platform.reader import read_platform, whole_text
 from gloc3.platform.schema import platform_schema
-from gloc3.platform_bases import platform_files
 from gloc3_onboard.cli.platform import app
 
 pytestmark = pytest.mark.thorough

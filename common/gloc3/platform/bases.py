@@ -99,23 +99,27 @@ def _move_calibrations(base: Document, file: Path) -> None:
             camera.value = cameras.value[name] = f"{folder}/{camera.value}"
 
 
-def _merged(base: Node, own: Node, depth: int = 0) -> Node:
-    """A mapping with another's values on top; at the top and in sections its own entries come first."""
+def _merged(base: Node, own: Node) -> Node:
+    """A mapping with another's values on top; a new entry stands behind the one that is written before it, or first."""
     made = Node({}, own.line, own.column, own.file)
-    new = [key for key in own.children if key not in base.children]
-    for key in [*new, *base.children] if depth <= 1 else [*base.children, *new]:
+    order, last = [str(key) for key in base.children], ""
+    for name in map(str, own.children):
+        if name not in base.children:
+            order.insert(order.index(last) + 1 if last else 0, name)
+        last = name
+    for key in order:
         child, over = base.children.get(key), own.children.get(key)
         if over is None and child is not None:
-            made.put(key, child, base.key_places[str(key)])
+            made.put(key, child, base.key_places[key])
         elif over is not None and (over.value is not None or child is None):
             if child is not None and isinstance(child.value, dict) and isinstance(over.value, dict):
-                over = _merged(child, over, depth + 1)
-            made.put(key, over, own.key_places[str(key)])
+                over = _merged(child, over)
+            made.put(key, over, own.key_places[key])
     return made
 
 
 def _merged_rows(base: Node, own: Node, document: Document, findings: list[Finding]) -> Node:
-    """The base's components with the file's rows on top; a new one stands behind the row that is written before it."""
+    """The base's components with the file's rows on top; a new one stands behind the row that is written before it, or last."""
     rows = {_name_of(row) or f"row {index}": row for index, row in base.children.items()}
     order, last, written = list(rows), "", set[str]()
     for index, row in own.children.items():
@@ -126,7 +130,7 @@ def _merged_rows(base: Node, own: Node, document: Document, findings: list[Findi
             if "class" in row.value and row.value["class"] is None:
                 order.remove(name)
                 continue
-            rows[name] = _merged(rows[name], row, depth=2)
+            rows[name] = _merged(rows[name], row)
         else:
             if isinstance(row.value, dict) and name and "class" not in row.value:
                 message, hint = f"there is no component {name!r} to change", nearest(name, [*rows])

@@ -21,7 +21,6 @@ from gloc3.component.context import HostContext
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import Publisher
 from gloc3.log.record import PLATFORM_FILE, Recorder
-from gloc3.log.store import MemoryRecords
 from gloc3.mavlink.codec import Frame, Parser
 from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryLink
 from gloc3.messages.envelope import Envelope, Message
@@ -33,6 +32,7 @@ from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.reader import Surroundings, load_mission
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, whole_text
+from gloc3.store import MemoryRecords
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End

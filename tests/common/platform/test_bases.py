@@ -81,6 +81,19 @@ def test_a_new_component_stands_behind_the_one_written_before_it(rows: str, name
     assert [row["name"] for row in found] == names
 
 
+@pytest.mark.parametrize(
+    ("entries", "names"),
+    [
+        ("{circle: {}}", ["circle", "land", "wait"]),
+        ("{land: {}, circle: {}, spiral: {}}", ["land", "circle", "spiral", "wait"]),
+    ],
+)
+def test_a_new_entry_stands_behind_the_one_written_before_it_or_first(
+    entries: str, names: list[str], tmp_path: Path
+) -> None:
+    assert list(whole(tmp_path, f"capabilities: {entries}\n")["capabilities"]) == names  # type: ignore[call-overload]
+
+
 def test_findings_point_into_the_file_where_it_stands(tmp_path: Path) -> None:
     base = BASE.replace("rate_hz: 5}", "rate_hz: -5}")
     own = "limits: {speed_m_s: fast}\ncomponents:\n  - {name: first, rtae_hz: 1}\n"
@@ -128,7 +141,9 @@ def test_calibrations_of_a_base_stay_beside_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", sorted(platform_files()))
 def test_what_the_installed_platforms_come_to(name: str) -> None:
     golden = read_platform((GOLDEN / f"{name}.yaml").read_text(encoding="utf-8"), name)
-    assert load_platform(name) == golden, f"if this is meant: gloc3 platform show --full {name}"
+    found = load_platform(name)
+    assert found == golden, f"if this is meant: gloc3 platform show --full {name}"
+    assert list(found.capabilities) == list(golden.capabilities), "the first that fits flies a pattern"
 
 
 def test_no_base_is_called_like_a_platform() -> None:

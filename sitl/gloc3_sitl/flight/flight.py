@@ -21,8 +21,9 @@ from gloc3.component.context import HostContext
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import Publisher
 from gloc3.log.record import PLATFORM_FILE, Recorder
-from gloc3.mavlink.codec import Frame, Parser
-from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryLink
+from gloc3.mavlink.codec import Frame
+from gloc3.mavlink.router import Router
+from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.topics import TopicTable
@@ -31,7 +32,7 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.reader import Surroundings, load_mission
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform, load_platform
+from gloc3.platform.reader import load_platform, whole_text
 from gloc3.store import MemoryRecords
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
@@ -43,11 +44,12 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf, NoShelf, Shelf
-from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.files import LOGS, Folders
 from gloc3_onboard.companion.files import LogFiles as SharedLogs
+from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.log_files import LogFiles
@@ -185,7 +187,7 @@ class Flight:
         self.log_path.parent.mkdir(parents=True, exist_ok=True)
         metadata = {"platform": self.platform.platform, "autopilot": self.autopilot, "seed": str(self.plan.seed)}
         recorder = Recorder(self.log_path, self.clock, self.topics, metadata, flush_s=FLUSH_S)
-        recorder.attach_file(PLATFORM_FILE, "application/yaml", find_platform(self.plan.platform).read_bytes())
+        recorder.attach_file(PLATFORM_FILE, "application/yaml", whole_text(self.plan.platform).encode())
         recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
         recorder.attach(self.exchange, self.loop)
         return recorder
@@ -258,13 +260,12 @@ class Flight:
             self.loop, self.clock, say=news.say, why_not_arm=lambda: authority.why_not(self.loop.time())
         )
         self.imu.wire(AutopilotImu(self.autopilot_link.sensors))
-        self.cable.b.on_data = self.autopilot_link.receive
         self.station_link = StationLink(platform.platform, 1, self.loop, self.exchange, self.topics, boot)
         own = self.autopilot_link.own
         self.companion = Companion(own, platform, self.exchange, self.clock, self.loop, boot ^ 1)
         if self.plan.out is not None:
             self.companion.share(Folders({LOGS: SharedLogs(self.plan.out, is_writable=False)}), lambda: False)
-        self.radio.b.on_data = self._serve(self.companion.attach(self.station_link.send))
+        hear = self.companion.attach(self.station_link.send)
         self._heartbeat = HeartbeatSource(
             self.exchange,
             platform.platform,
@@ -284,7 +285,9 @@ class Flight:
             "rig": self.rig,
             **sensors,
             "pictures": self._pictures,
-            "site": Site(platform, self._journal, self._progress, self._reports, boot, self._shelf()),
+            "site": Site(
+                platform, self._journal, self._progress, self._reports, boot, background=Background(shelf=self._shelf())
+            ),
             "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),
             "catalogue": Catalogue(platform, self.topics),
         }
@@ -299,10 +302,16 @@ class Flight:
                 period_s=self.plan.modem_period_s,
             )
             self.modem.b.on_data = self._acoustic.receive
-        self.station_link.open(self.radio.b)
+        station_link = self.station_link
+
+        def take(frames: list[Frame]) -> None:
+            station_link.take(frames)
+            hear(frames)
+
+        station_link.open(self._routed(self.radio.b, take))
         for radio in self._further_radios:
             self._link_to(radio)
-        self.autopilot_link.open(self.cable.b)
+        self.autopilot_link.open(self._routed(self.cable.b, self.autopilot_link.take))
         self.onboard.begin()
 
     def start_station(self, boot: int) -> None:
@@ -323,20 +332,15 @@ class Flight:
 
     def _link_to(self, radio: MemoryLink) -> None:
         link = StationLink(self.name, 1, self.loop, self.exchange, self.topics, self.random.getrandbits(32))
-        radio.b.on_data = link.receive
-        link.open(radio.b)
+        link.open(self._routed(radio.b, link.take))
         self._further_links.append(link)
 
-    def _serve(self, hear: Callable[[list[Frame]], None]) -> Callable[[bytes], None]:
-        """What is heard on the radio goes to our own command interface, and to the services for others."""
-        parser = Parser(is_datagram=True)
-
-        def take(data: bytes) -> None:
-            frames = parser.receive(data)
-            self.station_link.take(frames)
-            hear(frames)
-
-        return take
+    def _routed(self, end: MemoryEnd, take: Callable[[list[Frame]], None]) -> RoutedLink:
+        """A link in memory, from which nothing is passed on."""
+        link = RoutedLink("udpin://0.0.0.0:14550", Router(self.autopilot_link.own), self.loop, take)
+        end.on_data = link.receive
+        link.open(end)
+        return link
 
     def _sensors(self) -> dict[str, Any]:
         """The devices that samplers read."""

@@ -34,9 +34,8 @@ from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.herald import Herald
-from gloc3_onboard.companion.link_watch import LinkWatch
-from gloc3_onboard.companion.own_parameters import own_parameters
-from gloc3_onboard.companion.rate_watch import RateWatch
+from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
+from gloc3_onboard.companion.parameter_table import own_parameters
 from gloc3_onboard.companion.routing import Keep, RoutedLink, keep_nothing
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.event_narration import EventNarration, Report

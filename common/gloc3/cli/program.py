@@ -2,16 +2,26 @@
 
 import gc
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+from cyclopts.help import HelpEntry, HelpPanel
+from rich.console import Console, ConsoleOptions
+from rich.table import Table
+from rich.text import Text
 
 from gloc3 import __version__
 from gloc3.cli.narration import ERROR, narrate
 from gloc3.errors import Gloc3Error, InputError, NotHeard, nearest
 from gloc3.installed import installed_points
+
+if TYPE_CHECKING:
+    from cyclopts import CycloptsError
+
 
 SUMMARIES: Final = {
     "sitl": "Run the simulated vehicle: physics, world and autopilot, on real sockets.",
@@ -115,9 +125,6 @@ def _call(app: Any, arguments: list[str]) -> int:
     from cyclopts import CycloptsError, Parameter
     from rich.console import Console
 
-    from gloc3.cli.help_page import HelpPage
-    from gloc3.cli.wrong_use import explained
-
     app.help_formatter = HelpPage()
     app.default_parameter = Parameter(negative=())
     app.suppress_keyboard_interrupt = False
@@ -155,3 +162,106 @@ def _forget_stdout() -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())
     os.close(null)
+
+
+PLACEHOLDERS: Final = {"FLOAT": "NUMBER", "INT": "NUMBER", "PATH": "PATH"}
+"""What stands for a value, by what the library calls its type; for all others the option's own name does."""
+
+TITLES: Final = {"Parameters": "Options"}
+"""Parts that we call by another name."""
+
+_OF_TYPE: Final = re.compile(r"(--[a-z-]+) ([A-Z]+)")
+"""An option that must be given, with what the library calls its type."""
+
+
+class HelpPage:
+    """Draws the parts of a help page; the library calls it with each."""
+
+    def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
+        """Draws the first line."""
+        text = _OF_TYPE.sub(lambda found: f"{found[1]} {_placeholder(found[1], found[2])}", _plain(usage, console))
+        console.print(f"Usage: {text}", markup=False, highlight=False, soft_wrap=True)
+        console.print()
+
+    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
+        """Draws one part: the commands, the arguments or the options."""
+        entries = [entry for entry in panel.entries if "--help" not in entry.names]
+        if not entries:
+            return
+        console.print(Text(f"{TITLES.get(str(panel.title), panel.title)}:", "bold"))
+        table = Table.grid(padding=(0, 2, 0, 0))
+        table.add_column(no_wrap=True)
+        table.add_column(overflow="fold")
+        for entry in entries:
+            table.add_row(Text(f"  {_label(entry)}"), Text(f"{_plain(entry.description, console)}{_default(entry)}"))
+        console.print(table)
+        console.print()
+
+
+def _label(entry: HelpEntry) -> str:
+    """The name of an entry with a placeholder for its value, such as `--seed NUMBER`."""
+    labels = ", ".join(entry.all_options)
+    if entry.positional_label or entry.metavar is None:
+        return entry.positional_label or labels
+    kind = entry.metavar.removesuffix("...")
+    return f"{labels} {'|'.join(entry.choices) if entry.choices else _placeholder(entry.positive_names[0], kind)}"
+
+
+def _placeholder(option: str, kind: str) -> str:
+    """What stands for the value of an option."""
+    return PLACEHOLDERS.get(kind, option.removeprefix("--").replace("-", "_").upper())
+
+
+def _plain(description: Any, console: Console) -> str:
+    """A description of any kind as text in one line."""
+    if description is None:
+        return ""
+    return " ".join("".join(segment.text for segment in console.render(description)).split())
+
+
+def _default(entry: HelpEntry) -> str:
+    if entry.default in (None, "False", '""'):
+        return ""
+    return f" [default: {entry.default}]"
+
+
+KINDS: Final = {int: "a whole number", float: "a number"}
+
+
+def explained(error: "CycloptsError") -> str:
+    """What is wrong with the arguments, and what would be right."""
+    from cyclopts import (
+        CoercionError,
+        MissingArgumentError,
+        RepeatArgumentError,
+        UnknownCommandError,
+        UnknownOptionError,
+        UnusedCliTokensError,
+    )
+
+    named = error.argument.name if error.argument is not None else ""
+    name = named if named.startswith("--") else named.upper()
+    match error:
+        case UnknownCommandError(unused_tokens=[word, *_]) if error.app is not None:
+            known = [command for command in error.app if not command.startswith("-")]
+            return f"no command {word!r}; {nearest(word, known)}"
+        case UnknownOptionError(token=token):
+            names = [name for argument in error.argument_collection for name in argument.names]
+            known = [name.removeprefix("--") for name in names if name.startswith("--")]
+            word = token.keyword or token.value
+            return f"no option {word}; {nearest(word.lstrip('-'), known)}"
+        case MissingArgumentError():
+            is_alone = named.startswith("--") and named in (error.root_input_tokens or ())
+            return f"{name} needs a value" if is_alone else f"{name} is missing"
+        case CoercionError(token=token) if token is not None:
+            choices = error.argument.get_choices() if error.argument is not None else None
+            kind = KINDS.get(error.target_type) if error.target_type is not None else None
+            if choices:
+                return f"{name} must be {' or '.join(choices)}, not {token.value!r}"
+            if kind is not None:
+                return f"{name} must be {kind}, not {token.value!r}"
+        case RepeatArgumentError(token=token):
+            return f"{token.keyword or name} is given more than once"
+        case UnusedCliTokensError(unused_tokens=[*words]):
+            return f"nothing was expected after the arguments, but there is {' '.join(words)!r}"
+    return str(error).strip()

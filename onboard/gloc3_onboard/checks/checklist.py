@@ -1,13 +1,17 @@
 """The whole list of a platform, from everything that is known of it."""
 
-from gloc3.messages.preflight import Check, in_order
-from gloc3.messages.software import compared
+from collections.abc import Iterator
+from typing import Final
+
+from gloc3.messages.hosts import HostStatus
+from gloc3.messages.preflight import Check, Group, Verdict, in_order
+from gloc3.messages.readiness import SensorCondition
+from gloc3.messages.software import Software, compared
+from gloc3.messages.summaries import WELL, Health
+from gloc3.platform.places import clock_host, host_names, place_of
 from gloc3_onboard.checks.autopilot import autopilot_checks
 from gloc3_onboard.checks.computer import computer_checks
 from gloc3_onboard.checks.failsafes import failsafe_checks
-from gloc3_onboard.checks.hosts import host_checks
-from gloc3_onboard.checks.own_sensors import own_sensor_checks
-from gloc3_onboard.checks.platform_parts import component_checks, mission_checks
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.sensors import sensor_checks
 
@@ -27,3 +31,110 @@ def checklist(readings: Readings) -> list[Check]:
             *(compared(f"station {name}", other, "there") for name, other in readings.stations.items()),
         ]
     )
+
+
+UNSURE_S: Final = 0.02
+"""A time that is known no better than that makes old data look new, and new data old."""
+FORGOTTEN_S: Final = 30.0
+"""So long a host may rely on its last answer from the clock host."""
+
+
+def host_checks(readings: Readings) -> Iterator[Check]:
+    """A line for each host beside the clock host, and one for its time."""
+    platform = readings.platform
+    if readings.components is None:
+        return
+    for host in host_names(platform):
+        if host == clock_host(platform):
+            continue
+        title, found = f"host {host}", readings.hosts.get(host)
+        if found is None or not found.is_here:
+            rows = [row for row in platform.components if place_of(platform, row).host == host]
+            verdict = Verdict.RED if any(row.required for row in rows) else Verdict.WARNING
+            advice = f"start gloc3 onboard there with --host {host}, and look at the network between"
+            yield Check(Group.COMPONENTS, title, verdict, "nothing is heard of it", advice)
+        elif found.status is not None:
+            status = found.status
+            software = Software(status.version, status.protocol)
+            yield compared(title, software, "there", Group.COMPONENTS)
+            yield _time(title, status)
+
+
+def _time(title: str, status: HostStatus) -> Check:
+    known = f"to within {status.clock_bound_s * 1e3:.1f} ms, asked {status.clock_age_s:.0f} s ago"
+    if status.clock_bound_s > UNSURE_S or status.clock_age_s > FORGOTTEN_S:
+        advice = "look at the network between the hosts: answers are late, or do not come"
+        return Check(Group.COMPONENTS, f"{title}: time", Verdict.WARNING, known, advice)
+    return Check(Group.COMPONENTS, f"{title}: time", Verdict.OK, known)
+
+
+GROUP: Final = Group.SENSORS
+SILENT_S: Final = 1.5
+"""A sensor that has brought nothing for so long is not alive; the slowest scanners turn five times a second."""
+NOWHERE: Final = "none://"
+
+
+def own_sensor_checks(readings: Readings) -> Iterator[Check]:
+    """The lines about the sensors that samplers read."""
+    for one in readings.computer.sensors if readings.computer is not None else ():
+        yield _sensor(one, _is_required(readings, one.device))
+        for camera in one.uncalibrated:
+            advice = f"add it to the platform file: cameras: {{{camera}: FILE}}"
+            yield Check(GROUP, f"calibration of {camera}", Verdict.WARNING, "none is given", advice)
+
+
+def _sensor(one: SensorCondition, is_required: bool) -> Check:
+    bad = Verdict.RED if is_required else Verdict.WARNING
+    if one.problem:
+        finding, _, advice = one.problem.removeprefix(f"{one.device}: ").partition("; ")
+        return Check(GROUP, one.device, bad, finding, advice or "docs/sensors.md lists what a source may be")
+    if one.source == NOWHERE:
+        advice = f"give it with --device {one.device}=URL, or under devices: in the platform file"
+        return Check(GROUP, one.device, bad if is_required else Verdict.UNKNOWN, "no source is given", advice)
+    if not one.is_open:
+        return Check(GROUP, one.device, Verdict.OK, f"{one.source}, not opened")
+    if one.age_s < 0.0:
+        return Check(GROUP, one.device, bad, f"nothing has come from {one.source}", "check its cable and power")
+    if one.age_s > SILENT_S:
+        finding = f"silent for {one.age_s:.1f} s, {one.source}"
+        return Check(GROUP, one.device, bad, finding, "check its cable and power")
+    return Check(GROUP, one.device, Verdict.OK, f"alive, {one.source}")
+
+
+def _is_required(readings: Readings, device: str) -> bool:
+    """Whether a component that the platform cannot do without reads the device."""
+    return any(row.required and device in row.devices.values() for row in readings.platform.components)
+
+
+def component_checks(readings: Readings) -> Iterator[Check]:
+    """A line for all components together, and one for each that is not well."""
+    if readings.components is None:
+        return
+    required = [one for one in readings.components if one.is_required]
+    unwell = [one for one in readings.components if one.health not in (WELL if one.is_standby else (Health.WORKING,))]
+    for one in unwell:
+        verdict = Verdict.RED if one.is_required else Verdict.WARNING
+        why = f": {one.cause}" if one.cause else ""
+        advice = "read its error on the Health screen, then initialize and start it"
+        yield Check(Group.COMPONENTS, one.name, verdict, f"{one.health}{why}", advice)
+    well = len(readings.components) - len(unwell)
+    if not any(one.is_required for one in unwell):
+        finding = f"{well} of {len(readings.components)} work, with all {len(required)} that are required"
+        yield Check(Group.COMPONENTS, "all", Verdict.OK, finding)
+
+
+def mission_checks(readings: Readings) -> Iterator[Check]:
+    """Whether there is something to start, and nobody else has the vehicle."""
+    mission = readings.mission
+    if readings.pilot_reason:
+        advice = "resume gives the vehicle back to the mission, when the pilot agrees"
+        yield Check(Group.MISSION, "control", Verdict.WARNING, f"a pilot has it: {readings.pilot_reason}", advice)
+    if readings.components is None:
+        return
+    if mission is None:
+        yield Check(Group.MISSION, "loaded", Verdict.UNKNOWN, "none is loaded", "stream one from a station")
+        return
+    yield Check(Group.MISSION, "loaded", Verdict.OK, f"{mission.name!r}, checked onboard")
+    if readings.fence_problem:
+        advice = "wait for the upload, or stream the mission again"
+        yield Check(Group.MISSION, "fence", Verdict.RED, readings.fence_problem, advice)

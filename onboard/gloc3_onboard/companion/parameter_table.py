@@ -1,7 +1,7 @@
 """Which parameters the onboard computer has: its own, and of each component the rate and the settings that are numbers."""
 
 import typing
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
 from typing import Annotated, Any, Final
 
@@ -10,6 +10,7 @@ import msgspec
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.settings import Settings, field_docs
 from gloc3.mavlink.services.parameter import LONGEST_NAME
+from gloc3.messages.envelope import Severity
 
 MOST_HZ: Final = 1000.0
 _VOWELS: Final = frozenset("AEIOUY")
@@ -148,3 +149,44 @@ def setting_value(row: ParameterRow, value: float, kinds: Mapping[str, Any]) -> 
 def exact(value: float) -> float:
     """The shortest number that a 32-bit float stands for: 0.1 and not 0.10000000149."""
     return float(f"{value:.7g}")
+
+
+class OwnParameter(NamedTuple):
+    """A parameter of the onboard computer itself."""
+
+    row: ParameterRow
+    apply: Callable[[float], None]
+    """Takes a new value."""
+
+
+def own_parameters(tell: Callable[[Severity], None], allow: Callable[[bool], None]) -> list[OwnParameter]:
+    """How severe an event must be to be told as STATUSTEXT, and whether missions can be written over MAVLink FTP.
+
+    Args:
+        tell: takes the least severity.
+        allow: takes whether files may be written.
+    """
+    severity = ParameterRow(
+        name="TEXT_SEVERITY",
+        component="",
+        setting="text_severity",
+        value=float(Severity.WARNING),
+        low=0.0,
+        high=float(Severity.DEBUG),
+        is_whole=True,
+        text="Events of components that are at least so severe are told as STATUSTEXT: 3 error, 4 warning, 6 information.",
+    )
+    writing = ParameterRow(
+        name="FTP_WRITE",
+        component="",
+        setting="ftp_write",
+        value=1.0,
+        low=0.0,
+        high=1.0,
+        is_whole=True,
+        text="Whether files of missions can be written over MAVLink FTP.",
+    )
+    return [
+        OwnParameter(severity, lambda value: tell(Severity(int(value)))),
+        OwnParameter(writing, lambda value: allow(value == 1.0)),
+    ]

@@ -2,18 +2,21 @@
 
 import asyncio
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from math import inf
 from typing import Final, Protocol
 
 from gloc3.clock import monotonic_s
 from gloc3.component.host import ComponentHost
+from gloc3.component.hosted import HUNG
+from gloc3.component.lci import State
 from gloc3.exchange.base import Exchange
-from gloc3.messages.envelope import Severity
+from gloc3.messages.envelope import ComponentStatus, Envelope, Severity
+from gloc3.messages.summaries import WELL, Health, MissionSummary, Summary, VehicleSummary
 from gloc3.platform.platform import Platform
 from gloc3_onboard.service.departure import Departure
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.reload import PlatformReload
-from gloc3_onboard.service.report import ServiceReport
 
 STOPS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -99,3 +102,102 @@ class Service:
             await self._process.renew_network()
             await reload.read_again()
             self._manager.ready()
+
+
+HEARD_WITHIN_S: Final = 3.0
+"""After all have been brought up: who has not been heard by then, such as on another host, is not waited for."""
+
+
+class ServiceReport:
+    """Follows the summaries that the heartbeat is made of too: without these the manager hears nothing.
+
+    READY comes when no component is being brought up any more. The watchdog is fed with each summary, unless a required
+    component hangs and nobody has taken its place: when that lasts, only a new process helps.
+
+    Args:
+        manager: who is told.
+        exchange: brings what is told.
+        platform: whose.
+        is_beginning: whether some component is still being brought up.
+    """
+
+    def __init__(
+        self, manager: ServiceManager, exchange: Exchange, platform: str, is_beginning: Callable[[], bool]
+    ) -> None:
+        self._manager, self._is_beginning, self._platform = manager, is_beginning, platform
+        self._is_ready = self._is_ending = False
+        self._begun_s = inf
+        self._hung: dict[str, str] = {}
+        """Required components that hang, with the cause."""
+        self._in_charge: dict[str, str] = {}
+        """Standbys to the component whose place they have taken."""
+        self._summary: Summary | None = None
+        self._vehicle: VehicleSummary | None = None
+        self._mission: MissionSummary | None = None
+        self._unsubscribes = [
+            exchange.subscribe(f"{platform}/ci/summary", self._take_summary),
+            exchange.subscribe(f"{platform}/ci/vehicle", self._take_vehicle),
+            exchange.subscribe(f"{platform}/ci/mission", self._take_mission),
+            exchange.subscribe(f"{platform}/components/*/status", self._take_status),
+        ]
+
+    def end(self, text: str) -> None:
+        """The process is stopping; from now on the status is this text."""
+        self._is_ending = True
+        self._manager.status(text)
+
+    def close(self) -> None:
+        """Tells nothing any more."""
+        for unsubscribe in self._unsubscribes:
+            unsubscribe()
+        self._unsubscribes.clear()
+
+    def _take_status(self, envelope: Envelope[ComponentStatus]) -> None:
+        status = envelope.payload
+        if status.is_required and status.state is State.FAULTY and status.cause.startswith(HUNG):
+            self._hung[status.name] = status.cause
+        else:
+            self._hung.pop(status.name, None)
+        if status.standby_for:
+            self._in_charge[status.name] = status.standby_for if status.state is State.WORKING else ""
+
+    def _take_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
+        self._vehicle = envelope.payload
+
+    def _take_mission(self, envelope: Envelope[MissionSummary]) -> None:
+        self._mission = envelope.payload
+
+    def _take_summary(self, envelope: Envelope[Summary]) -> None:
+        self._summary = summary = envelope.payload
+        if not self._is_ending:
+            self._manager.status(self._describe(summary))
+        if not self._is_ready and not self._is_beginning():
+            self._begun_s = min(self._begun_s, envelope.t_s)
+            is_heard = all(list(Health)[line.state] is not Health.ABSENT for line in summary.lines)
+            if is_heard or envelope.t_s - self._begun_s > HEARD_WITHIN_S:
+                self._is_ready = True
+                self._manager.ready()
+        if set(self._hung) <= set(self._in_charge.values()):
+            self._manager.alive()
+
+    def _describe(self, summary: Summary) -> str:
+        healths = [list(Health)[line.state] for line in summary.lines]
+        well = sum(health in WELL for health in healths)
+        words = [f"{self._platform} is {summary.health}: {well} of {len(healths)} components work"]
+        words += [f"{name} {cause}" for name, cause in self._hung.items()]
+        vehicle, mission = self._vehicle, self._mission
+        if vehicle is not None:
+            words.append(_vehicle(vehicle))
+        if mission is not None and mission.name:
+            words.append(
+                f"mission {mission.name!r} {mission.state}" + (f", {mission.policy}" if mission.policy else "")
+            )
+        return "; ".join(words)
+
+
+def _vehicle(vehicle: VehicleSummary) -> str:
+    if not vehicle.is_autopilot_connected:
+        return "no autopilot is heard"
+    armed = "armed" if vehicle.is_armed else "disarmed"
+    pilot = ", a pilot has control" if vehicle.has_pilot_control else ""
+    return f"{armed}, {vehicle.landed.replace('_', ' ')}, {vehicle.mode}{pilot}"

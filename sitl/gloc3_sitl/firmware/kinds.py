@@ -2,6 +2,7 @@
 
 import socket
 from collections.abc import Callable, Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +13,6 @@ from gloc3.mavlink.transport.endpoints import parse_url
 from gloc3_sitl.firmware import ardupilot, px4
 from gloc3_sitl.firmware.hil_server import DEFAULT_PORT as HIL_PORT
 from gloc3_sitl.firmware.json_server import DEFAULT_PORT as JSON_PORT
-from gloc3_sitl.firmware.parameters import preset_text, read_parameters, write_parameters
 from gloc3_sitl.firmware.program import Program
 from gloc3_sitl.world import World
 
@@ -191,3 +191,42 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
 }
 """By name."""
+
+
+_FOLDER = "presets"
+
+
+def preset_text(name: str) -> str:
+    """The parameter file of that name.
+
+    Raises:
+        Refused: there is none.
+    """
+    file = files("gloc3_sitl.firmware") / _FOLDER / name
+    if not file.is_file():
+        raise Refused(f"there is no parameter file {name} for this vehicle")
+    return file.read_text()
+
+
+def read_parameters(text: str, name: str = "") -> dict[str, float]:
+    """Reads lines of NAME VALUE, or NAME,VALUE; what follows a # is a remark.
+
+    Raises:
+        Refused: a line has another form; with its number.
+    """
+    found: dict[str, float] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            key, value = words
+            found[key] = float(value)
+        except ValueError:
+            raise Refused(f"{name}:{number}: {line.strip()!r} is not NAME VALUE") from None
+    return found
+
+
+def write_parameters(file: Path, parameters: Mapping[str, float]) -> None:
+    """Writes lines of NAME VALUE."""
+    file.write_text("".join(f"{name} {value:.10g}\n" for name, value in parameters.items()))

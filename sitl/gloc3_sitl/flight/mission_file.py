@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from gloc3.documents.document import load_bytes, parse
-from gloc3.errors import Finding, InputError, Refused
+from gloc3.errors import Finding, Gloc3Error, InputError, Refused
 from gloc3.messages.frames import GeoPoint
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.checking.estimate import Estimate
@@ -12,7 +12,6 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.mission.model.model import GEO, Mission
 from gloc3.platform.platform import Platform
-from gloc3_sitl.flight.earth import home_of
 from gloc3_sitl.vehicles.table import vehicle_named
 
 HOLD: Final = "hold"
@@ -123,3 +122,22 @@ def looks_down(platform: Platform, mission: Mission) -> bool:
         for row in platform.components
         for name in row.load_class().inputs
     )
+
+
+DEFAULT_ALTITUDE_M = 488.0
+"""Altitude of open ground when the mission does not say it, above mean sea level."""
+
+
+def home_of(mission: Mission) -> GeoPoint:
+    """The first place of a mission in frame geo, on the ground.
+
+    Raises:
+        Gloc3Error: the mission has no position.
+    """
+    for action in mission.actions().values():
+        for field in ("waypoints", "position", "at", "area", "wall", "to"):
+            value = getattr(action.arguments, field, None)
+            if value:
+                latitude, longitude = (value[0] if isinstance(value[0], tuple) else value)[:2]
+                return GeoPoint(latitude, longitude, DEFAULT_ALTITUDE_M)
+    raise Gloc3Error(f"the mission {mission.name!r} names no place on Earth")

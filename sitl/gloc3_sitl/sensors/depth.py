@@ -5,7 +5,7 @@ from typing import Final
 from gloc3.messages.frames import GRAVITY_M_S2, GeoPoint, Vector3
 from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.noise import Wander
-from gloc3_sitl.sensors.readings import BarometerReading
+from gloc3_sitl.sensors.readings import BarometerReading, LeakReading
 from gloc3_sitl.sensors.sensor import Sensor
 
 DENSITY_KG_M3: Final = 1025.0
@@ -44,3 +44,24 @@ class DepthSensor(Sensor[BarometerReading]):
     def _reading(self, t_s: float, height_m: float) -> BarometerReading:
         pressure_pa = SURFACE_PA - DENSITY_KG_M3 * GRAVITY_M_S2 * height_m
         return BarometerReading(t_s=t_s, pressure_pa=pressure_pa, altitude_m=self._surface_m + height_m)
+
+
+class LeakSensor(Sensor[LeakReading]):
+    """Dry, until a fault says otherwise: `sensor:leak=biased`."""
+
+    name = "leak"
+    fault_unit = "no unit"
+    bias_size = 1.0
+    noise_size = 1.0
+
+    def __init__(self, seed: int, rate_hz: float = 2.0) -> None:
+        super().__init__(seed, rate_hz)
+
+    def measure(self, motion: Motion, t_s: float) -> LeakReading:
+        """Dry."""
+        del motion
+        return LeakReading(t_s=t_s, is_wet=False)
+
+    def shift(self, reading: LeakReading, offset: Vector3) -> LeakReading:
+        """Wet, whatever the size."""
+        return LeakReading(t_s=reading.t_s, is_wet=any(offset))

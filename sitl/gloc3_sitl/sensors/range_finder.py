@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.physics.truth import Motion, Truth
 from gloc3_sitl.sensors.readings import RangeReading
 from gloc3_sitl.sensors.sensor import Sensor
 
@@ -74,3 +74,50 @@ class RangeFinder(Sensor[RangeReading]):
             max_m=self.max_m,
             mount_height_m=self.mount_height_m,
         )
+
+
+RESOLUTION: Final = 0.005
+"""Deviation as a share of the range; the Ping1D class resolves 0.5 % of it."""
+
+
+class Altimeter(RangeFinder):
+    """Noise that grows with the range; no echo out of range or with a large tilt. The ranges are those of the Ping1D class."""
+
+    min_m = 0.3
+    max_m = 100.0
+
+    def __init__(self, seed: int, rate_hz: float = 10.0, probe: Probe = level_ground) -> None:
+        super().__init__(seed, rate_hz, probe)
+
+    def measure(self, motion: Motion, t_s: float) -> RangeReading:
+        """Distance along the beam to the floor, or whatever stands on it."""
+        truth = motion.truth()
+        if upright(truth) < COSINE_MIN:
+            return self._reading(t_s, NO_ECHO_M)
+        return self._reading(t_s, self._probe(truth, 0.0) * (1.0 + RESOLUTION * self._draw()))
+
+
+NOISE_M: Final = 0.01
+"""White noise; the LIDAR-Lite v3HP class states 1 cm of resolution."""
+BIAS_M: Final = 0.01
+"""Deviation of the constant error; that class states ±2.5 cm of accuracy."""
+
+
+class HeightSensor(RangeFinder):
+    """White noise and a constant error; no echo out of range or with a large tilt. The ranges are those of that class."""
+
+    min_m = 0.05
+    max_m = 40.0
+    mount_height_m = 0.10
+
+    def __init__(self, seed: int, rate_hz: float = 20.0, probe: Probe = level_ground) -> None:
+        super().__init__(seed, rate_hz, probe)
+        self._bias_m = BIAS_M * self._draw()
+
+    def measure(self, motion: Motion, t_s: float) -> RangeReading:
+        """Distance along the beam to the ground, or whatever stands on it."""
+        truth = motion.truth()
+        error_m = self._bias_m + NOISE_M * self._draw()
+        if upright(truth) < COSINE_MIN:
+            return self._reading(t_s, NO_ECHO_M)
+        return self._reading(t_s, self._probe(truth, truth.standing_height_m - self.mount_height_m) + error_m)

@@ -9,10 +9,9 @@ from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.barometer import Barometer
 from gloc3_sitl.sensors.battery import Battery, Pack
 from gloc3_sitl.sensors.fix import PLAIN_GPS, RTK, FixSensor
-from gloc3_sitl.sensors.height import HeightSensor
 from gloc3_sitl.sensors.imu import Imu
 from gloc3_sitl.sensors.magnetometer import Magnetometer
-from gloc3_sitl.sensors.range_finder import Probe, level_ground
+from gloc3_sitl.sensors.range_finder import HeightSensor, Probe, level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.sensor import FaultMode, Sensor
 from gloc3_sitl.vehicles import PELICAN

@@ -28,13 +28,12 @@ from gloc3_sitl.physics.rover import SkidRover
 from gloc3_sitl.physics.underwater import UnderwaterVehicle
 from gloc3_sitl.physics.vessel import Vessel
 from gloc3_sitl.sensors.airspeed import Airspeed
-from gloc3_sitl.sensors.altimeter import Altimeter
 from gloc3_sitl.sensors.battery import Pack
 from gloc3_sitl.sensors.compass import Compass
-from gloc3_sitl.sensors.depth import DepthSensor
-from gloc3_sitl.sensors.leak import LeakSensor
+from gloc3_sitl.sensors.depth import DepthSensor, LeakSensor
+from gloc3_sitl.sensors.fix import SurfaceFix
+from gloc3_sitl.sensors.range_finder import Altimeter
 from gloc3_sitl.sensors.sensor import Sensor
-from gloc3_sitl.sensors.surface_fix import SurfaceFix
 from gloc3_sitl.sensors.wheels import WheelEncoders
 from gloc3_sitl.vehicles import HUMMINGBIRD, PELICAN, MultirotorModel
 from gloc3_sitl.vehicles.aerosonde import AEROSONDE

@@ -1,6 +1,7 @@
 """Takes the pictures of one camera: draws the scene, blurs it, bends it as the lens does, exposes it, adds noise."""
 
-from typing import Final
+from math import floor
+from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
@@ -8,17 +9,96 @@ import numpy as np
 from gloc3.camera.geometry import matrix
 from gloc3.camera.model import CameraModel
 from gloc3.camera.opencv import load_opencv
-from gloc3_sitl.world.grains import Grains
+from gloc3_sitl.world.cloth import RIM_PX, Level
+from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.light import Light
-from gloc3_sitl.world.model import Exposure
+from gloc3_sitl.world.model import Dust, Exposure
 from gloc3_sitl.world.optics import Canvas, Optics
-from gloc3_sitl.world.patches import View
+from gloc3_sitl.world.patches import Patch, Pinhole, View, Viewer, spot_m
 from gloc3_sitl.world.placing import Place
-from gloc3_sitl.world.renderer import Renderer
 from gloc3_sitl.world.sheets import Sheets
 from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
+
+_MARGIN_PX: Final = 6.0
+"""So far beyond its outline a patch may look on its texture: the pixels at the edge are only partly on it."""
+
+
+class Renderer:
+    """Draws one world in grey."""
+
+    def __init__(self, sheets: Sheets, pinhole: Pinhole) -> None:
+        self._cv2 = load_opencv()
+        self._sheets, self._pinhole = sheets, pinhole
+        self._viewer = Viewer(sheets, pinhole)
+
+    def draw(self, view: View, light: Light | None = None) -> Image:
+        """The picture from a place; what is not there is black.
+
+        Args:
+            view: where the camera is.
+            light: the light; None for the textures as they are.
+        """
+        image: Image = np.zeros((self._pinhole.height, self._pinhole.width), np.uint8)
+        patches = list(self._viewer.patches(view))
+        if light is None or light.is_even:
+            for patch in patches:
+                self._paste(image, self._drawn(patch), patch)
+            return image
+        glows = light.glows(self._sheets, patches, np.array(view.eye_m))
+        light.meter(patches, glows)
+        for patch, glow in zip(patches, glows, strict=True):
+            self._paste(image, light.apply(self._cv2, self._drawn(patch), glow), patch)
+        return image
+
+    def _drawn(self, patch: Patch) -> Image:
+        """The region of a patch, all of it covered with its texture."""
+        cv2 = self._cv2
+        left, top, right, bottom = patch.region
+        level = self._sheets.cloths[patch.sheet].level(patch.pixel_m)
+        sheet, texture_from_m, border = self._placed(patch, level)
+        from_region = np.array([[1.0, 0.0, left], [0.0, 1.0, top], [0.0, 0.0, 1.0]])
+        drawn: Image = cv2.warpPerspective(
+            sheet,
+            texture_from_m @ patch.m_from_image @ from_region,
+            (right - left, bottom - top),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=border,
+        )
+        return drawn
+
+    def _placed(self, patch: Patch, level: Level) -> tuple[Image, Floats, int]:
+        """The part of the cloth that a patch bears: the picture, the map of metres into it, the rule at its border."""
+        cv2, scale = self._cv2, level.scale_px_m
+        start_x, start_y = self._sheets.starts_m[patch.sheet]
+        shift_x, shift_y = start_x * scale - 0.5, start_y * scale - 0.5
+        if not self._sheets.cloths[patch.sheet].is_repeated:
+            return level.sheet, _scaling(scale, shift_x + RIM_PX, shift_y + RIM_PX), cv2.BORDER_CONSTANT
+        spots = [spot_m(patch, column, row) for column, row in patch.outline_px]
+        columns, rows = [x * scale + shift_x for x, _ in spots], [y * scale + shift_y for _, y in spots]
+        period_x, period_y = level.period_px
+        back_x = floor((min(columns) - _MARGIN_PX) / period_x) * period_x
+        back_y = floor((min(rows) - _MARGIN_PX) / period_y) * period_y
+        down, across = level.sheet.shape
+        shift_x, shift_y = shift_x - back_x, shift_y - back_y
+        if max(columns) - back_x + _MARGIN_PX > across - RIM_PX or max(rows) - back_y + _MARGIN_PX > down - RIM_PX:
+            return level.bare, _scaling(scale, shift_x, shift_y), cv2.BORDER_WRAP
+        return level.sheet, _scaling(scale, shift_x + RIM_PX, shift_y + RIM_PX), cv2.BORDER_CONSTANT
+
+    def _paste(self, image: Image, drawn: Image, patch: Patch) -> None:
+        """Copies a region into the picture, as far as its patch reaches."""
+        left, top, right, bottom = patch.region
+        cut = image[top:bottom, left:right]
+        mask = np.zeros(cut.shape, np.uint8)
+        points = [[round((column - left) * 16.0), round((row - top) * 16.0)] for column, row in patch.outline_px]
+        self._cv2.fillConvexPoly(mask, np.array(points, np.int32), 255, self._cv2.LINE_8, 4)
+        self._cv2.copyTo(drawn, mask, cut)
+
+
+def _scaling(scale: float, shift_x: float, shift_y: float) -> Floats:
+    return np.array([[scale, 0.0, shift_x], [0.0, scale, shift_y], [0.0, 0.0, 1.0]])
+
 
 _NOISE_SPAN: Final = 256
 
@@ -107,3 +187,52 @@ class Studio:
         slot = int(t_s / exposure.jump_every_s)
         share = np.random.Generator(np.random.PCG64([self._seed, 0xE45, slot])).uniform(-1.0, 1.0)
         return float(exposure.jump**share)
+
+
+_CUBE_M: Final = 4.0
+"""The same cube of grains fills all of the world."""
+_DRIFT_M_S: Final = (0.06, -0.04, -0.03)
+_NEAR_M: Final = 0.15
+_FAR_M: Final = 1.9
+_RADIUS_M: Final = 0.002
+
+
+class Grains:
+    """Grains at seeded places, that drift."""
+
+    def __init__(self, dust: Dust, seed: int) -> None:
+        random = np.random.Generator(np.random.PCG64([seed, 0xD057]))
+        self._places = random.uniform(0.0, _CUBE_M, (round(dust.grains_per_m3 * _CUBE_M**3), 3))
+        self._drift = np.array(_DRIFT_M_S)
+        self._grey = dust.grain_grey
+
+    def __bool__(self) -> bool:
+        return len(self._places) > 0
+
+    def draw(self, cv2: Any, image: Image, pinhole: Pinhole, view: View) -> None:
+        """Brightens a picture where grains are."""
+        for column, row, depth_m in self._seen(pinhole, view):
+            radius_px = max(0.7, _RADIUS_M * pinhole.focal_px[0] / depth_m)
+            half = int(2.5 * radius_px) + 1
+            left, top = int(column) - half, int(row) - half
+            cut = image[max(0, top) : top + 2 * half + 1, max(0, left) : left + 2 * half + 1]
+            if not cut.size:
+                continue
+            rows = np.arange(max(0, top), max(0, top) + cut.shape[0]) - row
+            columns = np.arange(max(0, left), max(0, left) + cut.shape[1]) - column
+            square = rows[:, None] ** 2 + columns**2
+            spot = self._grey * min(1.0, 0.25 / depth_m**2) * np.exp(-square / (2.0 * radius_px**2))
+            cv2.add(cut, spot.astype(np.uint8), dst=cut)
+
+    def _seen(self, pinhole: Pinhole, view: View) -> list[tuple[float, float, float]]:
+        """Column, row and depth of those in view."""
+        eye = np.array(view.eye_m)
+        away = (self._places + self._drift * view.t_s - eye + _CUBE_M / 2.0) % _CUBE_M - _CUBE_M / 2.0
+        right, down, forward = (away @ view.rdf_from_local.T).T
+        near = (forward > _NEAR_M) & (np.linalg.norm(away, axis=1) < _FAR_M)
+        right, down, forward = right[near], down[near], forward[near]
+        (focal_x, focal_y), (center_x, center_y) = pinhole.focal_px, pinhole.center_px
+        columns, rows = center_x + focal_x * right / forward, center_y + focal_y * down / forward
+        inside = (columns > -20) & (columns < pinhole.width + 20) & (rows > -20) & (rows < pinhole.height + 20)
+        found: Floats = np.column_stack([columns, rows, forward])[inside]
+        return [(float(column), float(row), float(depth)) for column, row, depth in found]

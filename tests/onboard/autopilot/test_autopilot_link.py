@@ -19,7 +19,7 @@ from gloc3.messages.vehicle import FlightMode, LandedState, Style
 from gloc3_onboard.autopilot.commands import KEPT, NOBODY
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE
-from gloc3_onboard.companion.rate_watch import RateWatch
+from gloc3_onboard.companion.link_watch import RateWatch
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])

@@ -23,11 +23,10 @@ from gloc3.mission.formats.items import FenceArea
 from gloc3.mission.formats.items import Plan as PlanFile
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.companion.companion import Companion
+from gloc3_onboard.companion.companion import MOST, PERIOD_S, Companion, Reasons
 from gloc3_onboard.companion.files import MemoryFiles
 from gloc3_onboard.companion.parameter_table import ParameterRow, exact, rows_of, short_name
-from gloc3_onboard.companion.plan_items import Verdict, fence_of, items_of, judge, plan_of
-from gloc3_onboard.companion.reasons import MOST, PERIOD_S, Reasons
+from gloc3_onboard.companion.plans import Verdict, fence_of, items_of, judge, plan_of
 
 CIRCUMSTANCES: dict[str, Any] = {
     "platform": load_platform("pelican_rtk"),

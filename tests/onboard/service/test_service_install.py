@@ -13,9 +13,8 @@ from gloc3.cli.program import run
 from gloc3.errors import Refused
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.cli.onboard_options import OnboardOptions
-from gloc3_onboard.service.install import make_plan
+from gloc3_onboard.service.install import advice, make_plan, rule, usb_device
 from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, modules, nodes
-from gloc3_onboard.service.udev import advice, rule, usb_device
 from gloc3_onboard.service.unit import Unit, quoted
 
 MOST_EXPOSURE = 2.0

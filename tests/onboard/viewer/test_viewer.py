@@ -23,9 +23,7 @@ from gloc3.platform.reader import load_platform
 from gloc3_onboard.process.taps import ExchangeTaps
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_onboard.viewer.leases import MOST_STATIONS, Leases
-from gloc3_onboard.viewer.previews import fit
-from gloc3_onboard.viewer.rate_meter import RateMeter
-from gloc3_onboard.viewer.viewer import Viewer
+from gloc3_onboard.viewer.viewer import RateMeter, Viewer, fit
 
 TABLE = TopicTable.installed()
 PORTS: dict[str, str | list[str]] = {

@@ -16,8 +16,8 @@ from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.front import Front
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Send
 from gloc3_sitl.autopilot.styles.px4 import PX4
-from gloc3_sitl.sensors.height import HeightSensor
 from gloc3_sitl.sensors.magnetic_field import declination_deg
+from gloc3_sitl.sensors.range_finder import HeightSensor
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
     BatteryReading,

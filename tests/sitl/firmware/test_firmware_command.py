@@ -18,7 +18,7 @@ from gloc3.errors import Refused
 from gloc3_sitl.cli.sitl import app
 from gloc3_sitl.firmware import pace
 from gloc3_sitl.firmware.body import BodySettings
-from gloc3_sitl.firmware.parameters import preset_text, read_parameters
+from gloc3_sitl.firmware.kinds import preset_text, read_parameters
 from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
 from gloc3_sitl.world import World
 

@@ -10,8 +10,7 @@ from gloc3.errors import Refused
 from gloc3_onboard.sources.dvl import DvlSource
 from gloc3_onboard.sources.url import parse_source
 from gloc3_sitl.physics.truth import Truth
-from gloc3_sitl.sensors.dvl_wire import WIRES
-from gloc3_sitl.vehicles.dvl_server import DvlServer, read_dvl
+from gloc3_sitl.vehicles.dvl_server import WIRES, DvlServer, read_dvl
 from gloc3_sitl.vehicles.simulator import Simulator
 from gloc3_sitl.world import World
 

@@ -9,7 +9,7 @@ import pytest
 
 from gloc3.messages.frames import GeoPoint, TangentPlane, from_euler, rotate
 from gloc3_sitl.physics.truth import Truth
-from gloc3_sitl.sensors import barometer, battery, fix, height, imu, magnetometer
+from gloc3_sitl.sensors import barometer, battery, fix, imu, magnetometer, range_finder
 from gloc3_sitl.sensors.magnetic_field import declination_deg, field_ned_tesla, inclination_deg
 from gloc3_sitl.sensors.readings import FixKind
 from gloc3_sitl.vehicles import PELICAN
@@ -85,11 +85,11 @@ def test_the_magnetometer_sees_the_field_in_body_axes(still: Still, home: GeoPoi
 
 
 def test_the_height_sensor_measures_along_its_beam_and_only_within_its_range(still: Still) -> None:
-    sensor = height.HeightSensor(2)
+    sensor = range_finder.HeightSensor(2)
     level = [sensor.measure(still(), i / 20) for i in range(1000)]
     assert all(reading.is_valid for reading in level)
-    assert fmean(r.distance_m - r.mount_height_m for r in level) == pytest.approx(3.0, abs=3 * height.BIAS_M)
-    assert stdev([r.distance_m for r in level]) == pytest.approx(height.NOISE_M, rel=0.1)
+    assert fmean(r.distance_m - r.mount_height_m for r in level) == pytest.approx(3.0, abs=3 * range_finder.BIAS_M)
+    assert stdev([r.distance_m for r in level]) == pytest.approx(range_finder.NOISE_M, rel=0.1)
     tilted = sensor.measure(still(attitude_wxyz=from_euler(0.5, 0.0, 2.0)), 50.0)
     assert tilted.distance_m == pytest.approx(3.1 / cos(0.5), abs=0.06)
     for truth in (still(height_above_ground_m=60.0), still(attitude_wxyz=from_euler(1.3, 0.0, 0.0))):

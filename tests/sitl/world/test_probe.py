@@ -7,8 +7,7 @@ import msgspec
 import pytest
 
 from gloc3_sitl.physics.truth import Truth
-from gloc3_sitl.sensors.height import HeightSensor
-from gloc3_sitl.sensors.range_finder import level_ground
+from gloc3_sitl.sensors.range_finder import HeightSensor, level_ground
 from gloc3_sitl.world import World
 from gloc3_sitl.world.probe import WorldProbe
 

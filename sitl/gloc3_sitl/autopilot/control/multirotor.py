@@ -5,10 +5,9 @@ from typing import Final
 from gloc3.errors import Misuse
 from gloc3.messages.frames import GRAVITY_M_S2
 from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
-from gloc3_sitl.autopilot.control.attitude import AttitudeController, attitude_for
 from gloc3_sitl.autopilot.control.mixer import IDLE, Mixer, Throttles
 from gloc3_sitl.autopilot.control.position import PositionController
-from gloc3_sitl.autopilot.control.rates import RateController
+from gloc3_sitl.autopilot.control.rates import AttitudeController, RateController, attitude_for
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.periods import OUTER_S, OUTER_STEPS, STEP_S

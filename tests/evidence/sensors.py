@@ -20,7 +20,7 @@ from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.sensors.checks.frame_check import FrameCheck
 from gloc3_onboard.sensors.checks.scan_check import checked_scan
 from gloc3_onboard.sources.euroc import stereo_records
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 TESTS = (
@@ -76,7 +76,7 @@ def scan_cost_ms() -> float:
 def imu_stamps(style: str) -> dict[str, Any]:
     """Rate of an autopilot's inertial unit and how its clock is mapped to ours, 20 s of a link with 5 ms of jitter."""
     loop = VirtualLoop()
-    simulator = Simulator(World.load("hold"), style=style, seed=2)
+    simulator = Simulator(World.load("hold"), SimulatorSettings(style=style, seed=2))
     cable = MemoryLink(loop, Random(5), Conditions(latency_s=0.002, jitter_s=0.005))
     cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
     link = AutopilotLink(loop, Clock(loop))

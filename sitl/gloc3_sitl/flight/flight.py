@@ -68,7 +68,7 @@ from gloc3_sitl.flight.sim_imu import SimImu
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.physics.water import rough
 from gloc3_sitl.physics.wind import CALM, Wind
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.vehicles.table import style_of, vehicle_of
 from gloc3_sitl.world import World
 
@@ -213,10 +213,9 @@ class Flight:
     def _simulator(self, world: World) -> Simulator | FirmwareInStep:
         plan, is_without_gps = self.plan, is_without_satellites(self.platform)
         if plan.is_firmware:
-            settings = BodySettings(vehicle=self.vehicle, seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
-            return FirmwareInStep(world, settings, plan.parameters, plan.out)
-        return Simulator(
-            world,
+            body = BodySettings(vehicle=self.vehicle, seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
+            return FirmwareInStep(world, body, plan.parameters, plan.out)
+        settings = SimulatorSettings(
             vehicle=self.vehicle,
             style=plan.autopilot or None,
             seed=plan.seed,
@@ -226,6 +225,7 @@ class Flight:
             battery_remaining=plan.battery,
             parameters=plan.parameters,
         )
+        return Simulator(world, settings)
 
     async def __aenter__(self) -> Self:
         """Starts everything."""

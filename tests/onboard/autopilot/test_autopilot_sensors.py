@@ -20,7 +20,7 @@ from gloc3_onboard.autopilot.sensor_devices import AutopilotImu, DistanceSensors
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.components.samplers.imu import ImuSampler
 from gloc3_onboard.components.samplers.laser import LaserSampler
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
@@ -180,7 +180,7 @@ def test_messages_are_asked_for_when_a_sampler_starts_and_its_samples_come_from_
 @STYLES
 def test_the_simulated_autopilot_tells_its_inertial_unit_to_the_sampler(style: str) -> None:
     with Bench() as bench:
-        simulator = Simulator(World.load("hold"), style=style, seed=4)
+        simulator = Simulator(World.load("hold"), SimulatorSettings(style=style, seed=4))
         cable = MemoryLink(bench.loop, Random(1), Conditions(latency_s=0.002))
         cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
         said: list[str] = []

@@ -21,7 +21,6 @@ from gloc3.component.context import HostContext
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import Publisher
 from gloc3.log.record import PLATFORM_FILE, Recorder
-from gloc3.log.store import MemoryRecords
 from gloc3.mavlink.codec import Frame, Parser
 from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryLink
 from gloc3.messages.envelope import Envelope, Message
@@ -32,7 +31,8 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.reader import Surroundings, load_mission
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform, load_platform
+from gloc3.platform.reader import load_platform, whole_text
+from gloc3.store import MemoryRecords
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
@@ -185,7 +185,7 @@ class Flight:
         self.log_path.parent.mkdir(parents=True, exist_ok=True)
         metadata = {"platform": self.platform.platform, "autopilot": self.autopilot, "seed": str(self.plan.seed)}
         recorder = Recorder(self.log_path, self.clock, self.topics, metadata, flush_s=FLUSH_S)
-        recorder.attach_file(PLATFORM_FILE, "application/yaml", find_platform(self.plan.platform).read_bytes())
+        recorder.attach_file(PLATFORM_FILE, "application/yaml", whole_text(self.plan.platform).encode())
         recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
         recorder.attach(self.exchange, self.loop)
         return recorder

@@ -8,7 +8,8 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from tests.evidence.page import ROOT, Bar, Figure, Progress
+from tests.data_folders import PICTURES
+from tests.evidence.page import Bar, Figure, Progress
 from tests.evidence.suites import suite
 
 from gloc3.clock import Clock, VirtualLoop
@@ -34,7 +35,7 @@ TESTS = (
     "tests/onboard/process/test_onboard_on_logs.py",
     "tests/onboard/calibration",
 )
-REST = ROOT.parent / "shared" / "data" / "images" / "euroc_rest"
+REST = PICTURES / "euroc_rest"
 ROUNDS = 400
 
 

@@ -18,7 +18,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages.envelope import Message
+from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.topics import TopicTable
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import Mission
@@ -34,12 +34,12 @@ from gloc3_onboard.process.runner import HOST_DEVICES
 from gloc3_sitl.faults.sabotage import Sabotage, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
+from gloc3_sitl.flight.log import FlightLog
 from gloc3_sitl.flight.mission_file import is_without_satellites, place_for
+from gloc3_sitl.flight.onboard_process import FlightProcess
+from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
-from gloc3_sitl.flight_log import FlightLog
-from gloc3_sitl.flight_plan import FlightPlan
-from gloc3_sitl.flight_process import FlightProcess
-from gloc3_sitl.flight_truth import FlightTruth
+from gloc3_sitl.flight.truth import FlightTruth
 from gloc3_sitl.physics.water import rough
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
 from gloc3_sitl.vehicles.table import style_of, vehicle_of

@@ -1,10 +1,11 @@
 """The onboard process of a flight in virtual time: the assembly of `gloc3 onboard`, on links and devices in memory."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from random import Random
 from typing import Any, Final
 
 from gloc3.component.context import HostContext
+from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.log.store import MemoryRecords
 from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
 from gloc3.mission.model.model import Mission
@@ -16,19 +17,16 @@ from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Create, Onboard
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
 from gloc3_onboard.sources.asked import NOWHERE
+from gloc3_sitl.flight.log import FlightLog
 from gloc3_sitl.flight.mission_file import looks_down
+from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_devices import NoCamera
 from gloc3_sitl.flight.sim_imu import SimImu
 from gloc3_sitl.flight.sim_rig import SimRig
-from gloc3_sitl.flight_log import FlightLog
-from gloc3_sitl.flight_plan import FlightPlan
 
 AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
 AUTOPILOT_URL: Final = "udpin://0.0.0.0:14540"
 """What the cable is called; the onboard process's usual one."""
-STATION_URL: Final = "udpout://station:14550"
-RADIO_BIT_S: Final = 57_600
-"""What a link to a station carries, where the plan does not say otherwise."""
 BITS_PER_BYTE: Final = 10.0
 SIMULATED: Final = "simulated"
 """What stands for the source of a sensor."""
@@ -120,9 +118,9 @@ class FlightProcess:
         self.imu.wire(AutopilotImu(vehicle.autopilot.sensors))
         self._open(links.cable.b, vehicle.attach_autopilot())
         if plan.has_station:
-            self._open(links.radio.b, vehicle.attach_station(self._station_url(links.radio)))
-        for radio in links.further:
-            self._open(radio.b, vehicle.attach_station(self._station_url(radio)))
+            self._open_station(1, links.radio)
+        for number, radio in enumerate(links.further, 2):
+            self._open_station(number, radio)
         if plan.modem_period_s:
             self._open(links.modem.b, vehicle.attach_modem(period_s=plan.modem_period_s))
         if plan.out is not None:
@@ -146,7 +144,7 @@ class FlightProcess:
         """One more link to a station; the station's end is `a`."""
         radio = self.links.add_radio()
         if self.onboard is not None:
-            self._open(radio.b, self.vehicle.attach_station(self._station_url(radio)))
+            self._open_station(1 + len(self.links.further), radio)
         return radio
 
     def _open(self, end: MemoryEnd, attachment: Attachment) -> None:
@@ -154,13 +152,14 @@ class FlightProcess:
         end.on_data = attachment.receive
         attachment.open(end)
 
-    def _station_url(self, radio: MemoryLink) -> str:
-        conditions = self._plan.station_link
-        rate_bit_s = RADIO_BIT_S
+    def _open_station(self, number: int, radio: MemoryLink) -> None:
+        """A radio with a limit is paced as the one that it is; else only our own frames are, as on the usual radio."""
+        url, conditions = f"udpout://station-{number}:14550", self._plan.station_link
+        budget: LinkBudget | None = RADIO
         if conditions.bandwidth_bit_s is not None:
             rate_bit_s = round(conditions.bandwidth_bit_s / conditions.bits_per_byte * BITS_PER_BYTE)
-        number = 1 + self.links.further.index(radio) + 1 if radio in self.links.further else 1
-        return f"{STATION_URL[:-1]}{number}?rate={rate_bit_s}"
+            url, budget = f"{url}?rate={rate_bit_s}", None
+        self._open(radio.b, self.vehicle.attach_station(url, budget))
 
     def _sensors(self) -> Sensors:
         """The simulated sensors; of a camera below, whose pictures no action looks at, none are drawn."""

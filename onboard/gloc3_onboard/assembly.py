@@ -16,7 +16,6 @@ from gloc3.component.deployment import ComponentRow
 from gloc3.evaluation.requested_path import RequestedPath
 from gloc3.exchange.link_budget import budget_of
 from gloc3.exchange.tunnel.pacing import LinkBudget
-from gloc3.log.store import Records
 from gloc3.mavlink.codec import Frame, MavlinkMessage
 from gloc3.mavlink.router import Router
 from gloc3.mavlink.services.ftp_files import Files
@@ -27,6 +26,7 @@ from gloc3.messages.command_interface import StationRole
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import LinkCondition
 from gloc3.platform.platform import Platform
+from gloc3.store import Records
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews

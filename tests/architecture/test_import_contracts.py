@@ -20,13 +20,13 @@ ROOT = Path(__file__).parents[2]
 HEAVY = ("textual", "jsbsim", "matplotlib", "cv2", "mavsdk", "scipy", "pytest")
 """What may only be loaded where it is used."""
 
-# Programs are left out, and what only works with an extra.
+# Programs are left out.
 LOADER = """
 import importlib, json, pkgutil, sys
 for name in sys.argv[1:]:
     package = importlib.import_module(name)
     for module in pkgutil.walk_packages(getattr(package, "__path__", []), name + "."):
-        if not module.name.endswith(("__main__", ".compiled_line")):
+        if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
 print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
 """

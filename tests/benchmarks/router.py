@@ -25,7 +25,6 @@ from typing import NamedTuple
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message, shape
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.services.compiling import can_compile, kept_at, prepare
 from gloc3.mavlink.transport.endpoints import open_endpoint
 from gloc3.mavlink.transport.udp import enlarge
 from gloc3_onboard.companion.routing import RoutedLink
@@ -245,9 +244,7 @@ def one_round(scratch: Path) -> dict[str, dict[Stream, Passed]]:
 
 
 def measure(rounds: int = ROUNDS) -> list[dict[str, dict[Stream, Passed]]]:
-    """Some rounds, with our loop compiled, as it is from the second start on a computer."""
-    if can_compile():
-        prepare(kept_at())
+    """Some rounds."""
     with tempfile.TemporaryDirectory() as folder:
         return [one_round(Path(folder)) for _ in range(rounds)]
 

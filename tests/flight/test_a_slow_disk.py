@@ -10,9 +10,9 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.log.store import MemoryRecords
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3.mission.model.states import ActionState
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
 
 pytestmark = ONE_STYLE

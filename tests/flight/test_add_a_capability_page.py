@@ -14,8 +14,8 @@ from tests.flight.missions import platform as heron
 from gloc3.documents.document import parse
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.model.arguments import argument_kinds
-from gloc3.mission.model.capability_lines import capability_line
 from gloc3.mission.reading.mission_schema import mission_schema
+from gloc3.mission.showing.capability_lines import capability_line
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import read_platform
 from gloc3_groundstation.missions.forms import form_for

@@ -6,7 +6,7 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission
 
-from gloc3.log.store import MemoryRecords
+from gloc3.store import MemoryRecords
 
 HOME_M = 0.3
 ACTIVE, CRITICAL = 4, 5

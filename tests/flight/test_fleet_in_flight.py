@@ -191,7 +191,10 @@ def test_the_logs_tell_who_commanded_what(plan: Plan, tmp_path: Path) -> None:
         ("254", "Emergency", "accepted"),
     ]
     text = render_commands(commands)
-    assert "operator 254: Steer start: refused: station 255 holds control; ask for control first" in text
+    assert (
+        "operator 254 (udpout://station-2:14550): Steer start: refused: station 255 holds control; ask for control first"
+        in text
+    )
     assert "Emergency hold station 254: accepted" in text
 
 

@@ -8,13 +8,13 @@ from typing import Any, Generic, TypeVar
 
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange
-from gloc3.log.store import MemoryRecords
 from gloc3.mavlink.transport.memory import Conditions, MemoryEnd, MemoryLink
 from gloc3.messages.command_interface import CiReply, Outcome, Steer, Verb
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import CiEvent
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.reader import load_platform
+from gloc3.store import MemoryRecords
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews

@@ -1,7 +1,7 @@
 """The generic component (paper §IV): an author writes the intended function, everything else comes from its host."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar, get_type_hints
 
 from gloc3.component.ports import Inbox, Input, Output, Result, ports_of
@@ -74,6 +74,9 @@ class Component(ABC, Generic[S]):
     """What `initialize` is given."""
     loggable: ClassVar[tuple[str, ...]] = ()
     """The attributes that the data logger may record at the end of a cycle."""
+
+    status_values: Mapping[str, float] = {}
+    """What it reports of itself in its status, by the name of the `StatusField`, such as the temperature of its device."""
 
     request_cycle: Callable[[], None] = staticmethod(lambda: None)
     """Begins a cycle soon; its host sets it. For devices that know when they have something new, from any thread."""

@@ -317,4 +317,5 @@ class HostedComponent:
             nominal_rate_hz=rate_hz,
             dropped=self._mailbox.dropped,
             silent=self._outlets.silent(self._loop.time(), self._working_since_s, rate_hz) if is_working else [],
+            values=self.component.status_values,
         )

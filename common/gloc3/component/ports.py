@@ -1,7 +1,7 @@
 """Ports: what a component's class says that it takes and gives, and the inbox that a cycle reads."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from math import isfinite
 from typing import Any, Generic, TypeVar
@@ -56,6 +56,13 @@ class Output(Port[M]):
     def report(self, message: M, *, t_s: float | None = None, key: str = "") -> "Report":
         """A result for this port; needed where a class has two ports of one type, or to state the time of validity."""
         return Report(self.name, message, t_s, key)
+
+
+class PortGroup:
+    """Ports that belong to one part of a component: `observed = ObservedPorts` in the component's class.
+
+    The ports keep their own names: those of all groups and of the class itself must differ.
+    """
 
 
 class Report(msgspec.Struct, frozen=True, gc=False):
@@ -162,14 +169,26 @@ def inbox_of(**messages: Envelope[Any] | Sequence[Envelope[Any]]) -> Inbox:
 
 
 def ports_of(cls: type) -> tuple[dict[str, Input[Any]], dict[str, Output[Any]]]:
-    """The inputs and outputs that a class declares, its bases' first."""
-    declared = {
-        name: port for base in reversed(cls.__mro__) for name, port in vars(base).items() if isinstance(port, Port)
-    }
-    for name, port in declared.items():
-        if not isinstance(port, Input | Output):
-            raise Misuse(f"{cls.__name__}.{name} is neither Input nor Output")
+    """The inputs and outputs that a class declares, its bases' first, those of its port groups where these stand."""
+    declared: dict[str, Port[Any]] = {}
+    for base in reversed(cls.__mro__):
+        own: dict[str, Port[Any]] = {}
+        for owner, name, port in _declared_in(base):
+            if name in own:
+                raise Misuse(f"{owner.__name__}.{name}: {cls.__name__} has a port {name!r} already")
+            if not isinstance(port, Input | Output):
+                raise Misuse(f"{owner.__name__}.{name} is neither Input nor Output")
+            own[name] = port
+        declared |= own
     return (
         {name: port for name, port in declared.items() if isinstance(port, Input)},
         {name: port for name, port in declared.items() if isinstance(port, Output)},
     )
+
+
+def _declared_in(cls: type) -> Iterator[tuple[type, str, Port[Any]]]:
+    for name, value in vars(cls).items():
+        if isinstance(value, Port):
+            yield cls, name, value
+        elif isinstance(value, type) and issubclass(value, PortGroup):
+            yield from _declared_in(value)

@@ -1,7 +1,7 @@
 """The status notifier of a component (paper §IV-A): reports its health periodically and on every change."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.error_handler import ErrorHandler
@@ -46,9 +46,10 @@ def health_report(
     errors: ErrorHandler,
     statistics: CycleStatistics,
     *,
-    nominal_rate_hz: float,
-    dropped: int,
-    silent: list[str],
+    nominal_rate_hz: float = 0.0,
+    dropped: int = 0,
+    silent: Sequence[str] = (),
+    values: Mapping[str, float] = {},
 ) -> ComponentStatus:
     """What a component's status message says."""
     last = errors.last
@@ -69,5 +70,6 @@ def health_report(
         dropped=dropped,
         is_required=row.required,
         standby_for=row.standby_for or "",
-        silent=silent,
+        silent=[*silent],
+        values={**values},
     )

@@ -140,6 +140,8 @@ class ComponentStatus(Message, frozen=True):
     standby_for: str = ""
     silent: list[str] = []
     """Topics (without the platform's name) on which it has reported nothing for so long that they count as silent."""
+    values: dict[str, float] = {}
+    """What the component reports of itself beside, by the name of the `StatusField`."""
 
 
 class Event(Message, frozen=True):

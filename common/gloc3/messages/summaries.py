@@ -30,7 +30,7 @@ def health_of(state: State | None) -> Health:
 
 
 class ComponentLine(msgspec.Struct, frozen=True, array_like=True):
-    """One component in the summary: at most 16 bytes on the wire."""
+    """One component in the summary, at most 16 bytes on the wire; behind the state the values of `ROW_FIELDS`."""
 
     index: int
     """Its row in the `ComponentTable`."""
@@ -54,6 +54,8 @@ class Summary(Message, frozen=True):
     health: Health
     """The platform's, from its required components."""
     lines: list[ComponentLine]
+    columns: dict[str, list[int | None]] = {}
+    """Of each of `COLUMN_FIELDS` that some component reports: a value for each row of the table, None where there is none."""
 
 
 class TableRow(msgspec.Struct, frozen=True, array_like=True):

@@ -11,10 +11,10 @@ from msgspec.structs import replace
 
 from gloc3.documents.document import dump, load
 from gloc3.errors import Refused, nearest
-from gloc3.log.store import replace_file
 from gloc3.network.access import Accepted, Role, grants
 from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, issue, make_authority
 from gloc3.network.file import address_problem, host_of, member_problem
+from gloc3.store import replace_file
 
 REGISTER: Final = "members.yaml"
 NETWORK_FILE: Final = "network.yaml"

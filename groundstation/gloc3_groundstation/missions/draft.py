@@ -6,13 +6,13 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Finding, InputError, Refused
-from gloc3.log.store import replace_file
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES, exported, mission_text, written_text
 from gloc3.mission.reading.library import bundled
 from gloc3.mission.reading.reader import Surroundings, read_mission
 from gloc3.platform.platform import Platform
+from gloc3.store import replace_file
 from gloc3_groundstation.missions.outline import Outline, outline_of
 from gloc3_groundstation.missions.plans import Plan, known_platform
 

@@ -241,8 +241,8 @@ def _summary(platform: PlatformSnapshot, message: Summary, now_s: float) -> Plat
     lines = {**platform.lines, **{line.index: (line, now_s) for line in message.lines}}
     if platform.table is not None and platform.table.table != message.table:
         lines = {line.index: (line, now_s) for line in message.lines}
-        return replace(platform, table=None, lines=lines)
-    return replace(platform, lines=lines)
+        return replace(platform, table=None, lines=lines, columns=message.columns)
+    return replace(platform, lines=lines, columns=message.columns or platform.columns)
 
 
 def _table(platform: PlatformSnapshot, message: ComponentTable, now_s: float) -> PlatformSnapshot:  # noqa: ARG001

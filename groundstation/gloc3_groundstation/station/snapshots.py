@@ -4,12 +4,14 @@ from collections.abc import Iterator, Mapping
 from typing import Final, Generic, TypeVar
 
 import msgspec
+from msgspec.structs import astuple
 
 from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.messages.envelope import Kind, Message, Severity
 from gloc3.messages.hosts import HostLine, HostNames
 from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.status_fields import ROW_FIELDS
 from gloc3.messages.summaries import (
     ComponentLine,
     ComponentTable,
@@ -81,13 +83,21 @@ class ComponentSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """It reaches its rate only while its input comes."""
     health: Health | None
     """None until its first line came."""
-    rate_percent: int = 0
-    load_percent: int = 0
-    overruns: int = 0
-    errors: int = 0
+    values: Mapping[str, int | None] = {}
+    """By the name of the `StatusField`."""
     cause: str = ""
     """Its last error, in words."""
     is_stale: bool = False
+
+    @property
+    def errors(self) -> int:
+        """How many there were, modulo 65536."""
+        return self.values.get("errors") or 0
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether it has a nominal rate, and its own is known."""
+        return self.nominal_rate_hz > 0.0 and self.health is not None
 
     @property
     def is_well(self) -> bool:
@@ -164,6 +174,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     table: ComponentTable | None = None
     lines: Mapping[int, tuple[ComponentLine, float]] = {}
     """Index in the table to the last line and when it came."""
+    columns: Mapping[str, list[int | None]] = {}
+    """The last summary's."""
     troubles: Mapping[str, ComponentTrouble] = {}
     link: LinkStatistics = LinkStatistics()
     has_companion: bool = True
@@ -250,15 +262,18 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
                     standby_for=row.standby_for,
                     is_triggered=row.is_triggered,
                     health=None if line is None or line.state >= len(HEALTHS) else HEALTHS[line.state],
-                    rate_percent=line.rate_percent if line else 0,
-                    load_percent=line.load_percent if line else 0,
-                    overruns=line.overruns if line else 0,
-                    errors=line.errors if line else 0,
+                    values=self._values(index, line),
                     cause=trouble.cause if trouble else "",
                     is_stale=line is not None and now_s - heard_s >= limit_s,
                 )
             )
         return tuple(sorted(found, key=lambda component: _ORDER.get(component.kind, len(_ORDER))))
+
+    def _values(self, index: int, line: ComponentLine | None) -> dict[str, int | None]:
+        """Of one component, by the name of the field."""
+        row = (0,) * len(ROW_FIELDS) if line is None else astuple(line)[2:]
+        further = {name: values[index] for name, values in self.columns.items() if index < len(values)}
+        return {field.name: value for field, value in zip(ROW_FIELDS, row, strict=True)} | further
 
 
 _ORDER: Final[Mapping[str, int]] = {kind.value: place for place, kind in enumerate(KINDS)}

@@ -16,7 +16,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from gloc3.errors import Finding, InputError, nearest
-from gloc3.log.store import replace_file
+from gloc3.store import replace_file
 
 ThemeName = Literal["dark", "daylight", "mono"]
 DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"

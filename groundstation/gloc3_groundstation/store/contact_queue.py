@@ -13,10 +13,10 @@ import msgspec
 from msgspec.structs import replace
 
 from gloc3.errors import Gloc3Error, InputError
-from gloc3.log.store import DocumentFile
 from gloc3.messages.envelope import Severity
 from gloc3.mission.model.model import digest_of
 from gloc3.mission.model.states import ActionState
+from gloc3.store import DocumentFile
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import Plan
 from gloc3_groundstation.station.command_client import Declined, Unanswered

@@ -11,8 +11,8 @@ from typing import BinaryIO, Final
 
 import msgspec
 
-from gloc3.log.store import AppendFile
 from gloc3.messages.envelope import Severity
+from gloc3.store import AppendFile
 from gloc3_groundstation.station.snapshots import FleetEvent
 
 RECENT: Final = 2000

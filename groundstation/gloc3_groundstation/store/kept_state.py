@@ -8,7 +8,7 @@ from typing import Final, Generic, TypeVar
 import msgspec
 
 from gloc3.clock import utc_text
-from gloc3.log.store import DocumentFile
+from gloc3.store import DocumentFile
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.event_feed import Cursor, EventFeed
 from gloc3_groundstation.station.snapshots import PlannedSilence

@@ -7,6 +7,7 @@ from gloc3.component.deployment import Begin, ComponentRow
 from gloc3.component.lci import OPERATING, State
 from gloc3.messages.envelope import ComponentStatus
 from gloc3.messages.software import own_software
+from gloc3.messages.status_fields import COLUMN_FIELDS, ROW_FIELDS
 from gloc3.messages.summaries import (
     ComponentLine,
     ComponentTable,
@@ -147,19 +148,16 @@ class ComponentBook:
 
     def summary(self, health: Health, now_s: float) -> Summary:
         """All components, a short line each."""
-        lines = []
+        lines, statuses = [], [self._status.get(name) for name in self.rows]
         for index, name in enumerate(self.rows):
-            status, state = self._status.get(name), self.state(name, now_s)
-            rate_percent = load_percent = overruns = errors = 0
-            if status is not None:
-                if status.nominal_rate_hz > 0.0:
-                    rate_percent = min(255, round(100.0 * status.rate_hz / status.nominal_rate_hz))
-                    load_percent = min(255, round(100.0 * status.cycle_mean_s * status.nominal_rate_hz))
-                overruns, errors = status.overruns & 0xFFFF, status.errors & 0xFFFF
-            lines.append(
-                ComponentLine(index, HEALTHS.index(health_of(state)), rate_percent, load_percent, overruns, errors)
-            )
-        return Summary(table=self._table, health=health, lines=lines)
+            status = statuses[index]
+            values = [0 if status is None else field.value(status) or 0 for field in ROW_FIELDS]
+            lines.append(ComponentLine(index, HEALTHS.index(health_of(self.state(name, now_s))), *values))
+        columns = {
+            field.name: [field.value(status) if status else None for status in statuses] for field in COLUMN_FIELDS
+        }
+        reported = {name: values for name, values in columns.items() if any(value is not None for value in values)}
+        return Summary(table=self._table, health=health, lines=lines, columns=reported)
 
     def new_troubles(self) -> list[ComponentTrouble]:
         """The last errors in words, of the components whose count of errors has grown since this was last asked."""

@@ -1,24 +1,22 @@
 """What stations want of components: commands, functions and looks are handed on, and the replies are brought back."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import msgspec
 
 from gloc3.component.lci import CREATE, OPERATING, Command, transition
-from gloc3.component.supervision import Supervision
 from gloc3.errors import Refused
 from gloc3.messages.command_interface import FORCE, CallFunction, CiReply, CiRequest, CommandComponent, Outcome, Watch
 from gloc3.messages.envelope import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
 from gloc3.mission.executing.executor import MissionExecutor
-from gloc3_onboard.command_server.answers import answer
-from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.journal import answer
+from gloc3_onboard.command_server.observing import Observing
+from gloc3_onboard.command_server.site import Say
 
 ANSWER_S: Final = 8.0
 """A component that has not answered within this time leaves its request's outcome unknown."""
 TAKES_AWAY: Final = (Command.GOQUIET, Command.STOP, Command.FINISH, Command.SHUTDOWN)
-
-Say = Callable[[Severity, str], None]
 
 
 class ForComponent(NamedTuple):
@@ -45,12 +43,10 @@ class _Open(NamedTuple):
 class ComponentRequests:
     """Keeps each request until its component has answered, or has not for too long."""
 
-    def __init__(self, book: ComponentBook, say: Say) -> None:
-        self.supervision: Supervision | None = None
-        """Set as soon as there is one."""
+    def __init__(self, observing: Observing, say: Say) -> None:
         self.messages: list[ForComponent] = []
         """What the components are to be told."""
-        self._book, self._say = book, say
+        self._observing, self._book, self._say = observing, observing.book, say
         self._open: dict[str, _Open] = {}
         self._count = 0
         self._watches: dict[tuple[str, int], int] = {}
@@ -74,8 +70,8 @@ class ComponentRequests:
             if state is None:
                 raise Refused(f"{command} is not accepted: the component is absent; accepted: {CREATE}")
             transition(state, command)
-            if self.supervision is not None:
-                self.supervision.check(body.component, [command])
+            if self._observing.supervision is not None:
+                self._observing.supervision.check(body.component, [command])
             if command in TAKES_AWAY and state in OPERATING:
                 self._refuse_if_needed(body, executor, now_s)
         request_id = self._begin(_Open(request, now_s + ANSWER_S))
@@ -86,8 +82,9 @@ class ComponentRequests:
     def _refuse_if_needed(self, body: CommandComponent, executor: MissionExecutor, now_s: float) -> None:
         row = self._book.rows[body.component]
         provides = [topic for port in row.load_class().outputs for topic in row.topics(port)]
-        if row.standby_for is not None and self.supervision is not None:
-            if self.supervision.in_charge(body.component) != body.component:
+        supervision = self._observing.supervision
+        if row.standby_for is not None and supervision is not None:
+            if supervision.in_charge(body.component) != body.component:
                 return  # a quiet standby: somebody else performs its function
             provides.append(row.standby_for)
         users = executor.in_use(body.component, tuple(provides))

@@ -5,7 +5,7 @@ from typing import Final
 from gloc3.messages.command_interface import CiReply, CiRequest, ReadReports, StationRole
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary, Health, MissionSummary, VehicleSummary
-from gloc3_onboard.command_server.answers import answer
+from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.report_store import ReportStore
 
 OUT_OF_CONTACT_S: Final = 5.0

@@ -1,4 +1,4 @@
-"""Who holds control of the platform: one station at a time, with request, grant, refuse, time-out and take-over."""
+"""Control of the platform: one station holds it at a time, with request, grant, refuse, time-out and take-over."""
 
 from typing import Final
 

@@ -1,12 +1,12 @@
 """Remembers what stations have asked and what they were told, on disk, so that nothing is executed twice (DESIGN §7)."""
 
 from collections import OrderedDict
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.log.store import Records
 from gloc3.messages.command_interface import CiReply, CiRequest, Outcome
+from gloc3.store import Records
 
 REMEMBERED: Final = 256
 """Requests kept for each sender."""
@@ -124,3 +124,23 @@ class Journal:
 
 def _reply(request: CiRequest, outcome: Outcome, reason: str) -> CiReply:
     return CiReply(sender=request.sender, boot=request.boot, sequence=request.sequence, outcome=outcome, reason=reason)
+
+
+def answer(
+    request: CiRequest,
+    outcome: Outcome = Outcome.ACCEPTED,
+    reason: str = "",
+    *,
+    text: str = "",
+    result: dict[str, Any] | None = None,
+) -> CiReply:
+    """A reply to that request; accepted unless it says otherwise."""
+    return CiReply(
+        sender=request.sender,
+        boot=request.boot,
+        sequence=request.sequence,
+        outcome=outcome,
+        reason=reason,
+        text=text,
+        result=result or {},
+    )

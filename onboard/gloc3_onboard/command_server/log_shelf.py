@@ -22,7 +22,7 @@ from gloc3.messages.command_interface import (
     Outcome,
     ReadLog,
 )
-from gloc3_onboard.command_server.answers import answer
+from gloc3_onboard.command_server.journal import answer
 
 P = ParamSpec("P")
 R = TypeVar("R")

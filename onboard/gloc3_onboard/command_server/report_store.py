@@ -5,9 +5,9 @@ from typing import Final
 import msgspec
 from msgspec.structs import replace
 
-from gloc3.log.store import Records, RecordStore
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent
+from gloc3.store import Records, RecordStore
 
 MOST_KEPT: Final = 4000
 """Events on disk: some 400 kB; the oldest make room."""

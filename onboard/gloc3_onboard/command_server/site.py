@@ -1,19 +1,40 @@
-"""What the command interface server is given: its platform, and where it keeps what must survive the process."""
+"""What the command interface server is given: settings, the platform, and the files that survive the process."""
 
+from collections.abc import Callable
 from concurrent.futures import Executor
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
 
-from gloc3.log.store import Records, RecordStore
+from gloc3.component.settings import Bounds, Settings
+from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
+from gloc3.store import Records, RecordStore
 from gloc3_onboard.command_server.facts import KeptHome
-from gloc3_onboard.command_server.log_shelf import NoShelf, Shelf
-from gloc3_onboard.command_server.mission_checks import AtOnce
+from gloc3_onboard.command_server.log_shelf import AtOnce, NoShelf, Shelf
 from gloc3_onboard.command_server.report_store import ReportStore
 
 Mark = tuple[int, ...]
+Say = Callable[[Severity, str], None]
+"""Has an event told to the stations."""
+
+
+class ServerSettings(Settings, frozen=True):
+    """How often it tells, and how long it listens."""
+
+    summary_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
+    """How often the components and the vehicle are summarised."""
+    motion_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
+    """How often it is told how the vehicle moves."""
+    site_period_s: Annotated[float, Bounds(0.5, 60.0)] = 2.0
+    """How often it is told where the vehicle's frame lies, and home."""
+    grant_period_s: Annotated[float, Bounds(0.02, 1.0)] = 0.2
+    """How often the owner of motion is repeated."""
+    settle_s: Annotated[float, Bounds(0.0, 60.0)] = 1.0
+    """After a restart: how long the autopilot is listened to before what was kept is taken up."""
+    event_severity: Annotated[int, Bounds(0, 7)] = 5
+    """Events of components that are at least so severe (MAV_SEVERITY) go to the stations."""
 
 
 class _Kept(msgspec.Struct, frozen=True):
@@ -61,7 +82,8 @@ class Site:
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
         self._progress: Final = RecordStore(progress, "progress")
         self._computer: Final = computer
-        self._snapshot: Snapshot | None = None
+        self.snapshot: Snapshot | None = None
+        """The executor's progress, as it was kept last."""
         self._home: KeptHome | None = None
         self.holder = ""
         """The station that held control when this was last kept."""
@@ -75,10 +97,10 @@ class Site:
             except (msgspec.DecodeError, msgspec.ValidationError) as error:
                 self.problem = f"the kept progress cannot be read: {error}"
             else:
-                self._snapshot, self._home, self.holder = kept.snapshot, kept.home, kept.holder
-                if self._snapshot is not None and kept.computer != self._computer:
-                    self._snapshot = self._snapshot.of_earlier_start()
-        return self._snapshot, self._home
+                self.snapshot, self._home, self.holder = kept.snapshot, kept.home, kept.holder
+                if self.snapshot is not None and kept.computer != self._computer:
+                    self.snapshot = self.snapshot.of_earlier_start()
+        return self.snapshot, self._home
 
     @property
     def _stores(self) -> tuple[RecordStore, ...]:
@@ -101,7 +123,7 @@ class Site:
 
     def keep_snapshot(self, snapshot: Snapshot) -> None:
         """Has the disk keep the executor's progress."""
-        self._snapshot = snapshot
+        self.snapshot = snapshot
         self._write()
 
     def keep_home(self, home: KeptHome) -> None:
@@ -115,4 +137,4 @@ class Site:
         self._write()
 
     def _write(self) -> None:
-        self._progress.rewrite([msgspec.msgpack.encode(_Kept(self._snapshot, self._home, self.holder, self._computer))])
+        self._progress.rewrite([msgspec.msgpack.encode(_Kept(self.snapshot, self._home, self.holder, self._computer))])

@@ -5,18 +5,15 @@ from typing import Final, NamedTuple
 
 from gloc3.errors import Refused
 from gloc3.messages.command_interface import CiReply, CiRequest, RequestAction, RequestTask, Steer
-from gloc3.messages.hosts import HostPresence
 from gloc3.messages.preflight import Check, PreflightReport, red
-from gloc3.messages.readiness import AutopilotSetup, ComputerState, ReadSetup
+from gloc3.messages.readiness import ReadSetup
 from gloc3.messages.software import Software, own_software
 from gloc3.messages.summaries import health_of
-from gloc3.messages.vehicle import HeightAboveGround
 from gloc3.mission.model.model import Mission
+from gloc3.platform.platform import Platform
 from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Condition, Readings
-from gloc3_onboard.command_server.book import ComponentBook
-from gloc3_onboard.command_server.facts import VehicleFacts
-from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.observing import Observing
 
 READ_S: Final = 3.0
 """So long a start waits for the autopilot's setup; then it is judged by what was read before."""
@@ -46,28 +43,11 @@ class RedChecks(Refused):
 class StartGate:
     """Knows what the list is made from, and lets starts through."""
 
-    def __init__(self, site: Site, facts: VehicleFacts, book: ComponentBook) -> None:
-        self._site, self._facts, self._book = site, facts, book
-        self._setup: AutopilotSetup | None = None
-        self._computer: ComputerState | None = None
-        self._height: HeightAboveGround | None = None
+    def __init__(self, platform: Platform, observing: Observing) -> None:
+        self._platform, self._observing = platform, observing
         self._outgoing: list[ReadSetup | PreflightReport] = []
         self._held: list[Held] = []
         self._number = 0
-        self.stations: Mapping[str, Software] = {}
-        """What the stations have that are there."""
-        self.hosts: dict[str, HostPresence] = {}
-        """The other hosts, as far as they were ever here."""
-
-    def see(self, fact: AutopilotSetup | ComputerState | HeightAboveGround) -> None:
-        """Takes in what the list is made from, beside the vehicle's facts."""
-        match fact:
-            case AutopilotSetup():
-                self._setup = fact
-            case ComputerState():
-                self._computer = fact
-            case HeightAboveGround():
-                self._height = fact
 
     def take(self) -> list[ReadSetup | PreflightReport]:
         """What is to be told: whoever reads the setup, and for the log the lists that were made."""
@@ -76,9 +56,10 @@ class StartGate:
 
     def answer(self, request: CiRequest, answer: Begin, now_s: float) -> CiReply | None:
         """Has the setup read anew, then answers; at once where nobody reads it, and None where the answer comes later."""
-        if self._setup is None or not self._facts.is_connected:
+        setup = self._observing.setup
+        if setup is None or not self._observing.facts.is_connected:
             return answer(now_s)
-        self._number = max(self._number, self._setup.number) + 1
+        self._number = max(self._number, setup.number) + 1
         self._outgoing.append(ReadSetup(number=self._number))
         self._held.append(Held(request, answer, self._number, now_s + READ_S))
         return None
@@ -87,15 +68,26 @@ class StartGate:
         """The requests that need wait no longer."""
         if not self._held:
             return []
-        number = self._setup.number if self._setup is not None else 0
+        setup = self._observing.setup
+        number = setup.number if setup is not None else 0
         ready = [held for held in self._held if number >= held.number or now_s >= held.until_s]
         self._held = [held for held in self._held if held not in ready]
         return ready
 
-    def report(self, mission: Mission | None, fence_problem: str, now_s: float) -> PreflightReport:
-        """The list as it is now."""
-        checks = checklist(self._readings(mission, fence_problem, now_s))
-        offset_s = self._computer.utc_minus_t_s if self._computer is not None else None
+    def report(
+        self, mission: Mission | None, fence_problem: str, stations: Mapping[str, Software], now_s: float
+    ) -> PreflightReport:
+        """The list as it is now.
+
+        Args:
+            mission: the loaded one.
+            fence_problem: why the autopilot does not hold its fence; empty if it does.
+            stations: the software of those that are there.
+            now_s: the time.
+        """
+        checks = checklist(self._readings(mission, fence_problem, stations, now_s))
+        computer = self._observing.computer
+        offset_s = computer.utc_minus_t_s if computer is not None else None
         utc_s = None if offset_s is None else round(offset_s + now_s, 1)
         report = PreflightReport(checks=checks, utc_s=utc_s, **own_software()._asdict())
         self._outgoing.append(report)
@@ -121,33 +113,35 @@ class StartGate:
         titles = "; ".join(f"{one.title} ({one.finding})" for one in bad)
         return f"{who} starts in spite of red checks: {override!r}; red: {titles}"
 
-    def _readings(self, mission: Mission | None, fence_problem: str, now_s: float) -> Readings:
-        facts = self._facts
-        driver = facts.driver
+    def _readings(
+        self, mission: Mission | None, fence_problem: str, stations: Mapping[str, Software], now_s: float
+    ) -> Readings:
+        known = self._observing
+        facts, driver, setup = known.facts, known.facts.driver, known.setup
         has_pilot = driver is not None and driver.has_pilot_control
         return Readings(
-            platform=self._site.platform,
+            platform=self._platform,
             now_s=now_s,
             autopilot=facts.known_autopilot,
-            setup=self._setup,
-            is_setup_fresh=self._setup is None or self._setup.number >= self._number,
-            computer=self._computer,
+            setup=setup,
+            is_setup_fresh=setup is None or setup.number >= self._number,
+            computer=known.computer,
             pose=facts.pose,
             is_pose_fresh=facts.is_pose_fresh(now_s),
-            height=self._height,
+            height=known.height,
             components=self._conditions(now_s),
             mission=mission,
-            stations=self.stations,
-            hosts=self.hosts,
+            stations=stations,
+            hosts=known.hosts,
             fence_problem=fence_problem,
             pilot_reason=(driver.pilot_reason or "it says no reason") if driver is not None and has_pilot else "",
         )
 
     def _conditions(self, now_s: float) -> list[Condition]:
-        found = []
-        for name, row in self._book.rows.items():
-            status = self._book.status(name)
-            health = health_of(self._book.state(name, now_s))
+        found, book = [], self._observing.book
+        for name, row in book.rows.items():
+            status = book.status(name)
+            health = health_of(book.state(name, now_s))
             cause = status.cause if status is not None and health not in ("working", "quiet") else ""
             is_standby = row.standby_for is not None
             found.append(

@@ -1,25 +1,71 @@
-"""The vehicle and the mission at a glance, for the stations."""
+"""Summaries for the stations, in few bytes: the mission with what it takes, the vehicle, how it moves, where its frame lies."""
 
 import math
+from functools import lru_cache
+from math import degrees, dist, isfinite
 from typing import Final
 
-from gloc3.messages.frames import TangentPlane, yaw_of
+from gloc3.messages.frames import GeoPoint, LocalFrame, TangentPlane, Vector3, to_euler, yaw_of
+from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
 from gloc3.messages.summaries import MissionSummary, VehicleSummary
-from gloc3.messages.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, VehicleClass
+from gloc3.messages.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, Pose, VehicleClass
 from gloc3.mission.executing.executor import MissionExecutor
+from gloc3.mission.executing.items import Program
 from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.model.model import GEO, digest_of
-from gloc3.mission.model.states import ActionState
+from gloc3.mission.model.states import ENDED, ActionState
 from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.facts import VehicleFacts
-from gloc3_onboard.command_server.motion import local_frame
-from gloc3_onboard.command_server.tally import Tally
 
 NOT_FLYING: Final = (VehicleClass.ROVER, VehicleClass.BOAT, VehicleClass.SUB)
 REASONS_MAX: Final = 6
 """Tasks and actions whose reason is told at most."""
 REASON_MAX: Final = 120
 """Characters of a reason that are told."""
+SETPOINT_OLD_S: Final = 0.5
+"""A setpoint that is older is no longer flown: the driver has stopped."""
+LARGEST: Final = 2**31 - 1
+"""Whole numbers are told no larger than this, some 21,000 km."""
+UNPLACED: Final = LocalFrame(GeoPoint(0.0, 0.0, 0.0))
+"""North, west, height: what is told where no frame of the platform begins at the origin of NED."""
+
+
+class Tally:
+    """Follows the loaded mission from its start to its end; what began before this process did is not known."""
+
+    def __init__(self, program: Program | None = None) -> None:
+        self.took_s = self.took_m = self.took_battery = -1.0
+        """Once the mission has ended: seconds (pauses left out), metres, and the share of the battery; -1: not known."""
+        self.program = program
+        """The mission that it is of."""
+        self._has_begun = False
+        self._at: Vector3 | None = None
+        self._way_m = 0.0
+        self._battery = -1.0
+
+    def look(self, at: Vector3 | None, battery: float, now_s: float) -> None:
+        """Takes in where the vehicle is and what is left in its battery.
+
+        Args:
+            at: its position in NED, in metres; None where that is not known.
+            battery: the share that is left; negative where it is not known.
+            now_s: the time.
+        """
+        program = self.program
+        if program is None:
+            return
+        if program.is_open:
+            if not self._has_begun:
+                self._has_begun, self._at, self._battery = True, at, battery
+            if at is not None and self._at is not None and (step_m := dist(at, self._at)) >= STEP_M:
+                self._way_m, self._at = self._way_m + step_m, at
+            self._at = self._at or at
+        elif program.state in ENDED and self.took_s < 0.0:
+            self.took_s = round(program.ran_s(now_s), 1)
+            if self._has_begun:
+                self.took_m = round(self._way_m, 1)
+                is_known = battery >= 0.0 and self._battery >= 0.0
+                self.took_battery = round(max(0.0, self._battery - battery), 4) if is_known else -1.0
 
 
 def mission_summary(executor: MissionExecutor | None, tally: Tally) -> MissionSummary:
@@ -145,3 +191,88 @@ def motion_limits(platform: Platform, facts: VehicleFacts, executor: MissionExec
         fence_margin_m=limits.fence_margin_m,
         home_ned_m=facts.home_ned_m,
     )
+
+
+def local_frame(platform: Platform, pose: Pose) -> tuple[str, LocalFrame]:
+    """The platform's frame whose origin is that of NED; without a name where it has none there."""
+    for name, row in platform.frames.items():
+        if row.origin.geo == pose.origin_geo:
+            return name, _frame(*row.origin.geo, row.x_axis_bearing_deg)
+    return "", UNPLACED
+
+
+def motion_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> MotionSummary | None:
+    """How the vehicle moves; None while there is no pose."""
+    pose = facts.pose
+    if pose is None:
+        return None
+    _, frame = local_frame(platform, pose)
+    roll, pitch, yaw = to_euler(pose.ned_from_frd)
+    setpoint = facts.setpoint if now_s - facts.setpoint_s <= SETPOINT_OLD_S else None
+    position, velocity, heading = None, None, None
+    if setpoint is not None:
+        position = None if setpoint.position_ned_m is None else _hundredths(frame, setpoint.position_ned_m)
+        velocity = None if setpoint.velocity_ned_m_s is None else _hundredths(frame, setpoint.velocity_ned_m_s)
+        heading = None if setpoint.yaw_rad is None else _cdeg(setpoint.yaw_rad) % 36000
+    autopilot = facts.autopilot
+    return MotionSummary(
+        t_s=round(now_s, 3),
+        attitude_cdeg=(_cdeg(roll), _cdeg(pitch), _cdeg(yaw) % 36000),
+        position_cm=_hundredths(frame, pose.position_ned_m),
+        velocity_cm_s=_hundredths(frame, pose.velocity_ned_m_s),
+        is_pose_valid=facts.is_pose_fresh(now_s),
+        setpoint_cm=position,
+        setpoint_velocity_cm_s=velocity,
+        setpoint_heading_cdeg=heading,
+        covariance_cm2=_covariance_cm2(frame, pose.position_std_m),
+        height_std_cm=_whole(100.0 * pose.position_std_m[2]),
+        battery_cv=_whole(100.0 * autopilot.battery_v) if autopilot is not None else 0,
+        battery_ca=_whole(100.0 * autopilot.battery_a) if autopilot is not None else 0,
+    )
+
+
+def site_summary(platform: Platform, facts: VehicleFacts) -> SiteSummary | None:
+    """Where the frame lies; None while there is no pose."""
+    if facts.pose is None:
+        return None
+    name, frame = local_frame(platform, facts.pose)
+    home = None
+    if facts.home_ned_m is not None:
+        x, y, height = frame.from_ned(facts.home_ned_m)
+        home = round(x, 2), round(y, 2), round(height, 2)
+    return SiteSummary(
+        frame=name, x_axis_bearing_deg=frame.x_axis_bearing_deg, origin_geo=facts.pose.origin_geo, home_m=home
+    )
+
+
+@lru_cache(maxsize=16)
+def _frame(latitude_deg: float, longitude_deg: float, altitude_m: float, bearing_deg: float) -> LocalFrame:
+    return LocalFrame(GeoPoint(latitude_deg, longitude_deg, altitude_m), bearing_deg)
+
+
+def _hundredths(frame: LocalFrame, vector_ned: Vector3) -> Whole3:
+    x, y, height = frame.from_ned(vector_ned)
+    return _whole(100.0 * x), _whole(100.0 * y), _whole(100.0 * height)
+
+
+def _cdeg(angle_rad: float) -> int:
+    return _whole(100.0 * degrees(angle_rad))
+
+
+def _whole(value: float) -> int:
+    """The nearest whole number that can be told; 0 for what is no number."""
+    return round(min(max(value, -LARGEST), LARGEST)) if isfinite(value) else 0
+
+
+def _covariance_cm2(frame: LocalFrame, std_ned_m: Vector3) -> Whole3 | None:
+    """Standard deviations north and east as the covariance of x and y; None where they are not known."""
+    if std_ned_m[0] <= 0.0 and std_ned_m[1] <= 0.0:
+        return None
+    cosine, sine, _ = frame.from_ned((1.0, 0.0, 0.0))
+    north, east = 1e4 * std_ned_m[0] * std_ned_m[0], 1e4 * std_ned_m[1] * std_ned_m[1]
+    xx, yy = cosine**2 * north + sine**2 * east, sine**2 * north + cosine**2 * east
+    return _whole(xx), _whole(cosine * sine * (north - east)), _whole(yy)
+
+
+STEP_M = 0.2
+"""The way is summed up in steps of this length, so that the noise of the pose adds nothing."""

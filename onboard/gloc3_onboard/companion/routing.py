@@ -7,20 +7,16 @@ from typing import Final, Literal
 from gloc3.mavlink.codec import Frame, Parser
 from gloc3.mavlink.outlet import Outlet
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.services.lanes import DATAGRAM_BYTES, Lanes
 from gloc3.mavlink.signed_only import SignedOnly
 from gloc3.mavlink.transport.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
 from gloc3.mavlink.transport.serial_line import SerialEndpoint
-from gloc3.mavlink.transport.udp import UdpEndpoint
 from gloc3.messages.link_traffic import LinkTraffic
 from gloc3.messages.readiness import LinkCondition
 
 BITS_PER_BYTE: Final = 10.0
 """On a serial line, with start and stop bits."""
-
-
-SETTLE_S: Final = 0.5
-"""So often it is counted what was passed on without a closer look."""
+DATAGRAM_BYTES: Final = 1400
+"""What every network carries in one piece."""
 Keep = Callable[[str, Literal["in", "out"], bytes], None]
 """Takes a link's URL, a direction, and a frame."""
 
@@ -63,8 +59,6 @@ class RoutedLink:
         self._parser = Parser()
         self._own = Parser(is_datagram=True)
         self._endpoint: Endpoint | None = None
-        self._lanes: Lanes | None = None
-        self._settling: asyncio.TimerHandle | None = None
         self._timer: asyncio.TimerHandle | None = None
         line_bit_s = wanted.line_bit_s
         self._is_paced = line_bit_s is not None or wanted.scheme in SERIAL_SCHEMES
@@ -77,55 +71,16 @@ class RoutedLink:
         """Begins; the endpoint's owner passes what it hears to `receive`."""
         self._endpoint = endpoint
         self._parser = Parser(is_datagram=endpoint.is_datagram)
-        if isinstance(endpoint, UdpEndpoint) and not self._is_paced:
-            self.routed.post, self.routed.outgoing = endpoint.post, endpoint.outgoing
-            self._router.change()
-        if endpoint.is_datagram and self._signed_only is None and self._withheld is None:
-            self._lanes = Lanes(self._router, self.routed)
-            if isinstance(endpoint, UdpEndpoint):
-                is_plain = self._listener is None and self._keep is keep_nothing
-                told = None if is_plain else self._tell
-                endpoint.go_direct(lambda: Lanes(self._router, self.routed), told, self._router.change)
-            self._settle()
 
     def close(self) -> None:
         """Sends nothing any more."""
-        self._settle()
-        for timer in (self._timer, self._settling):
-            if timer is not None:
-                timer.cancel()
+        if self._timer is not None:
+            self._timer.cancel()
         self._last = self.condition()
-        self._endpoint = self.routed.post = self._lanes = None
-        self.routed.outgoing = lambda: None
-        self._router.change()
+        self._endpoint = None
 
     def receive(self, data: bytes) -> None:
-        """Takes in what the endpoint has heard: what may be passed on goes first, all else can wait."""
-        if self._lanes is None:
-            self._examine(data)
-        elif self._lanes.pass_on(data):
-            self._tell(data)
-        else:
-            self._examine(data)
-            self._lanes.learn(data, self._loop.time())
-
-    def _tell(self, data: bytes) -> None:
-        """Tells who wants to know of what was passed on."""
-        frames = self._parser.receive(data)
-        for frame in frames:
-            self._keep(self.url, "in", frame.raw)
-        if self._listener is not None:
-            self._listener(frames)
-
-    def _settle(self) -> None:
-        if self._lanes is not None:
-            self._lanes.settle(self._loop.time())
-            if isinstance(self._endpoint, UdpEndpoint):
-                self._endpoint.tend()
-            self._settling = self._loop.call_later(SETTLE_S, self._settle)
-
-    def _examine(self, data: bytes) -> None:
-        """Takes in what has no lane."""
+        """Handles what the endpoint has received: frames are passed on first, all else can wait."""
         now_s, gate = self._loop.time(), self._signed_only
         frames = self._parser.receive(data)
         good = frames if gate is None else [frame for frame in frames if gate.passes(frame, now_s)]

@@ -126,7 +126,4 @@ class StandIn:
         self._publisher.publish(self._base + topic, message, self._loop.time())
 
     def _report(self) -> None:
-        status = health_report(
-            self.row, self.kind, self.state, self._errors, CycleStatistics(), nominal_rate_hz=0.0, dropped=0, silent=[]
-        )
-        self._tell("status", status)
+        self._tell("status", health_report(self.row, self.kind, self.state, self._errors, CycleStatistics()))

@@ -7,7 +7,6 @@ from typing import Final, Literal
 
 from gloc3.component.context import HostContext
 from gloc3.errors import Refused
-from gloc3.log.store import RecordFile
 from gloc3.mavlink.services.ftp_files import Files
 from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.signing_key import read_signing_key
@@ -17,6 +16,7 @@ from gloc3.messages.frames import Vector3
 from gloc3.platform.places import Place
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform
+from gloc3.store import RecordFile
 from gloc3_onboard.assembly import Parts, Storage
 from gloc3_onboard.command_server.log_shelf import LogShelf
 from gloc3_onboard.companion.files import shared_files

@@ -8,8 +8,8 @@ from typing import Final
 import msgspec
 
 from gloc3.clock import Clock
-from gloc3.log.store import RecordFile, RecordStore
 from gloc3.mavlink.signing import MAY_BE_OFF, TICKS_PER_S, Signing, Stream, Streams, timestamp
+from gloc3.store import RecordFile, RecordStore
 
 AHEAD: Final = 4 * TICKS_PER_S
 """So much more than was heard is written down, so that it is not done with each frame: after a crash, who did not sleep

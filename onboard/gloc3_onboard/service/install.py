@@ -16,11 +16,11 @@ import msgspec
 
 from gloc3.clock import utc_now
 from gloc3.errors import Finding, Refused
-from gloc3.log.store import replace_file
 from gloc3.network.file import read_network
 from gloc3.platform.places import choose_host
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
+from gloc3.store import replace_file
 from gloc3_onboard.cli.onboard_options import OnboardOptions
 from gloc3_onboard.hosts.shared import check_member
 from gloc3_onboard.process.process import DEVICES

@@ -6,10 +6,10 @@ from typing import Any, Final
 
 from gloc3.component.context import HostContext
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
-from gloc3.log.store import MemoryRecords
 from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
 from gloc3.mission.model.model import Mission
 from gloc3.platform.platform import Platform
+from gloc3.store import MemoryRecords
 from gloc3_onboard.assembly import Attachment, Hosting, Sensors, Storage, Vehicle, VehicleInputs
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.companion.files import LOGS, Folders, LogFiles
@@ -118,9 +118,9 @@ class FlightProcess:
         self.imu.wire(AutopilotImu(vehicle.autopilot.sensors))
         self._open(links.cable.b, vehicle.attach_autopilot())
         if plan.has_station:
-            self._open_station(1, links.radio)
-        for number, radio in enumerate(links.further, 2):
-            self._open_station(number, radio)
+            self._open_station(links.radio)
+        for radio in links.further:
+            self._open_station(radio)
         if plan.modem_period_s:
             self._open(links.modem.b, vehicle.attach_modem(period_s=plan.modem_period_s))
         if plan.out is not None:
@@ -144,7 +144,7 @@ class FlightProcess:
         """One more link to a station; the station's end is `a`."""
         radio = self.links.add_radio()
         if self.onboard is not None:
-            self._open_station(1 + len(self.links.further), radio)
+            self._open_station(radio)
         return radio
 
     def _open(self, end: MemoryEnd, attachment: Attachment) -> None:
@@ -152,9 +152,10 @@ class FlightProcess:
         end.on_data = attachment.receive
         attachment.open(end)
 
-    def _open_station(self, number: int, radio: MemoryLink) -> None:
+    def _open_station(self, radio: MemoryLink) -> None:
         """A radio with a limit is paced as the one that it is; else only our own frames are, as on the usual radio."""
-        url, conditions = f"udpout://station-{number}:14550", self._plan.station_link
+        number, conditions = len(self.vehicle.stations) + 1, self._plan.station_link
+        url = f"udpout://station-{number}:14550"
         budget: LinkBudget | None = RADIO
         if conditions.bandwidth_bit_s is not None:
             rate_bit_s = round(conditions.bandwidth_bit_s / conditions.bits_per_byte * BITS_PER_BYTE)

@@ -198,3 +198,13 @@ def test_the_same_run_is_the_same_to_the_byte(seed: int) -> None:
             return bench.envelopes
 
     assert repr(run()) == repr(run())
+
+
+def test_what_a_component_reports_of_itself_is_in_its_status() -> None:
+    class Warm(Specimen):
+        status_values = {"temperature": 41.5}
+
+    with Bench() as bench:
+        bench.host(row(), lambda: Warm(Diary()))
+        bench.run(1.5)
+        assert bench.all("components/specimen/status")[-1].values == {"temperature": 41.5}

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.component.ports import Input, Keep, Mailbox, Output, Port, Report, inbox_of, ports_of
+from gloc3.component.ports import Input, Keep, Mailbox, Output, Port, PortGroup, Report, inbox_of, ports_of
 from gloc3.errors import Misuse
 from gloc3.messages.envelope import Envelope, Message, Source
 
@@ -51,6 +51,32 @@ def test_a_port_is_an_input_or_an_output() -> None:
 
     with pytest.raises(Misuse, match=r"Neither\.odd is neither Input nor Output"):
         ports_of(Neither)
+
+
+class Group(PortGroup):
+    """Ports of one part."""
+
+    first = Input(Reading)
+    second = Output(Reading)
+
+
+def test_ports_of_a_part_stand_in_a_group_under_their_own_names() -> None:
+    class Whole(Ports):
+        part = Group
+
+    inputs, outputs = ports_of(Whole)
+    assert list(inputs) == ["newest", "every", "first"]
+    assert list(outputs) == ["out", "second"]
+    assert Group.second.report(Reading(value=1.0)).port == "second"
+
+
+def test_two_groups_do_not_declare_one_name() -> None:
+    class Twice:
+        part = Group
+        first = Output(Reading)
+
+    with pytest.raises(Misuse, match=r"Twice\.first: Twice has a port 'first' already"):
+        ports_of(Twice)
 
 
 def test_an_output_makes_reports() -> None:

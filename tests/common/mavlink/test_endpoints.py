@@ -4,6 +4,7 @@ import asyncio
 import fcntl
 import os
 import pty
+import socket
 import termios
 from collections.abc import AsyncIterator, Callable
 
@@ -11,11 +12,10 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.mavlink import codec
-from gloc3.mavlink.services.peer_routes import systems_in
 from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.transport import serial_line, udp
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
-from gloc3.mavlink.transport.udp import UdpServerEndpoint
+from gloc3.mavlink.transport.udp import UdpServerEndpoint, systems_in
 
 pytestmark = pytest.mark.sockets
 
@@ -105,6 +105,19 @@ async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_o
     assert server.peers == []
     client.send(b"y")
     await until(lambda: len(heard) == 3)
+
+
+async def test_a_peer_that_comes_late_gets_the_first_datagram(opener: Opener) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    client, _ = await opener(f"udpout://127.0.0.1:{port}")
+    for _ in range(3):
+        client.send(FRAMES[0])
+        await asyncio.sleep(0.01)
+    _, heard = await opener(f"udpin://127.0.0.1:{port}")
+    client.send(FRAMES[1])
+    await until(lambda: heard == [FRAMES[1]])
 
 
 async def test_a_burst_of_datagrams_is_kept(opener: Opener) -> None:

@@ -9,7 +9,7 @@ import pytest
 from gloc3.errors import Gloc3Error, InputError, Misuse
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.model.arguments import Arguments, argument_kinds
-from gloc3.mission.model.capability_lines import capability_lines
+from gloc3.mission.showing.capability_lines import capability_lines
 from gloc3.mission.showing.cli import app
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import read_platform

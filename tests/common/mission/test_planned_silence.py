@@ -3,9 +3,9 @@
 import pytest
 from msgspec.structs import replace
 
-from gloc3.log.store import MemoryRecords
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.platform.platform import Failsafes, LinkLossFailsafe, Platform
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
 
 from .executor_rig import MISSION, Rig, flying

@@ -4,10 +4,10 @@ import random
 
 import pytest
 
-from gloc3.log.store import MemoryRecords
 from gloc3.messages.command_interface import CiReply, CiRequest, Outcome, ReadReports, StationRole
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary, Health
+from gloc3.store import MemoryRecords
 from gloc3_groundstation.station.event_feed import Cursor, EventFeed, ToldEvent
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.report_store import MOST_KEPT, SPARE, ReportStore

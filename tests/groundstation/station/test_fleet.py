@@ -63,7 +63,12 @@ def test_components_are_named_by_the_table_and_ordered_by_the_flow_of_data() -> 
     fleet = heard(fleet, Summary(table=3, health=Health.FAULTY, lines=lines), 0.0)
     fleet = heard(fleet, ComponentTrouble(name="driver", cause="no echo", errors=1), 0.1)
     height, driver = heron(fleet).components(0.1)
-    assert (height.name, height.health, height.rate_percent, height.is_well) == ("height", Health.WORKING, 98, True)
+    assert (height.name, height.health, height.values["rate_percent"], height.is_well) == (
+        "height",
+        Health.WORKING,
+        98,
+        True,
+    )
     assert (driver.name, driver.health, driver.cause, driver.errors) == ("driver", Health.FAULTY, "no echo", 1)
 
 

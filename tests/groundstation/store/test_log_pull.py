@@ -30,7 +30,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller, Pulled
-from gloc3_onboard.command_server.answers import answer
+from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf
 
 LATENCY_S = 0.3

@@ -6,9 +6,9 @@ import pytest
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Kind
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.command_server.availability import Availability
 from gloc3_onboard.command_server.book import ComponentBook
 from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.observing import Availability
 
 NAME = "record_images"
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.log.store import MemoryRecords
 from gloc3.messages.command_interface import CiReply, CiRequest, Hello, Outcome
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.journal import COMPACT_AFTER, MOST_FLOORS, MOST_SENDERS, Journal
 
 

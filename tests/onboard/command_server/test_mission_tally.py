@@ -11,7 +11,7 @@ from gloc3.mission.reading.reader import Surroundings, read_mission
 from gloc3.platform.platform import Capability
 from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.station.wording import taken
-from gloc3_onboard.command_server.tally import Tally
+from gloc3_onboard.command_server.summaries import Tally
 
 TEXT = "mission: m\nframe: hold\ntasks: {t: {actions: {a: {wait: {duration_s: 9}}}}}\n"
 

@@ -18,8 +18,7 @@ from gloc3.messages.wire import type_name
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.command_server.facts import KeptHome, VehicleFacts
-from gloc3_onboard.command_server.motion import motion_summary, site_summary
-from gloc3_onboard.command_server.summaries import vehicle_summary
+from gloc3_onboard.command_server.summaries import motion_summary, site_summary, vehicle_summary
 
 ORIGIN = (39.5528, 2.6285, 2.0)
 POSE = Pose(

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from gloc3.component.lci import State
-from gloc3.log.store import MemoryRecords
 from gloc3.messages.command_interface import (
     AnyBody,
     CallFunction,
@@ -41,6 +40,7 @@ from gloc3.messages.envelope import (
     FunctionReply,
     FunctionRequest,
     Kind,
+    Severity,
     Source,
 )
 from gloc3.messages.vehicle import AutopilotState, LandedState, Pose
@@ -49,12 +49,15 @@ from gloc3.mission.checking.checker import Report, check_text
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.command_server.book import ComponentBook
+from gloc3.store import MemoryRecords
+from gloc3_onboard.command_server.authority import Authority
+from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
-from gloc3_onboard.command_server.control import ControlAuthority
-from gloc3_onboard.command_server.facts import VehicleFacts
-from gloc3_onboard.command_server.requests import MOST_FINDINGS, RequestHandler
-from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.mission_commands import MOST_FINDINGS, MissionCommands
+from gloc3_onboard.command_server.mission_host import MissionHost
+from gloc3_onboard.command_server.observing import Observing
+from gloc3_onboard.command_server.requests import RequestHandler
+from gloc3_onboard.command_server.site import ServerSettings, Site
 
 HOP = """
 mission: hop
@@ -81,7 +84,8 @@ class Desk:
         self.handler = self.begin()
 
     def begin(self) -> RequestHandler:
-        facts = VehicleFacts(self.platform, None)
+        observing = Observing(self.platform, None, self.say)
+        facts = observing.facts
         state = AutopilotState(is_connected=True, landed=LandedState.ON_GROUND, is_armable=True)
         facts.see_autopilot(Envelope("p/autopilot", Source("p", "autopilot", 1), 0, 0.0, "", "AutopilotState", state))
         facts.look(0.0)
@@ -93,16 +97,20 @@ class Desk:
             origin_geo=ORIGIN,
         )
         facts.see_pose(Envelope("p/pose", Source("p", "pose", 1), 0, 0.0, "ned", "Pose", pose))
-        self.book = ComponentBook(self.platform.components)
+        self.book = observing.book
         for row in self.platform.components:
             self.book.hear(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
-        self.authority = ControlAuthority()
+        authority = Authority("", self.say)
+        self.authority = authority.control
         site = Site(self.platform, self.journal, MemoryRecords(), MemoryRecords(), worker=self.worker)
-        handler = RequestHandler(
-            site, facts, self.book, self.authority, Contacts(site.reports), lambda _, text: self.said.append(text)
-        )
-        handler.executor = self.executor
-        return handler
+        self.host = MissionHost(site, observing, self.authority, ServerSettings(), self.say)
+        self.host.executor = self.executor
+        missions = MissionCommands(site, observing, authority, self.host, self.say)
+        components = ComponentRequests(observing, self.say)
+        return RequestHandler(site, authority, missions, components, Contacts(site.reports))
+
+    def say(self, _: Severity, text: str) -> None:
+        self.said.append(text)
 
     def ask(self, body: AnyBody, sender: str = "255", sequence: int | None = None, boot: int = 7) -> CiReply | None:
         if sequence is None:
@@ -270,10 +278,10 @@ def test_an_emergency_disarm_takes_the_platforms_typed_name(desk: Desk) -> None:
     refused = desk.told(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelikan"), sender="254")
     assert refused.outcome is Outcome.REFUSED
     assert "pelican" in refused.reason
-    assert not desk.handler.disarms
+    assert not desk.handler.missions.disarms
     reply = desk.told(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelican"), sender="254")
     assert reply.outcome is Outcome.ACCEPTED
-    assert [disarm.author for disarm in desk.handler.disarms] == ["ana"]
+    assert [disarm.author for disarm in desk.handler.missions.disarms] == ["ana"]
     assert any("ana" in text for text in desk.said)
 
 
@@ -315,7 +323,7 @@ def test_looking_needs_no_control_and_goes_to_the_viewer(desk: Desk) -> None:
 
 
 def test_looking_leaves_nothing_on_disk_and_is_possible_before_the_autopilot_answers(desk: Desk) -> None:
-    desk.handler.executor = None
+    desk.host.executor = None
     before = len(desk.journal.load())
     desk.ask(Watch(wants=[Want("pose")]))
     message = asked_of_viewer(desk)
@@ -351,7 +359,7 @@ def checking(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Desk, Event]]:
         assert may_end.wait(30.0)
         return check_text(*args)
 
-    monkeypatch.setattr("gloc3_onboard.command_server.mission_checks.check_text", check_slowly)
+    monkeypatch.setattr("gloc3_onboard.command_server.mission_commands.check_text", check_slowly)
     with ThreadPoolExecutor(1) as worker:
         made = Desk()
         made.worker = worker

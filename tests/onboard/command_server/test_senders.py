@@ -1,6 +1,8 @@
 """Two stations with one id are told; a station that was started anew is not."""
 
-from gloc3_onboard.command_server.senders import AGAIN_S, MOST, Senders
+from gloc3_onboard.command_server.authority import DOUBLED_AGAIN_S as AGAIN_S
+from gloc3_onboard.command_server.authority import MOST_STATIONS as MOST
+from gloc3_onboard.command_server.authority import Senders
 
 
 def test_requests_of_two_lives_in_turn_are_two_stations_told_once_a_minute() -> None:

@@ -10,12 +10,11 @@ from gloc3.clock import VirtualLoop
 from gloc3.exchange.acoustic import AcousticCode, Order, Receipt, Verb
 from gloc3.exchange.base import Publisher
 from gloc3.exchange.local import LocalExchange
-from gloc3.log.store import MemoryRecords
 from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
 from gloc3.messages.envelope import Envelope
+from gloc3.store import MemoryRecords
 from gloc3_groundstation.links.acoustic_way import AcousticWay, ModemContext
-from gloc3_onboard.command_server.answers import answer
-from gloc3_onboard.command_server.journal import Journal
+from gloc3_onboard.command_server.journal import Journal, answer
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 
 KEY = b"a key of the modem"

@@ -12,10 +12,10 @@ import gloc3_onboard.platforms
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.component.lci import State
-from gloc3.log.store import MemoryRecords
 from gloc3.messages.envelope import ComponentStatus, Envelope
 from gloc3.platform.places import Place, rows_at
 from gloc3.platform.reader import read_platform
+from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.hosts.child import ChildProcess
 from gloc3_onboard.hosts.keeper import HostKeeper

@@ -14,7 +14,7 @@ from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import ROOM
 from gloc3.exchange.tunnel.reader import FrameError, varint
-from gloc3.exchange.tunnel.summary import SummaryPacker, room
+from gloc3.exchange.tunnel.summary import SummaryPacker, columns_of, room
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.motion import MotionSummary
 from gloc3.messages.summaries import Summary
@@ -53,12 +53,16 @@ class StatusSender:
         self._last: deque[int] = deque()
         """Channels whose turn comes when nobody else waits."""
         self._summaries: dict[int, SummaryPacker] = {}
+        self._columns: dict[int, deque[StatusFrame]] = {}
+        """Frames that go before the rows of a summary."""
         self._was_summary = False
 
     def offer(self, channel: int, envelope: Envelope[Any]) -> None:
         """Takes a message; an earlier one of its channel that has not begun to be sent is dropped."""
         if isinstance(envelope.payload, Summary):
             self._counters.replaced += self._summaries.setdefault(channel, SummaryPacker()).offer(envelope)
+            columns = columns_of(envelope)
+            self._columns[channel] = deque(self._cut(channel, columns) if columns is not None else ())
             return
         slot = self._slots.setdefault(channel, _Slot())
         if slot.latest is not None:
@@ -78,6 +82,8 @@ class StatusSender:
             for channel, packer in self._summaries.items():
                 if packer.is_waiting:
                     self._was_summary = True
+                    if self._columns[channel]:
+                        return self._columns[channel].popleft()
                     sequence, body = packer.next_body(room(channel, 1 << 28))
                     return SummaryRows(channel, sequence, body)
         self._was_summary = False

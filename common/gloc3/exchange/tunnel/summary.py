@@ -1,7 +1,8 @@
 """Packs the components' summary: about five bytes a component, each frame complete in itself.
 
-A frame holds one run of neighbouring indices, so that a component costs its values alone: health, rate, load (a byte
-each), overruns and errors (one to three bytes each): never more than 9 bytes.
+A frame holds one run of neighbouring indices, so that a component costs its values alone: health and the `ROW_FIELDS`, a
+byte or one to three bytes each: never more than 9 bytes. The columns of a summary go before its rows, as an ordinary
+message of the same sequence: a peer that does not know a field reads the rows all the same.
 """
 
 from __future__ import annotations
@@ -9,9 +10,12 @@ from __future__ import annotations
 import struct
 from typing import Any, Final
 
+from msgspec.structs import astuple, replace
+
 from gloc3.exchange.tunnel.layout import ROOM
 from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
 from gloc3.messages.envelope import Envelope
+from gloc3.messages.status_fields import BYTE, ROW_FIELDS
 from gloc3.messages.summaries import ComponentLine, Health, Summary
 
 _T_S: Final = struct.Struct("<d")
@@ -70,6 +74,12 @@ class SummaryPacker:
         return envelope.sequence, body
 
 
+def columns_of(envelope: Envelope[Any]) -> Envelope[Any] | None:
+    """The columns of a summary as a message of their own; None where there are none."""
+    summary: Summary = envelope.payload
+    return replace(envelope, payload=replace(summary, lines=[])) if summary.columns else None
+
+
 def unpack(body: bytes) -> tuple[float, Summary]:
     """Time of validity and the rows of one frame.
 
@@ -82,8 +92,9 @@ def unpack(body: bytes) -> tuple[float, Summary]:
         raise FrameError(f"unknown health {health}")
     lines = []
     while not reader.is_at_end:
-        state, rate_percent, load_percent = reader.byte(), reader.byte(), reader.byte()
-        lines.append(ComponentLine(index, state, rate_percent, load_percent, reader.varint(), reader.varint()))
+        state = reader.byte()
+        values = [reader.byte() if field.most <= BYTE else reader.varint() for field in ROW_FIELDS]
+        lines.append(ComponentLine(index, state, *values))
         index += 1
     return t_s, Summary(table=table, health=_HEALTH[health], lines=lines)
 
@@ -94,6 +105,8 @@ def room(channel: int, sequence: int) -> int:
 
 
 def _pack(line: ComponentLine) -> bytes:
-    values = (line.state, line.rate_percent, line.load_percent)
-    counts = varint(max(0, line.overruns) & 0xFFFF) + varint(max(0, line.errors) & 0xFFFF)
-    return bytes(min(255, max(0, value)) for value in values) + counts
+    _, state, *values = astuple(line)
+    packed = bytes((min(BYTE, max(0, state)),))
+    for field, value in zip(ROW_FIELDS, values, strict=True):
+        packed += bytes((min(BYTE, max(0, value)),)) if field.most <= BYTE else varint(max(0, value) & field.most)
+    return packed

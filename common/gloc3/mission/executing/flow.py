@@ -20,6 +20,8 @@ WAIT_STEP_S: Final = 1.0
 """How far a wait has come is put on disk after so much of it, but not more often than this."""
 PATIENCE_S: Final = 2.0
 """An action that is to start waits this long for what it needs."""
+GUARD_PATIENCE_S: Final = 2.0
+"""So long a guard waits for what is not measured at the moment; then it counts as not met."""
 
 
 def advance(board: Board, now_s: float) -> None:
@@ -268,10 +270,6 @@ def due_s(board: Board) -> float:
     if manoeuvre is not None:
         times += [at_s for at_s in (manoeuvre.land_at_s, manoeuvre.again_s) if at_s is not None]
     return min(times, default=inf)
-
-
-GUARD_PATIENCE_S: Final = 2.0
-"""So long a guard waits for what is not measured at the moment; then it counts as not met."""
 
 
 class Leave(Enum):

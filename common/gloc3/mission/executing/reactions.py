@@ -16,6 +16,11 @@ from gloc3.mission.model.model import Contingency, answer, part_of
 from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
 from gloc3.mission.model.states import ActionState, Trigger
 
+CONTINGENCY: Final = "contingency"
+"""The name of the program that is a contingency under way."""
+KEEP_SILENCE_S: Final = 30.0
+"""While a silence is planned it is kept on disk so often how far it has come, for restarts of the computer."""
+
 
 def set_condition(board: Board, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
     """Notes whether a condition holds; its policy is carried out once, when it arises."""
@@ -78,10 +83,6 @@ def _wanted(board: Board, condition: Condition) -> str | Contingency:
             return Policy.ABORT
 
 
-CONTINGENCY: Final = "contingency"
-"""The name of the program that is a contingency under way."""
-
-
 def begin_contingency(board: Board, wanted: Contingency, cause: str, now_s: float) -> bool:
     """Has a contingency run.
 
@@ -138,10 +139,6 @@ def end_contingency(board: Board, now_s: float) -> bool:
     policy = answer(wanted)
     manoeuvres.apply(board, policy, cause, now_s)
     return False
-
-
-KEEP_SILENCE_S: Final = 30.0
-"""While a silence is planned it is kept on disk so often how far it has come, for restarts of the computer."""
 
 
 def watch_link(board: Board, silent_s: float, now_s: float) -> None:

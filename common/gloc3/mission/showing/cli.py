@@ -148,7 +148,7 @@ def capabilities(
         json_output: For programs.
     """
     from gloc3.cli.tables import print_json
-    from gloc3.mission.model.capability_lines import capability_line, capability_lines, explain, list_capabilities
+    from gloc3.mission.showing.capability_lines import capability_line, capability_lines, explain, list_capabilities
 
     try:
         on = _platform(platform)

@@ -2,16 +2,13 @@
 
 from typing import Final
 
+from gloc3.messages.status_fields import STATUS_FIELDS, StatusField
 from gloc3.messages.summaries import Health
 from gloc3_groundstation.desk.component_desk import Answer
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, wrapped
 from gloc3_groundstation.tui.widgets.tables import Column, Table, table_of
-
-SLOW_PERCENT: Final = 80
-"""A component that cycles slower than this share of its rate is worth a look."""
-BUSY_PERCENT: Final = 80
 
 HEALTH_TONES: Final = {
     Health.WORKING: Tone.GOOD,
@@ -32,10 +29,7 @@ COLUMNS: Final = (
     Column("", 2),
     Column("component", 16, grows=1, most=24),
     Column("state", 11),
-    Column("rate", 13, is_right=True),
-    Column("load", 5, is_right=True),
-    Column("late", 5, is_right=True),
-    Column("errors", 6, is_right=True),
+    *(Column(field.title, field.width, is_right=True) for field in STATUS_FIELDS),
     Column("last error", 24, rank=1, grows=4),
 )
 
@@ -119,27 +113,20 @@ def _line(table: Table, component: ComponentSnapshot, kind: str) -> Line:
     if component.is_stale:
         state, tone = f"was {state}", Tone.STALE
     rest = Tone.STALE if component.is_stale or component.health is None else None
-    is_slow = component.is_well and not component.is_triggered and component.rate_percent < SLOW_PERCENT
-    has_rate = component.nominal_rate_hz > 0.0 and component.health is not None
-    rate = f"{component.nominal_rate_hz * component.rate_percent / 100.0:.1f}/{component.nominal_rate_hz:g} Hz"
-    is_busy = component.load_percent >= BUSY_PERCENT
     cause = component.cause.strip().splitlines()[-1] if component.cause.strip() else ""
     return table.line(
         [
             Span(kind, Tone.DIM),
             Span(component.name, rest or Tone.TEXT),
             Span(state, tone),
-            Span(
-                rate if has_rate else "triggered" if component.is_triggered else "",
-                rest or (Tone.WARN if is_slow else Tone.DIM),
-            ),
-            Span(f"{component.load_percent} %" if has_rate else "", rest or (Tone.WARN if is_busy else Tone.DIM)),
-            Span(str(component.overruns) if component.overruns else "·", rest or Tone.DIM),
-            Span(str(component.errors) if component.errors else "·", rest or _error_tone(component)),
+            *(_cell(field, component, rest) for field in STATUS_FIELDS),
             Span(cause, rest or (Tone.DIM if component.is_well else Tone.BAD)),
         ]
     )
 
 
-def _error_tone(component: ComponentSnapshot) -> Tone:
-    return Tone.WARN if component.errors else Tone.DIM
+def _cell(field: StatusField, component: ComponentSnapshot, rest: Tone | None) -> Span:
+    value = component.values.get(field.name)
+    if value is None:
+        return Span("", rest or Tone.DIM)
+    return Span(field.show(value, component), rest or (Tone.WARN if field.is_notable(value, component) else Tone.DIM))

@@ -15,6 +15,8 @@ from gloc3.mission.checking.checker import Circumstances
 from gloc3.mission.model.arguments import Arguments, argument_kinds
 from gloc3.platform.platform import Capability, Platform
 
+_WORDS: Final = {"float": "number", "int": "whole number", "str": "text", "bool": "true or false"}
+
 
 class ArgumentLine(msgspec.Struct, frozen=True, kw_only=True):
     """One argument."""
@@ -108,9 +110,6 @@ def _arguments(kind: type[Arguments], options: Mapping[str, tuple[str, ...]]) ->
             choices=options.get(field.name, ()),
             doc=field.doc,
         )
-
-
-_WORDS: Final = {"float": "number", "int": "whole number", "str": "text", "bool": "true or false"}
 
 
 def list_capabilities(lines: Sequence[CapabilityLine], platform: Platform | None) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.log.store import MemoryRecords, RecordFile
+from gloc3.store import MemoryRecords, RecordFile
 
 RECORDS = [b"first", b"", b"third, which is a little longer", bytes(range(0, 256, 16))]
 SOON_S = 30.0

@@ -5,10 +5,10 @@ import shutil
 from pathlib import Path
 
 from gloc3.clock import Clock, run_virtual
-from gloc3.log.store import RecordFile
 from gloc3.mavlink.signing import timestamp
 from gloc3.messages.command_interface import CiRequest, Hello, Outcome
 from gloc3.platform.reader import find_platform, load_platform
+from gloc3.store import RecordFile
 from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.journal import Journal
 from gloc3_onboard.command_server.site import Site

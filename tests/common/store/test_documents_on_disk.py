@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gloc3.log.store import AppendFile, DocumentFile, replace_file
+from gloc3.store import AppendFile, DocumentFile, replace_file
 
 SOON_S = 30.0
 

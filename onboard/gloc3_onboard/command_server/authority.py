@@ -1,0 +1,196 @@
+"""Permissions: which station may ask for what, one life of a station at a time, and velocities by hand in time.
+
+A velocity that is late says what an operator wanted before the link stood still. The clocks of a station and of the
+vehicle have nothing in common, so its lateness is what it was longer on its way than the quickest one of its session.
+"""
+
+from collections import OrderedDict, deque
+from collections.abc import Sequence
+from typing import Final
+
+from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup
+from gloc3.errors import Refused
+from gloc3.messages.command_interface import LOOKS, CiRequest, Control, Hello, StationRole
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.software import Software
+from gloc3.messages.summaries import ControlState, StationHeard
+from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
+from gloc3_onboard.command_server.control import MOST_HEARD, ControlAuthority
+from gloc3_onboard.command_server.site import Say
+
+THERE_S: Final = 30.0
+"""A station of which nothing was heard for so long is not there."""
+MOST_STATIONS: Final = 32
+"""Stations and lives that are remembered."""
+MOST_LATE: Final = 2
+"""So many requests of a life that is over may come late."""
+DOUBLED_AGAIN_S: Final = 60.0
+DEMANDS_AGAIN_S: Final = 10.0
+"""Why demands of a station are not taken is told so often."""
+DRIFT: Final = 1e-3
+"""Two clocks run apart by less than this share of the time."""
+MOST_SENDERS: Final = 16
+MOST_PAST: Final = 64
+"""Sessions that are over and remembered: what comes of them late, by a slower way, counts no more."""
+
+
+class AuthorityPorts(PortGroup):
+    """What tells of stations, and what they may do."""
+
+    heard = Input(StationHeard, Keep.ALL)
+    velocity_demand = Input(VelocityDemand, Keep.ALL)
+
+    control = Output(ControlState)
+    motion_demand = Output(VelocityDemand)
+
+
+class Authority:
+    """Knows the stations that ask, and decides who may command.
+
+    Args:
+        kept_holder: held control when the process before ended in flight; empty where nobody did.
+        say: has an event told to the stations.
+    """
+
+    def __init__(self, kept_holder: str, say: Say) -> None:
+        self.control: Final = ControlAuthority()
+        self.demands: Final = Demands(self.control, say)
+        self._kept_holder, self._say = kept_holder, say
+        self._senders = Senders()
+        self._software: dict[str, Software] = {}
+        """Of the stations that have said hello."""
+
+    def observe(self, now_s: float, inbox: Inbox) -> None:
+        """Takes in which stations are heard."""
+        for heard in inbox.new(AuthorityPorts.heard):
+            self.control.hear(heard.payload.station, now_s)
+        if self._kept_holder:
+            self.control.restore(self._kept_holder, now_s)
+            self._kept_holder = ""
+
+    def receive(self, request: CiRequest, now_s: float) -> str:
+        """Takes in that a station asks for something; why it may not ask for that at all, empty if it may."""
+        if request.role is StationRole.OBSERVER and not isinstance(request.body, LOOKS):
+            return f"station {request.sender} may look and not command: it is an observer"
+        self.control.hear(request.sender, now_s)
+        if isinstance(request.body, Hello | Control):
+            self._software[request.sender] = Software(request.body.version, request.body.protocol)
+        if doubled := self._senders.hear(request.sender, request.boot, now_s):
+            self._say(Severity.WARNING, doubled)
+        return ""
+
+    def software(self, now_s: float) -> dict[str, Software]:
+        """The software of the stations that are there."""
+        return {name: one for name, one in self._software.items() if self.control.is_heard(name, now_s, THERE_S)}
+
+
+class Senders:
+    """The lives of the stations that ask."""
+
+    def __init__(self) -> None:
+        self._lives: dict[str, dict[int, int]] = {}
+        """Station to the boots that it has spoken with, the present one last, each with how often it came back."""
+        self._told_s: dict[str, float] = {}
+
+    def hear(self, station: str, boot: int, now_s: float) -> str:
+        """Takes in a request; gives what is to be told of it, once a minute: nothing where one station speaks."""
+        lives = self._lives.pop(station, {})
+        self._lives[station] = lives
+        if len(self._lives) > MOST_STATIONS:
+            del self._lives[next(iter(self._lives))]
+        if not lives or boot == next(reversed(lives)):
+            lives.setdefault(boot, 0)
+            return ""
+        if boot not in lives:
+            lives[boot] = 0
+            if len(lives) > MOST_STATIONS:
+                del lives[next(iter(lives))]
+            return ""
+        lives[boot] = lives.pop(boot) + 1
+        if lives[boot] <= MOST_LATE or now_s < self._told_s.get(station, float("-inf")) + DOUBLED_AGAIN_S:
+            return ""
+        self._told_s[station] = now_s
+        return f"two stations have the id {station}, and both are obeyed as one: give one another (--station-id)"
+
+
+class _Session:
+    """What came of one time at the keys."""
+
+    def __init__(self, number: int, way_s: float) -> None:
+        self.number: Final = number
+        self.sequence = -1
+        self.quickest_s = way_s
+        """The difference of the clocks and the shortest way."""
+        self.heard_s = 0.0
+
+
+class Demands:
+    """Judges demands.
+
+    Args:
+        authority: knows the holder of control.
+        say: tells stations what is wrong.
+    """
+
+    def __init__(self, authority: ControlAuthority, say: Say) -> None:
+        self._authority, self._say = authority, say
+        self._sessions: OrderedDict[str, _Session] = OrderedDict()
+        """By sender: the one that goes on."""
+        self._past: deque[tuple[str, int]] = deque(maxlen=MOST_PAST)
+        self._told_s: dict[str, float] = {}
+
+    def take(self, demands: Sequence[Envelope[VelocityDemand]], now_s: float) -> list[VelocityDemand]:
+        """The newest demand that counts, if there is one among those that have just come."""
+        taken: list[VelocityDemand] = []
+        for envelope in demands:
+            try:
+                if self._counts(envelope, now_s):
+                    taken = [envelope.payload]
+            except Refused as refusal:
+                self._tell(envelope.payload.sender, str(refusal), now_s)
+        return taken
+
+    def _counts(self, envelope: Envelope[VelocityDemand], now_s: float) -> bool:
+        """Whether a demand is to be carried out; False for one that has come before, or was overtaken.
+
+        Raises:
+            Refused: its sender may not, or it is late.
+        """
+        demand = envelope.payload
+        if demand.role is not StationRole.OPERATOR:
+            raise Refused("it is an observer")
+        self._authority.require(demand.sender)
+        way_s = now_s - envelope.t_s
+        session = self._session_of(demand, way_s)
+        if session is None or demand.sequence <= session.sequence:
+            return False
+        session.sequence = demand.sequence
+        session.quickest_s = min(way_s, session.quickest_s + DRIFT * (now_s - session.heard_s))
+        session.heard_s = now_s
+        late_s = way_s - session.quickest_s
+        if not late_s <= EXPIRES_S:
+            raise Refused(f"they come {late_s:.1f} s late; take to the keys anew if the link stays so slow")
+        return True
+
+    def _session_of(self, demand: VelocityDemand, way_s: float) -> _Session | None:
+        """The session of a demand; None where its sender has begun another since."""
+        session = self._sessions.get(demand.sender)
+        if session is not None and session.number == demand.session:
+            return session
+        if (demand.sender, demand.session) in self._past:
+            return None
+        if session is not None:
+            self._past.append((demand.sender, session.number))
+        session = self._sessions[demand.sender] = _Session(demand.session, way_s)
+        self._sessions.move_to_end(demand.sender)
+        if len(self._sessions) > MOST_SENDERS:
+            self._sessions.popitem(last=False)
+        return session
+
+    def _tell(self, sender: str, text: str, now_s: float) -> None:
+        if now_s - self._told_s.get(sender, float("-inf")) < DEMANDS_AGAIN_S:
+            return
+        if len(self._told_s) > MOST_HEARD:
+            self._told_s.clear()
+        self._told_s[sender] = now_s
+        self._say(Severity.WARNING, f"velocities of station {sender} are not taken: {text}")

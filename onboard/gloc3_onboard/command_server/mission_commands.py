@@ -1,0 +1,384 @@
+"""Stations' commands to the mission: load, start and steer it, single tasks and actions, emergencies."""
+
+import json
+import sys
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
+from typing import Final, NamedTuple
+
+import msgspec
+
+from gloc3.errors import Finding, Refused
+from gloc3.messages.command_interface import (
+    CiReply,
+    CiRequest,
+    Elsewhere,
+    Emergency,
+    EmergencyVerb,
+    LoadMission,
+    Outcome,
+    RequestAction,
+    RequestTask,
+    Steer,
+    Verb,
+)
+from gloc3.messages.envelope import Severity
+from gloc3.messages.preflight import PreflightReport, summary
+from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
+from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.executing.executor import MissionExecutor
+from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.model import digest_of
+from gloc3.mission.model.states import ActionState
+from gloc3_onboard.command_server.authority import Authority
+from gloc3_onboard.command_server.journal import answer
+from gloc3_onboard.command_server.mission_host import MissionHost
+from gloc3_onboard.command_server.observing import Observing
+from gloc3_onboard.command_server.site import Say, Site
+from gloc3_onboard.command_server.start_gate import Begin, Held, StartGate
+from gloc3_onboard.command_server.summaries import geofence_of
+
+FENCE_S: Final = 12.0
+"""So long the loading of a mission waits for its fence to be in the autopilot."""
+MOTION: Final = "motion"
+"""The resource of what moves the vehicle."""
+MOST_FINDINGS: Final = 100
+"""Of a mission: more would go over no radio."""
+MOST_STRANGERS: Final = 32
+"""Of so many stations it is told that they are not believed."""
+BEGINS: Final = (Verb.START, Verb.RETRY)
+"""What may lead to a take-off."""
+MOST_CHECKS: Final = 8
+"""Missions that wait for their check."""
+SWITCH_S: Final = 0.001
+"""So long the loop waits at most for each turn while a check computes; Python's own choice is five times that."""
+
+Judge = Callable[[Report, float], CiReply | None]
+"""What follows from a report, at a time; None if the answer comes later still."""
+
+_STATES: Final = {state.value: state for state in ActionState}
+
+
+class _FenceWait(NamedTuple):
+    request: CiRequest
+    findings: str
+    until_s: float
+
+
+class MissionCommands:
+    """Checks what stations want of the mission, and has the executor do it.
+
+    Args:
+        site: the platform, and the worker that checks missions.
+        observing: the facts.
+        authority: knows who may command.
+        host: of the executor.
+        say: has an event told to the stations.
+    """
+
+    def __init__(self, site: Site, observing: Observing, authority: Authority, host: MissionHost, say: Say) -> None:
+        self.gate: Final = StartGate(site.platform, observing)
+        """What every start has to pass."""
+        self.disarms: Final[list[EmergencyDisarm]] = []
+        """What the driver is to be told."""
+        self._platform, self._facts = site.platform, observing.facts
+        self._authority, self._host, self._say = authority, host, say
+        self._checks = MissionChecks(site.worker)
+        self._fence_wait: _FenceWait | None = None
+        self._strangers: set[str] = set()
+        """Stations that were not believed."""
+
+    @property
+    def executor(self) -> MissionExecutor:
+        """The executor.
+
+        Raises:
+            Refused: what the process before has left is not taken up yet.
+        """
+        if self._host.executor is None:
+            raise Refused("the platform is starting; the autopilot has not answered yet")
+        return self._host.executor
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether there is an executor."""
+        return self._host.executor is not None
+
+    # --- the loaded mission ---
+
+    def load(self, request: CiRequest, body: LoadMission, now_s: float) -> CiReply | None:
+        """Has a mission checked, and loads it."""
+        executor = self.executor
+        executor.refuse_under_way()  # before the check, which takes its time, and the vehicle is on its way
+
+        def judge(report: Report, at_s: float) -> CiReply | None:
+            self._authority.control.require(request.sender)
+            findings = _lines(report.findings)
+            if not report.is_ok:
+                count = sum(not finding.is_warning for finding in report.findings)
+                return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
+            executor.load(report.flyable(), at_s)
+            if geofence_of(executor).areas:
+                self._fence_wait = _FenceWait(request, findings, at_s + FENCE_S)
+                return None
+            return answer(request, text=findings)
+
+        return self._checks.answer(request, body.text, body.name, self._circumstances(), judge, now_s)
+
+    def read(self, request: CiRequest) -> CiReply:
+        """The text of the loaded mission."""
+        program = self.executor.mission
+        if program is None:
+            raise Refused("no mission is loaded")
+        return answer(request, text=program.mission.text)
+
+    def steer(self, request: CiRequest, body: Steer, now_s: float) -> CiReply | None:
+        """Starts, pauses, resumes, skips, aborts, retries or clears the mission, a task or an action."""
+        if body.verb not in BEGINS:
+            return self._steer(request, body, now_s)
+        self._refuse_to_begin(body)
+        return self._start(request, lambda at_s: self._steer(request, body, at_s), now_s)
+
+    def _steer(self, request: CiRequest, body: Steer, now_s: float) -> CiReply:
+        executor = self.executor
+        if body.verb is Verb.CLEAR:
+            executor.clear(now_s)
+        else:
+            if body.verb in BEGINS:
+                self._refuse_to_begin(body)
+            executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)
+        return answer(request)
+
+    def elsewhere(self, sender: str, body: Elsewhere, now_s: float) -> None:
+        """Takes in how far another platform is: whoever commands this one is believed, about the loaded mission."""
+        executor = self._host.executor
+        program = executor.mission if executor is not None else None
+        if executor is None or program is None:
+            return
+        if body.digest != digest_of(program.mission.text) or body.state not in _STATES:
+            return
+        if sender != self._authority.control.holder:
+            if sender not in self._strangers and len(self._strangers) < MOST_STRANGERS:
+                self._strangers.add(sender)
+                self._say(Severity.WARNING, f"station {sender} tells of {body.platform} without control: not believed")
+            return
+        tasks = {name: _STATES[state] for name, state in body.tasks.items() if state in _STATES}
+        executor.elsewhere(body.platform, _STATES[body.state], tasks, now_s)
+
+    # --- single tasks and actions ---
+
+    def single(self, request: CiRequest, body: RequestTask | RequestAction, now_s: float) -> CiReply | None:
+        """Has a single task or action checked, and runs it beside the loaded mission."""
+        executor = self.executor
+        text = body.text if isinstance(body, RequestTask) else self._as_mission(body)
+
+        def judge(report: Report, checked_s: float) -> CiReply | None:
+            self._authority.control.require(request.sender)
+            if not report.is_ok:
+                first = next(finding for finding in report.findings if not finding.is_warning)
+                return answer(request, Outcome.REFUSED, first.message, text=_lines(report.findings))
+            mission, rows = report.flyable(), abilities(self._platform)
+
+            def begin(at_s: float) -> CiReply:
+                return answer(request, reason=executor.command(mission, at_s))
+
+            wanted = {one.ability for one in mission.actions().values()}
+            if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
+                return begin(checked_s)
+            if not self._facts.is_airborne and self._facts.autopilot_problem:
+                raise Refused(self._facts.autopilot_problem)
+            return self._start(request, begin, checked_s)
+
+        return self._checks.answer(request, text, "command", self._circumstances(), judge, now_s)
+
+    def _as_mission(self, body: RequestAction) -> str:
+        frames = list(self._platform.frames)
+        geo_keys = ("waypoints", "position", "at")
+        frame = "geo" if not frames or any(key in body.arguments for key in geo_keys) else frames[0]
+        name = self.executor.free_name()
+        action = {body.capability: body.arguments}
+        mission = {"mission": name, "frame": frame, "tasks": {name: {"actions": {body.capability: action}}}}
+        try:
+            return json.dumps(mission)
+        except (TypeError, RecursionError) as error:  # bytes and times travel, and say nothing in a mission
+            raise Refused(f"the arguments of {body.capability} cannot be read: {error}") from None
+
+    def _circumstances(self) -> Circumstances:
+        """What missions are checked against onboard.
+
+        Raises:
+            Refused: it is not known yet where the vehicle is.
+        """
+        facts = self._facts
+        if facts.pose is None or facts.origin is None or facts.home_ned_m is None:
+            raise Refused("it is not known yet where the vehicle is")
+        return Circumstances(
+            platform=self._platform,
+            origin=facts.origin,
+            home_altitude_m=facts.home_altitude_m,
+            home_ned_m=facts.home_ned_m,
+            start_ned_m=facts.pose.position_ned_m if facts.is_airborne else None,
+        )
+
+    # --- emergencies ---
+
+    def emergency(self, request: CiRequest, body: Emergency, now_s: float) -> CiReply:
+        """The emergency key: goes before any policy and any mission."""
+        executor = self.executor
+        author = body.author or f"station {request.sender}"
+        match body.verb:
+            case EmergencyVerb.HOLD:
+                executor.emergency("hold", author, now_s)
+            case EmergencyVerb.LAND:
+                executor.emergency("land", author, now_s)
+            case EmergencyVerb.DISARM:
+                if body.confirmation != self._platform.platform:
+                    raise Refused(f"to disarm, type the platform's name: {self._platform.platform}")
+                self._disarm(author, executor, now_s)
+        return answer(request, reason=f"emergency {body.verb} by {author}")
+
+    def _disarm(self, author: str, executor: MissionExecutor, now_s: float) -> None:
+        self._say(Severity.ALERT, f"emergency disarm by {author}")
+        self.disarms.append(EmergencyDisarm(author=author))
+        if executor.mission is not None and executor.mission.is_open:
+            executor.steer("abort", "", now_s)
+
+    # --- starts ---
+
+    def _start(self, request: CiRequest, begin: Begin, now_s: float) -> CiReply | None:
+        """Begins what may lead to a take-off if the pre-flight list allows it; in the air nothing is held against it."""
+
+        def judged(at_s: float) -> CiReply:
+            self._authority.control.require(request.sender)
+            override = self.gate.let_through(request, self._report(at_s))
+            reply = begin(at_s)
+            if override:
+                self._say(Severity.WARNING, override)
+            return reply
+
+        return begin(now_s) if self._facts.is_airborne else self.gate.answer(request, judged, now_s)
+
+    def preflight(self, request: CiRequest, now_s: float) -> CiReply | None:
+        """Has the pre-flight list made anew."""
+        return self.gate.answer(request, lambda at_s: self._list(request, at_s), now_s)
+
+    def _list(self, request: CiRequest, now_s: float) -> CiReply:
+        report = self._report(now_s)
+        return answer(request, reason=summary(report.checks), result=msgspec.to_builtins(report))
+
+    def _report(self, now_s: float) -> PreflightReport:
+        executor = self._host.executor
+        is_held = executor is None or self._fence_progress(executor) is FenceProgress.CONFIRMED
+        program = executor.mission if executor is not None else None
+        mission = program.mission if program is not None else None
+        problem = "" if is_held else self._fence_problem()
+        return self.gate.report(mission, problem, self._authority.software(now_s), now_s)
+
+    def _refuse_to_begin(self, body: Steer) -> None:
+        """What no operator can override."""
+        if body.verb is Verb.START and (problem := self._facts.autopilot_problem):
+            raise Refused(problem)
+        if body.verb is Verb.START and not body.target:
+            self._refuse_without_fence()
+
+    def _refuse_without_fence(self) -> None:
+        """A mission with a fence on Earth starts when the autopilot has given the same fence back."""
+        if self._fence_progress(self.executor) is not FenceProgress.CONFIRMED:
+            raise Refused(self._fence_problem())
+
+    def _fence_progress(self, executor: MissionExecutor) -> FenceProgress:
+        wanted, held = geofence_of(executor), self._facts.fence
+        if not wanted.areas:
+            return FenceProgress.CONFIRMED
+        return held.progress if held is not None and held.digest == wanted.digest else FenceProgress.NONE
+
+    def _fence_problem(self) -> str:
+        held = self._facts.fence
+        return f"the autopilot does not hold the mission's fence: {held.reason if held and held.reason else 'not uploaded yet'}"
+
+    # --- answers that come later ---
+
+    def due(self, now_s: float) -> list["Checked | Held"]:
+        """The requests whose mission is checked, or whose pre-flight list can be made."""
+        return [*self._checks.due(), *self.gate.due(now_s)]
+
+    def fence_answer(self, now_s: float) -> list[CiReply]:
+        """A mission with a fence on Earth is loaded when the autopilot has given its fence back, or will not."""
+        wait = self._fence_wait
+        if wait is None or self._host.executor is None:
+            return []
+        progress = self._fence_progress(self._host.executor)
+        if progress is FenceProgress.CONFIRMED:
+            reply = answer(wait.request, text=wait.findings)
+        elif progress is FenceProgress.FAILED or now_s > wait.until_s:
+            reply = answer(wait.request, Outcome.REFUSED, self._fence_problem(), text=wait.findings)
+        else:
+            return []
+        self._fence_wait = None
+        return [reply]
+
+
+class Checked(NamedTuple):
+    """A request whose mission is checked."""
+
+    request: CiRequest
+    report: "Future[Report]"
+    judge: Judge
+
+    def answer(self, now_s: float) -> CiReply | None:
+        """Its answer."""
+        return self.judge(self.report.result(), now_s)
+
+
+class MissionChecks:
+    """Has a worker check missions, one after the other.
+
+    Args:
+        worker: a thread in wall time; in virtual time, where nobody has to wait, `AtOnce`.
+    """
+
+    def __init__(self, worker: Executor) -> None:
+        self._worker = worker
+        self._waiting: deque[Checked] = deque()
+
+    def answer(
+        self, request: CiRequest, text: str, name: str, circumstances: Circumstances, judge: Judge, now_s: float
+    ) -> CiReply | None:
+        """Begins a check, and answers at once where it is done at once.
+
+        Raises:
+            Refused: too many are waiting.
+        """
+        if len(self._waiting) >= MOST_CHECKS:
+            raise Refused(f"{MOST_CHECKS} missions are being checked already; ask again")
+        checked = Checked(request, self._worker.submit(_check, text, name, circumstances), judge)
+        if not self._waiting and checked.report.done():
+            return checked.answer(now_s)
+        self._waiting.append(checked)
+        return None
+
+    def due(self) -> list[Checked]:
+        """The requests whose check is done, in the order in which they came."""
+        found: list[Checked] = []
+        while self._waiting and self._waiting[0].report.done():
+            found.append(self._waiting.popleft())
+        return found
+
+
+def _check(text: str, name: str, circumstances: Circumstances) -> Report:
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_S)
+    try:
+        return check_text(text, name, circumstances)
+    finally:
+        sys.setswitchinterval(before_s)
+
+
+def _lines(findings: Sequence[Finding]) -> str:
+    """Findings as they are told to a station, errors first where they are too many."""
+    told = findings
+    if len(findings) > MOST_FINDINGS:
+        told = sorted(findings, key=lambda finding: finding.is_warning)[:MOST_FINDINGS]
+    more = len(findings) - len(told)
+    return "\n".join([*map(str, told), *([f"and {more:,} more"] if more else [])])

@@ -1,0 +1,250 @@
+"""The mission host: takes the executor up, tells it the facts, and carries out what it asks of components."""
+
+from typing import Any, Final
+
+from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Report, Result
+from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest
+from gloc3.messages.frames import GeoPoint
+from gloc3.messages.vehicle import FlightMode, MotionGrant, TakeOver
+from gloc3.mission.executing.executor import MissionExecutor, Verb
+from gloc3.mission.executing.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
+from gloc3.mission.executing.restore import restore
+from gloc3.mission.executing.snapshot import Snapshot
+from gloc3.mission.model.messages import ActionStatus
+from gloc3.mission.model.model import Mission
+from gloc3.mission.model.policy import Policy
+from gloc3.mission.model.states import ActionState
+from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
+from gloc3_onboard.command_server.site import Say, ServerSettings, Site
+from gloc3_onboard.command_server.summaries import Tally
+
+COME_UP_S: Final = 30.0
+"""After a restart: how long components that are still coming up are waited for before the mission is taken up."""
+
+
+class MissionPorts(PortGroup):
+    """What components report of actions, what they are asked, and who may move the vehicle."""
+
+    action_status = Input(ActionStatus, Keep.ALL, depth=256)
+
+    function = Output(FunctionRequest)
+    grant = Output(MotionGrant)
+    take_over = Output(TakeOver)
+
+
+class MissionHost:
+    """Holds the executor, and is the only one that starts actions.
+
+    Args:
+        site: the platform, and where progress is kept.
+        observing: the facts.
+        control: knows the holder of control.
+        settings: of the server.
+        say: has an event told to the stations.
+    """
+
+    def __init__(
+        self, site: Site, observing: Observing, control: ControlAuthority, settings: ServerSettings, say: Say
+    ) -> None:
+        self.executor: MissionExecutor | None = None
+        """None until what the process before has left is taken up again."""
+        self.tally = Tally()
+        """What the loaded mission takes."""
+        self.granted = MotionGrant(action_id="", component="")
+        """The owner of motion."""
+        self._site, self._observing, self._control, self._say = site, observing, control, say
+        self._settle_s = settings.settle_s
+        self._connected_s: float | None = None
+        self._performing: dict[str, str] = {}
+        """Component to the action that it says it is performing."""
+        self._waiting: dict[str, tuple[str, Verb]] = {}
+        """Request id to the action and what was asked of it."""
+        self._count = 0
+
+    @property
+    def policy(self) -> str:
+        """The policy that is being carried out; empty where none is."""
+        return self.executor.policy if self.executor is not None else ""
+
+    @property
+    def is_mission_unknown(self) -> bool:
+        """Whether something was kept that is not taken up yet: who is told of no mission would give it up for lost."""
+        kept = self._site.snapshot
+        return self.executor is None and kept is not None and bool(kept.programs)
+
+    # --- before the executor decides ---
+
+    def observe(self, now_s: float, inbox: Inbox, *, is_urgent: bool) -> list[Result]:
+        """Tells the executor the facts; without one takes up what was kept, as soon as that is possible.
+
+        Args:
+            now_s: the time.
+            inbox: what came in.
+            is_urgent: whether an emergency waits for the executor.
+        """
+        for action in inbox.new(MissionPorts.action_status):
+            component, status = action.source.component, action.payload
+            if status.state in (ActionState.RUNNING, ActionState.PAUSED):
+                self._performing[component] = status.action_id
+            elif self._performing.get(component) == status.action_id:
+                del self._performing[component]
+        results: list[Result] = [] if self.executor is not None else self._try_to_begin(now_s, is_urgent=is_urgent)
+        if self.executor is not None:
+            self._inform(self.executor, now_s, inbox)
+            if self._is_handing_over(self.executor, now_s):
+                results.append(TakeOver(is_resumed=True))
+        return results
+
+    def _try_to_begin(self, now_s: float, *, is_urgent: bool) -> list[Result]:
+        """Takes up what was kept, once it is known whether the vehicle flies."""
+        facts, kept = self._observing.facts, self._site.snapshot
+        if not facts.is_connected:
+            return []
+        if self._connected_s is None:
+            self._connected_s = now_s
+        waited_s = now_s - self._connected_s - self._settle_s
+        if kept is None or not kept.programs:
+            self.executor = MissionExecutor(self._site.platform)
+        elif waited_s < 0.0 or not facts.is_flight_known:
+            return []
+        elif waited_s < TAKE_OVER_S and flies_for_us(facts, kept):
+            return [TakeOver(is_resumed=True)]
+        elif waited_s < COME_UP_S and not is_urgent and self._observing.is_coming_up(now_s):
+            return []
+        else:
+            self.executor = restore(self._site.platform, kept, self._read_again, facts.is_airborne, now_s)
+        return []
+
+    def _read_again(self, text: str) -> Mission:
+        """A mission that was checked before the process ended; raises `InputError` where it cannot be read.
+
+        It is not checked again: now it would begin elsewhere. Home tells where NED begins, even without a pose.
+        """
+        facts = self._observing.facts
+        home = facts.home
+        origin = GeoPoint(*home.origin_geo) if home is not None and home.origin_geo is not None else facts.origin
+        altitude_m = None if home is None or origin is None else origin.altitude_m - home.position_ned_m[2]
+        surroundings = Surroundings.of(self._site.platform, origin=origin, home_altitude_m=altitude_m)
+        return read_mission(text, "kept mission", surroundings)
+
+    def _is_handing_over(self, executor: MissionExecutor, now_s: float) -> bool:
+        return not executor.board.has_pilot and self._observing.is_handing_over(now_s)
+
+    def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
+        """Tells the executor the facts."""
+        known, facts = self._observing, self._observing.facts
+        is_silence_judged = known.is_silence_judged(now_s)
+        for name in known.book.down(now_s) if is_silence_judged else ():
+            status = known.book.status(name)
+            executor.component_failed(name, (status.cause if status is not None else "") or "it has left", now_s)
+        for action in inbox.new(MissionPorts.action_status):
+            executor.reported(action.payload, now_s)
+        if is_silence_judged:
+            executor.available(known.missing(now_s), now_s)
+        if facts.is_connected:
+            executor.vehicle(facts.is_airborne, now_s)
+        driver = facts.driver
+        if driver is not None and not self._is_handing_over(executor, now_s):
+            executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s)
+        fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
+        if is_silence_judged:
+            for condition, is_on, reason in facts.conditions(fence, now_s):
+                executor.condition(condition, is_on, reason, now_s)
+            silent_s = self._control.silent_s(now_s)
+            executor.link(silent_s, now_s)
+            executor.sensed(facts.readings(now_s) | {"link_silent_s": silent_s}, now_s)
+        self._count_up(executor, now_s)
+        for verdict in known.verdicts:
+            executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
+        known.verdicts.clear()
+
+    def _count_up(self, executor: MissionExecutor, now_s: float) -> None:
+        """What the mission takes, for the comparison with its estimate."""
+        facts = self._observing.facts
+        if self.tally.program is not executor.mission:
+            self.tally = Tally(executor.mission)
+        at = facts.pose.position_ned_m if facts.pose is not None and facts.is_pose_fresh(now_s) else None
+        self.tally.look(at, facts.autopilot.battery_remaining if facts.autopilot is not None else -1.0, now_s)
+
+    # --- what the executor asks for ---
+
+    def receive_reply(self, reply: CommandReply | FunctionReply, now_s: float) -> bool:
+        """Whether a component's reply was to a request of the executor."""
+        waiting = self._waiting.pop(reply.request_id, None)
+        if waiting is None or self.executor is None:
+            return False
+        action_id, verb = waiting
+        self.executor.replied(action_id, verb, reply.is_accepted, reply.reason, now_s)
+        return True
+
+    def take(self, now_s: float) -> list[Request]:
+        """What the executor asks for now; each is to be carried out in this order."""
+        if self.executor is None:
+            return []
+        self.executor.tick(now_s)
+        return self.executor.take(now_s)
+
+    def carry_out(self, request: Request) -> list[Result]:
+        """Does what the executor asks for."""
+        match request:
+            case Persist(snapshot=snapshot):
+                self._site.keep_snapshot(snapshot)
+            case Grant():
+                self.granted = MotionGrant(action_id=request.action_id, component=request.component)
+                return [self.granted]
+            case Start(progress=progress):
+                arguments = {"capability": request.capability, "arguments": request.arguments, "progress": progress}
+                start = self._function(request.component, request.action_id, "start", arguments)
+                return [*self._clear(request.component), start]
+            case Pause():
+                return [self._function(request.component, request.action_id, "pause", {})]
+            case Resume():
+                return [self._function(request.component, request.action_id, "resume", {})]
+            case Cancel():
+                return [self._function(request.component, request.action_id, "cancel", {})]
+            case TakeBack():
+                return [TakeOver(is_resumed=True)]
+            case Told():
+                self._say(request.severity, request.text)
+        return []
+
+    def _clear(self, component: str) -> list[Report]:
+        """Has a component end an action that a former life of this server has left it with."""
+        left = self._performing.pop(component, "")
+        if not left or self.executor is None or self.executor.knows(left):
+            return []
+        return [self._function(component, left, "cancel", {})]
+
+    def _function(self, component: str, action_id: str, verb: Verb, more: dict[str, Any]) -> Report:
+        self._count += 1
+        request_id = f"action-{self._count}"
+        self._waiting[request_id] = (action_id, verb)
+        arguments = {"action_id": action_id, **more}
+        message = FunctionRequest(request_id=request_id, function=f"action.{verb}", arguments=arguments)
+        return MissionPorts.function.report(message, key=component)
+
+
+def was_under_way(kept: Snapshot | None) -> bool:
+    """Whether a mission, a single command or a policy had begun and not ended."""
+    return kept is not None and (
+        kept.policy is not None
+        or any(program.own.state in (ActionState.RUNNING, ActionState.PAUSED) for program in kept.programs)
+    )
+
+
+def flies_for_us(facts: VehicleFacts, kept: Snapshot) -> bool:
+    """Whether the vehicle does what was begun then, and the driver takes it for a pilot's."""
+    state = facts.autopilot
+    modes = (*OURS, FlightMode.MISSION) if _flew_a_plan(kept) else OURS
+    is_ours = state is not None and state.is_armed and state.mode in modes
+    is_taken = facts.driver is None or facts.driver.has_pilot_control
+    return was_under_way(kept) and is_ours and is_taken and not kept.has_pilot
+
+
+def _flew_a_plan(kept: Snapshot) -> bool:
+    """Whether the autopilot had been given a plan to fly by itself."""
+    items = (item for program in kept.programs for item in program.items.values())
+    return any(item.is_planned and item.state is ActionState.RUNNING for item in items)

@@ -1,0 +1,305 @@
+"""What is known of the components and the vehicle, and the supervision that follows from it."""
+
+from collections.abc import Iterable
+from math import inf
+from typing import Final, NamedTuple
+
+from gloc3.component.deployment import FaultPolicy
+from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Report
+from gloc3.component.supervision import Order, Step, Supervision, Verdict
+from gloc3.messages.envelope import CommandReply, CommandRequest, ComponentStatus, Envelope, Severity
+from gloc3.messages.hosts import HostPresence
+from gloc3.messages.readiness import AutopilotSetup, ComputerState
+from gloc3.messages.summaries import Health
+from gloc3.messages.vehicle import (
+    AutopilotState,
+    DriverState,
+    FenceState,
+    FlightMode,
+    HeightAboveGround,
+    Pose,
+    Setpoint,
+)
+from gloc3.mission.model.abilities import abilities
+from gloc3.platform.places import place_of
+from gloc3.platform.platform import Platform
+from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.facts import KeptHome, VehicleFacts
+from gloc3_onboard.command_server.site import Say
+
+STOOD_STILL_S: Final = 0.3
+"""A cycle that comes so long after the one before: less than the shortest silence from which anything follows."""
+UNUSUAL: Final = 3.0
+"""So many times the pause before that: its rate can be set, too."""
+CATCH_UP_S: Final = 0.5
+"""So long after it what was told meanwhile may take to come in; nothing is judged by silence until then."""
+STOOD_STILL_AGAIN_S: Final = 2.0
+"""Not again so soon after it: a process that never has time is one that has no time."""
+OURS: Final = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
+"""Modes in which a vehicle that a former life of a driver, or of this process, flew may be taken up again."""
+TAKE_OVER_S: Final = 2.0
+"""How long a driver is asked to take it up again."""
+
+
+class ObservingPorts(PortGroup):
+    """What tells of components and of the vehicle, and the commands of the supervision."""
+
+    status = Input(ComponentStatus, Keep.ALL, depth=512)
+    reply = Input(CommandReply, Keep.ALL)
+    host_presence = Input(HostPresence, Keep.ALL)
+    autopilot = Input(AutopilotState)
+    pose = Input(Pose)
+    setpoint = Input(Setpoint)
+    driver = Input(DriverState)
+    fence_state = Input(FenceState)
+    autopilot_setup = Input(AutopilotSetup)
+    computer = Input(ComputerState)
+    height = Input(HeightAboveGround)
+
+    command = Output(CommandRequest)
+
+
+class Observing:
+    """Follows the components, the vehicle, the hosts and the process itself.
+
+    Args:
+        platform: the platform file.
+        home: where the vehicle was armed, as the process before has left it.
+        say: has an event of the supervision told to the stations.
+    """
+
+    def __init__(self, platform: Platform, home: KeptHome | None, say: Say) -> None:
+        self.facts: Final = VehicleFacts(platform, home)
+        self.book: Final = ComponentBook(platform.components)
+        self.supervision: Supervision | None = None
+        """None before the first cycle: only then the time is known."""
+        self.setup: AutopilotSetup | None = None
+        self.computer: ComputerState | None = None
+        self.height: HeightAboveGround | None = None
+        self.hosts: Final[dict[str, HostPresence]] = {}
+        """The other hosts, as far as they were ever here."""
+        self.verdicts: list[Verdict] = []
+        """Components that are lost for good, with what is to be done."""
+        self._availability = Availability(platform)
+        self._standstill = Standstill()
+        self._handover = Handover()
+        self._platform, self._say = platform, say
+
+    def observe(self, now_s: float, inbox: Inbox) -> None:
+        """Takes everything in."""
+        stood_s = self._standstill.tick(now_s)
+        if stood_s:
+            self._say(Severity.WARNING, f"this process stood still for {stood_s:.1f} s")
+        facts = self.facts
+        for status in inbox.new(ObservingPorts.status):
+            self.book.hear(status.payload, status.t_s)
+        for state in inbox.new(ObservingPorts.autopilot):
+            facts.see_autopilot(state)
+        for pose in inbox.new(ObservingPorts.pose):
+            facts.see_pose(pose)
+        for setpoint in inbox.new(ObservingPorts.setpoint):
+            facts.see_setpoint(setpoint)
+        facts.look(now_s)
+        for driver in inbox.new(ObservingPorts.driver):
+            self._handover.see(driver, facts.known_autopilot, now_s)
+            facts.driver = driver.payload
+        for fence in inbox.new(ObservingPorts.fence_state):
+            facts.fence = fence.payload
+        for setup in inbox.new(ObservingPorts.autopilot_setup):
+            self.setup = setup.payload
+        for computer in inbox.new(ObservingPorts.computer):
+            self.computer = computer.payload
+        for height in inbox.new(ObservingPorts.height):
+            self.height = height.payload
+            facts.see_height(height)
+
+    def supervise(self, now_s: float, inbox: Inbox) -> list[Report]:
+        """Has standbys take over and faulty components come up again; what is lost for good becomes a verdict."""
+        if self.supervision is None:
+            self.supervision = Supervision(self._platform.components, f"supervision-{now_s:.3f}")
+        supervision = self.supervision
+        steps: list[Step] = []
+        for reply in inbox.new(ObservingPorts.reply):
+            steps += supervision.receive_reply(reply.payload, now_s)
+        # A reply follows the statuses of what it answers: the last status is never older than the reply.
+        last = {status.payload.name: status.payload for status in inbox.new(ObservingPorts.status)}
+        for status in last.values():
+            steps += supervision.receive_status(status, now_s)
+        for presence in inbox.new(ObservingPorts.host_presence):
+            steps += self._receive_presence(supervision, presence.payload, now_s)
+        if self.is_silence_judged(now_s):
+            steps += supervision.tick(now_s)
+        commands: list[Report] = []
+        for step in steps:
+            match step:
+                case Order(component=component, request=request, reason=reason):
+                    words = ", ".join([request.command, *request.then])
+                    self._say(Severity.WARNING, f"{words} {component}: {reason}")
+                    commands.append(ObservingPorts.command.report(request, key=component))
+                case Verdict():
+                    self.verdicts.append(step)
+        return commands
+
+    def _receive_presence(self, supervision: Supervision, presence: HostPresence, now_s: float) -> list[Step]:
+        """What follows from the loss of a host; when it is back its components speak for themselves."""
+        host = presence.host
+        was_here, self.hosts[host] = host in self.hosts and self.hosts[host].is_here, presence
+        if presence.is_here:
+            if not was_here:
+                self._say(Severity.NOTICE, f"host {host} is here")
+            return []
+        reason = f"host {host} is lost"
+        self._say(Severity.ERROR, reason)
+        steps: list[Step] = []
+        for row in self._platform.components:
+            if place_of(self._platform, row).host == host:
+                steps += supervision.lose(row.name, reason, now_s)
+                self.book.lose(row.name)
+        policy = self._platform.hosts[host].on_loss if host in self._platform.hosts else FaultPolicy.IGNORE
+        if policy is not FaultPolicy.IGNORE:
+            steps.append(Verdict(f"host {host}", policy, "nothing is heard of it"))
+        return steps
+
+    @property
+    def health(self) -> Health:
+        """Of the platform as a whole."""
+        return self.supervision.health() if self.supervision is not None else Health.IDLE
+
+    def is_silence_judged(self, now_s: float) -> bool:
+        """Whether silence counts: not just after the process has stood still."""
+        return self._standstill.is_over(now_s)
+
+    def missing(self, now_s: float) -> dict[str, tuple[str, ...]]:
+        """Capability to what it lacks, for those that cannot be used."""
+        return self._availability.missing(self.book, self.facts, now_s)
+
+    def is_coming_up(self, now_s: float) -> bool:
+        """Whether some capability cannot be used yet, and components are coming up still, or once more."""
+        if not self.missing(now_s):
+            return False
+        is_tried = self.supervision is not None and self.supervision.is_bringing_up
+        return is_tried or self.book.is_coming_up(now_s)
+
+    def is_handing_over(self, now_s: float) -> bool:
+        """Whether the driver has come up anew and only takes for a pilot's what is ours."""
+        driver = self.facts.driver
+        return driver is not None and self._handover.is_ours(driver, self.facts.known_autopilot, now_s)
+
+
+class _Seen(NamedTuple):
+    """What the last answer rests on."""
+
+    working: frozenset[str]
+    silent: frozenset[tuple[str, str]]
+    is_pose_fresh: bool
+    is_connected: bool
+
+
+class Availability:
+    """Follows each capability's needs: components, topics, capabilities, and the vehicle's pose and autopilot.
+
+    A topic is there while a component that provides it works, and speaks on it.
+    """
+
+    def __init__(self, platform: Platform) -> None:
+        self._platform: Final = platform
+        self._producers: Final[dict[str, list[str]]] = {}
+        for row in platform.components:
+            for port in row.load_class().outputs:
+                for topic in row.topics(port):
+                    self._producers.setdefault(topic, []).append(row.name)
+        self._needs: Final = {
+            name: {need: self._who(need) for need in (row.performed_by, *row.needs) if need}
+            for name, row in abilities(platform).items()
+            if row.performed_by
+        }
+        """Of each capability: what it needs, and the components of which one must work for it."""
+        self._seen: _Seen | None = None
+        self._missing: dict[str, tuple[str, ...]] = {}
+
+    def missing(self, book: ComponentBook, facts: VehicleFacts, now_s: float) -> dict[str, tuple[str, ...]]:
+        """Capability to what it lacks, for those that cannot be used."""
+        seen = _Seen(book.working(now_s), book.silent, facts.is_pose_fresh(now_s), facts.is_connected)
+        if seen != self._seen:
+            self._seen = seen
+            self._missing = dict(self._find(seen))
+        return self._missing
+
+    def _find(self, seen: _Seen) -> Iterable[tuple[str, tuple[str, ...]]]:
+        facts = {"pose": seen.is_pose_fresh, "autopilot": seen.is_connected}
+
+        def is_alive(need: str, who: frozenset[str]) -> bool:
+            return facts.get(need, any(one in seen.working and (one, need) not in seen.silent for one in who))
+
+        for name, needs in self._needs.items():
+            lacks = tuple(need for need, who in needs.items() if not is_alive(need, who))
+            if lacks:
+                yield name, lacks
+
+    def _who(self, need: str) -> frozenset[str]:
+        """The components of which one must work: itself, a capability's, or a topic's producers; and their standbys."""
+        rows, capabilities = self._platform.components, self._platform.capabilities
+        if any(row.name == need for row in rows):
+            names = [need]
+        elif need in capabilities:
+            names = [capabilities[need].performed_by]
+        else:
+            names = self._producers.get(need, [])
+        return frozenset([*names, *(row.name for row in rows if row.standby_for in names)])
+
+
+class Standstill:
+    """Follows the times of the cycles."""
+
+    def __init__(self) -> None:
+        self._before_s, self._pause_s = inf, 0.0
+        self._until_s = -inf
+
+    def tick(self, now_s: float) -> float:
+        """Takes the time of a cycle.
+
+        Returns:
+            For how long the process has stood still, in the first cycle after it; else 0.
+        """
+        usual_s, pause_s = self._pause_s, now_s - self._before_s
+        self._before_s, self._pause_s = now_s, pause_s
+        if pause_s <= max(STOOD_STILL_S, UNUSUAL * usual_s) or now_s < self._until_s + STOOD_STILL_AGAIN_S:
+            return 0.0
+        self._until_s = now_s + CATCH_UP_S
+        return pause_s
+
+    def is_over(self, now_s: float) -> bool:
+        """Whether silence counts."""
+        return now_s >= self._until_s
+
+
+class Handover:
+    """Tells a driver that has come up anew in flight from a pilot who has taken the vehicle over (DESIGN §7).
+
+    A new driver finds an armed vehicle and cannot know whose it is. Who has seen the life before it can: where the mode
+    is still the one that the vehicle was in, or the hold in which a failing driver leaves it, nobody has taken over.
+    """
+
+    def __init__(self) -> None:
+        self._boot: int | None = None
+        self._was_ours = False
+        self._mode = FlightMode.OTHER
+        self._until_s = float("-inf")
+
+    def see(self, report: Envelope[DriverState], autopilot: AutopilotState | None, now_s: float) -> None:
+        """Takes in what a driver reports, and in which mode the autopilot is."""
+        boot = report.source.boot
+        if boot != self._boot:
+            is_new_life = self._boot is not None and self._was_ours
+            self._until_s = now_s + TAKE_OVER_S if is_new_life else float("-inf")
+            self._boot = boot
+        if now_s >= self._until_s:
+            self._was_ours = not report.payload.has_pilot_control
+            self._mode = autopilot.mode if autopilot is not None else FlightMode.OTHER
+
+    def is_ours(self, driver: DriverState, autopilot: AutopilotState | None, now_s: float) -> bool:
+        """Whether what the new driver takes for a pilot's is what the one before it flew: it is to be told so."""
+        if not driver.has_pilot_control or now_s >= self._until_s or autopilot is None or not autopilot.is_armed:
+            return False
+        modes = (*OURS, FlightMode.MISSION)  # of a plan that goes on by itself
+        return autopilot.mode in modes and autopilot.mode in (self._mode, FlightMode.HOLD)

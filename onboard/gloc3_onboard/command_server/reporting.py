@@ -1,0 +1,264 @@
+"""Reports to the stations: summaries that are due or have changed, events, and contacts, once what they say is kept."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Result
+from gloc3.messages.command_interface import CiReply
+from gloc3.messages.envelope import Event, Message, Severity
+from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.summaries import (
+    CiEvent,
+    ComponentTable,
+    ComponentTrouble,
+    ContactSummary,
+    MissionSummary,
+    Summary,
+    VehicleSummary,
+)
+from gloc3.messages.vehicle import GeoFence, Home, MotionLimits
+from gloc3_onboard.command_server.authority import AuthorityPorts
+from gloc3_onboard.command_server.contacts import Contacts
+from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.mission_host import MissionHost
+from gloc3_onboard.command_server.observing import Observing
+from gloc3_onboard.command_server.site import Mark, ServerSettings, Site
+from gloc3_onboard.command_server.summaries import (
+    geofence_of,
+    mission_summary,
+    motion_limits,
+    motion_summary,
+    site_summary,
+    vehicle_summary,
+)
+
+COMPARE_S: Final = 0.2
+"""How often summaries are compared with the last ones, when nothing was asked of the server or of its executor."""
+AT_ONCE_S: Final = 0.02
+"""A disk that is done so soon is waited for in the cycle itself; no setpoint is late for that."""
+LONGEST_S: Final = 1.0
+"""Nobody on the ground waits longer for a slow disk."""
+TOLD: Final = (CiReply, CiEvent, MissionSummary)
+
+
+class ReportingPorts(PortGroup):
+    """Components' events, and what stations, the limiter and the autopilot's fence are told."""
+
+    event = Input(Event, Keep.ALL, depth=256)
+
+    summary = Output(Summary)
+    table = Output(ComponentTable)
+    trouble = Output(ComponentTrouble)
+    vehicle = Output(VehicleSummary)
+    motion = Output(MotionSummary)
+    whereabouts = Output(SiteSummary)
+    mission = Output(MissionSummary)
+    ci_event = Output(CiEvent)
+    contact = Output(ContactSummary)
+    limits = Output(MotionLimits)
+    home = Output(Home)
+    geofence = Output(GeoFence)
+
+
+class EventQueue:
+    """Events on their way to the stations."""
+
+    def __init__(self, site: Site) -> None:
+        self.now_s = 0.0
+        """The time of the cycle."""
+        self._reports = site.reports
+        self._events: list[CiEvent] = []
+
+    def say(self, severity: Severity, text: str, source: str = "mission") -> None:
+        """Adds an event of this server."""
+        self.add(CiEvent(severity=severity, source=source, text=text, t_s=self.now_s))
+
+    def say_supervision(self, severity: Severity, text: str) -> None:
+        """Adds an event of the supervision."""
+        self.say(severity, text, "supervision")
+
+    def add(self, event: CiEvent) -> None:
+        """Adds an event."""
+        self._events.append(event)
+
+    def take(self) -> list[CiEvent]:
+        """The events since the last time, numbered and kept."""
+        events, self._events = self._events, []
+        return [self._reports.add(event) for event in events]
+
+
+class Reporting:
+    """Makes the reports, and holds them back while what was kept before them is on its way to the disk.
+
+    Args:
+        site: the platform and its files.
+        settings: of the server.
+        events: that are on their way.
+        contacts: the stations that are heard.
+    """
+
+    def __init__(self, site: Site, settings: ServerSettings, events: EventQueue, contacts: Contacts) -> None:
+        self._site, self._settings, self._events, self._contacts = site, settings, events, contacts
+        self._news = News()
+        self._held_back = HeldBack(site)
+        self._compared_s = -math.inf
+        self._unkept = site.problems()
+        """Why something is not kept, as it was told last."""
+        for problem in filter(None, (site.problem, *self._unkept)):
+            events.say(Severity.ERROR, problem)
+
+    def observe(self, now_s: float, inbox: Inbox) -> None:
+        """Takes in which stations are reached, and components' events."""
+        for heard in inbox.new(AuthorityPorts.heard):
+            if heard.payload.is_reached:
+                self._contacts.hear(heard.payload.station, now_s)
+        for envelope in inbox.new(ReportingPorts.event):
+            event = envelope.payload
+            if event.severity <= self._settings.event_severity:
+                component = envelope.source.component
+                self._events.add(CiEvent(severity=event.severity, source=component, text=event.text, t_s=envelope.t_s))
+
+    def repeat_all(self) -> None:
+        """A station knows nothing yet: everything is reported again."""
+        self._news.forget("site")
+
+    def report(
+        self, now_s: float, observing: Observing, control: ControlAuthority, host: MissionHost, *, is_eventful: bool
+    ) -> list[Result]:
+        """The reports of this cycle.
+
+        Args:
+            now_s: the time.
+            observing: what is known of the components and the vehicle.
+            control: who holds control.
+            host: of the mission.
+            is_eventful: whether something was asked of the server, or of its executor.
+        """
+        platform, facts, news, settings = self._site.platform, observing.facts, self._news, self._settings
+        results: list[Result] = [*self._contact(now_s, observing, host), *observing.book.new_troubles()]
+        results += self._events.take()
+        is_slow = news.is_due("slow", 1.0, now_s)
+        if is_slow:
+            self._report_what_is_not_kept()
+        if is_slow or is_eventful or now_s - self._compared_s >= COMPARE_S - 1e-6:
+            self._compared_s = now_s
+            results += self._changes(observing, control, host, is_slow=is_slow)
+        if news.is_due("grant", settings.grant_period_s, now_s):
+            results.append(host.granted)
+        if news.is_due("summary", settings.summary_period_s, now_s):
+            results += [observing.book.summary(observing.health, now_s), vehicle_summary(platform, facts, now_s)]
+        if news.is_due("motion", settings.motion_period_s, now_s):
+            motion = motion_summary(platform, facts, now_s)
+            results += [] if motion is None else [motion]
+        if news.is_due("site", settings.site_period_s, now_s):
+            whereabouts = site_summary(platform, facts)
+            results += [] if whereabouts is None else [whereabouts]
+        return results
+
+    def release(self, results: Sequence[Result], now_s: float) -> list[Result]:
+        """What may be told now of the results of a cycle, and of those before."""
+        return self._held_back.pass_on(results, now_s)
+
+    def _report_what_is_not_kept(self) -> None:
+        """A full or broken disk ends no flight, but a restart would know an older state: that is told."""
+        problems = [*self._site.problems(), *filter(None, [self._held_back.problem])]
+        for problem in problems:
+            if problem not in self._unkept:
+                self._events.say(Severity.ERROR, f"{problem}; a restart would know an older state")
+        if self._unkept and not problems:
+            self._events.say(Severity.NOTICE, "everything is kept on disk again")
+        self._unkept = problems
+
+    def _contact(self, now_s: float, observing: Observing, host: MissionHost) -> list[ContactSummary]:
+        """What is told first to who is heard after a silence; while nobody is heard, the state is kept now and then."""
+        contacts = self._contacts
+        is_silent = observing.facts.is_airborne and contacts.is_alone(now_s)
+        if not contacts.has_news and not contacts.is_due(now_s, is_silent=is_silent):
+            return []
+        vehicle = vehicle_summary(self._site.platform, observing.facts, now_s)
+        mission = mission_summary(host.executor, host.tally)
+        if is_silent:
+            self._events.add(contacts.status(vehicle, mission, now_s))
+        wrong = [str(condition) for condition in host.executor.board.conditions] if host.executor is not None else []
+        return contacts.take(observing.health, vehicle, mission, wrong, now_s)
+
+    def _changes(
+        self, observing: Observing, control: ControlAuthority, host: MissionHost, *, is_slow: bool
+    ) -> list[Result]:
+        """What is told when it has changed, and once a second besides."""
+        results: list[Result] = []
+        news, facts = self._news, observing.facts
+        if not host.is_mission_unknown:
+            results += news.of(mission_summary(host.executor, host.tally), is_due=is_slow)
+            results += news.of(geofence_of(host.executor), is_due=is_slow)
+        results += news.of(control.state(), is_due=is_slow)
+        results += news.of(observing.book.table(), is_due=False)
+        results += news.of(motion_limits(self._site.platform, facts, host.executor), is_due=is_slow)
+        if is_slow and facts.home is not None:
+            results.append(Home(position_ned_m=facts.home.position_ned_m))
+        return results
+
+
+class News:
+    """Remembers what was told when."""
+
+    def __init__(self) -> None:
+        self._at_s: dict[str, float] = {}
+        self._last: dict[type, Message] = {}
+
+    def is_due(self, what: str, period_s: float, now_s: float) -> bool:
+        """Whether a period has gone by since this was last due."""
+        if now_s - self._at_s.get(what, -math.inf) < period_s - 1e-6:
+            return False
+        self._at_s[what] = now_s
+        return True
+
+    def of(self, message: Message, *, is_due: bool) -> Sequence[Message]:
+        """The message, if it is due or is not what was told last of its type."""
+        if not is_due and self._last.get(type(message)) == message:
+            return ()
+        self._last[type(message)] = message
+        return (message,)
+
+    def forget(self, what: str) -> None:
+        """Somebody knows nothing yet: everything is news, and this is due."""
+        self._last.clear()
+        self._at_s.pop(what, None)
+
+
+class _Held(NamedTuple):
+    mark: Mark
+    until_s: float
+    results: Sequence[Result]
+
+
+class HeldBack:
+    """Keeps replies, events and the mission's state back while what was kept before them is on its way to the disk.
+
+    Args:
+        site: what is kept there.
+    """
+
+    def __init__(self, site: Site) -> None:
+        self.problem = ""
+        """Why something was told that is not kept yet; empty where that is not so."""
+        self._site = site
+        self._held: deque[_Held] = deque()
+
+    def pass_on(self, results: Sequence[Result], now_s: float) -> list[Result]:
+        """What may be told now of the results of a cycle, and of those before."""
+        told = [result for result in results if isinstance(result, TOLD)]
+        if told:
+            self._held.append(_Held(self._site.mark(), now_s + LONGEST_S, told))
+        passed: list[Result] = []
+        patience_s = AT_ONCE_S if len(self._held) == 1 and told else 0.0
+        while self._held:
+            held = self._held[0]
+            is_kept = self._site.wait(held.mark, patience_s)
+            if not is_kept and now_s < held.until_s:
+                break
+            self.problem = "" if is_kept else "the disk takes more than a second to keep anything"
+            passed += self._held.popleft().results
+        return [*passed, *(result for result in results if not isinstance(result, TOLD))]

@@ -1,0 +1,51 @@
+"""A status field that is declared once goes from the component's status to the screen."""
+
+import msgspec
+import pytest
+
+from gloc3.component.deployment import ComponentRow
+from gloc3.component.lci import State
+from gloc3.messages.envelope import ComponentStatus, Envelope, Kind, Message, Source
+from gloc3.messages.status_fields import STATUS_FIELDS, StatusField
+from gloc3.messages.summaries import Health
+from gloc3.messages.wire import type_name
+from gloc3_groundstation.station import fleet as reducers
+from gloc3_groundstation.station.snapshots import Fleet
+from gloc3_groundstation.tui.views import components as view
+from gloc3_groundstation.tui.widgets.lines import Tone, text_of
+from gloc3_groundstation.tui.widgets.tables import Column
+from gloc3_onboard.command_server import book as observing
+from gloc3_onboard.command_server.book import ComponentBook
+
+TEMPERATURE = StatusField(
+    name="temperature",
+    title="temp",
+    width=6,
+    show=lambda value, _: f"{value} °C",
+    is_notable=lambda value, _: value > 80,
+)
+
+
+def heard(fleet: Fleet, topic: str, message: Message) -> Fleet:
+    source = Source("heron", "command_server", 1)
+    envelope = Envelope(f"heron/ci/{topic}", source, 0, 0.0, "", type_name(type(message)), message)
+    return reducers.receive(fleet, envelope, 0.0)
+
+
+def test_one_declaration_takes_a_value_to_its_column(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(observing, "COLUMN_FIELDS", (TEMPERATURE,))
+    monkeypatch.setattr(view, "STATUS_FIELDS", (*STATUS_FIELDS, TEMPERATURE))
+    monkeypatch.setattr(view, "COLUMNS", (*view.COLUMNS[:-1], Column("temp", 6, is_right=True), view.COLUMNS[-1]))
+    rows = [msgspec.convert({"name": name, "class": "x:Y"}, ComponentRow) for name in ("camera", "laser", "height")]
+    book = ComponentBook(rows)
+    for name, values in (("camera", {"temperature": 84.6}), ("laser", {"temperature": 41.5}), ("height", {})):
+        status = ComponentStatus(name=name, kind=Kind.SAMPLER, state=State.WORKING, values=values)
+        book.hear(status, 0.0)
+    fleet = heard(Fleet(), "table", book.table())
+    fleet = heard(fleet, "summary", book.summary(Health.WORKING, 0.0))
+    platform = fleet.get("heron")
+    assert platform is not None
+    assert text_of(view.components_header(120)).split()[-3:] == ["temp", "last", "error"]
+    shown = [line for _, line in view.component_rows(platform, 0.0, 120)]
+    assert [text_of(line).split()[-2:] for line in shown] == [["85", "°C"], ["42", "°C"], ["·", "·"]]
+    assert [span.tone for line in shown for span in line if "°C" in span.text] == [Tone.WARN, Tone.DIM]

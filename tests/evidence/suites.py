@@ -59,8 +59,8 @@ def suite(name: str, arguments: Sequence[str]) -> Callable[[Progress], list[Figu
 
 def durations(progress: Progress) -> list[Figure]:
     """How long the suites take."""
-    workers = ["--dist", "worksteal", "-n", "2"]  # as many as `make unit` has
-    unit = progress.part("unit", lambda: run_tests("unit", [*workers, "@tests/quick.txt"]))
+    as_unit = ["-p", "no:hypothesispytest", "--dist", "worksteal", "-n", "2", "@tests/quick.txt"]  # as `make unit` does
+    unit = progress.part("unit", lambda: run_tests("unit", as_unit))
     all_tests = progress.part("all", run_everything)
     failed = [test for test, outcome in all_tests["outcomes"].items() if outcome not in ("passed", "skipped")]
     return [

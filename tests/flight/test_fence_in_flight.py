@@ -4,6 +4,8 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
+from gloc3.errors import Gloc3Error
+
 FAST = "{out: {follow_waypoints: {waypoints_m: [[15, 0, 1.5]], speed_m_s: 3.0}}}"
 TIGHT = "{polygon_m: [[-2, -2], [16, -2], [16, 4], [-2, 4]], ceiling_m: 4}"
 HOME_M = 0.3
@@ -75,7 +77,8 @@ def test_the_ceiling_is_kept(flight: Card) -> None:
 
 
 @ONE_STYLE
-def test_a_home_outside_the_fence_or_too_near_to_it_is_refused(flight: Card) -> None:
-    fence = "{polygon_m: [[0.3, -2], [20, -2], [20, 12], [0.3, 12]], ceiling_m: 8}"
-    with pytest.raises(Exception, match="home"):
+@pytest.mark.parametrize(("edge_m", "why"), [(0.3, "home is 0.3 m outside"), (-0.3, "home is 0.30 m inside")])
+def test_a_home_outside_the_fence_or_too_near_to_it_is_refused(flight: Card, edge_m: float, why: str) -> None:
+    fence = f"{{polygon_m: [[{edge_m}, -2], [20, -2], [20, 12], [{edge_m}, 12]], ceiling_m: 8}}"
+    with pytest.raises(Gloc3Error, match=why):
         flight.begin(mission(fence=fence))

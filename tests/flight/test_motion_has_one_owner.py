@@ -79,6 +79,9 @@ def test_a_stale_setpoint_is_one_of_more_than_a_quarter_of_a_second(flight: Card
     flight.wait(2.0)
     assert flight.driver.stale == 0
     assert flight.driver.is_streaming
+    flight.fault("topic:setpoint=stale/0.35", for_s=0.4)
+    flight.wait(0.6)
+    assert flight.driver.stale > 0
 
 
 def test_no_setpoints_at_all_stop_the_stream_within_half_a_second_and_hold_is_commanded(flight: Card) -> None:

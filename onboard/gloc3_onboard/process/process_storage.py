@@ -15,7 +15,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.platform.places import Place
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3.store import RecordFile
 from gloc3_onboard.assembly import Parts, Storage
 from gloc3_onboard.command_server.log_shelf import LogShelf
@@ -107,7 +107,7 @@ class ProcessStorage:
                 context.exchange.here,
                 context.loop,
                 {"platform": self._platform.platform},
-                find_platform(self._options.platform).read_bytes(),
+                whole_text(self._options.platform).encode(),
                 path,
                 self._report,
             )

@@ -24,7 +24,7 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.reader import Surroundings, load_mission
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform, load_platform
+from gloc3.platform.reader import load_platform, whole_text
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
@@ -98,7 +98,7 @@ class Flight:
     def _open_log(self) -> FlightLog:
         plan = self.plan
         metadata = {"platform": self.name, "autopilot": self.autopilot, "seed": str(plan.seed)}
-        file = find_platform(plan.platform).read_bytes()
+        file = whole_text(plan.platform).encode()
         return FlightLog(plan.out, self.context, metadata, file, self.mission.text)
 
     def _world(self) -> World:

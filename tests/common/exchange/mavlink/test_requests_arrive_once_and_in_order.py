@@ -18,6 +18,7 @@ from gloc3.messages.command_interface import (
     LoadMission,
     Query,
     ReadMission,
+    RequestTask,
     Steer,
     Verb,
 )
@@ -98,8 +99,25 @@ def test_what_means_the_uploaded_mission_waits_for_it_and_what_follows_keeps_beh
     assert bodies == [UPLOAD, START, PAUSE, ReadMission()]
 
 
-def test_an_emergency_overtakes_everything() -> None:
+def test_an_emergency_overtakes_an_upload_and_what_waits_behind_it() -> None:
     assert run_virtual(order_of(UPLOAD, START, PAUSE, HOLD)) == [HOLD, UPLOAD, START, PAUSE]
+
+
+def test_an_emergency_overtakes_everything() -> None:
+    """Also requests that wait in no queue behind an upload: enough of these to keep the link busy for seconds."""
+    tasks: list[AnyBody] = [RequestTask(text=text_of(3_000, Random(number), is_random=True)) for number in range(4)]
+
+    async def order() -> list[AnyBody]:
+        station, platform, _ = pair_on(11)
+        await asyncio.sleep(5.0)
+        for body in [UPLOAD, *tasks]:
+            station.ask(body)
+        await asyncio.sleep(0.2)
+        station.ask(HOLD)
+        await asyncio.sleep(25.0)
+        return [request.body for _, request in platform.given]
+
+    assert run_virtual(order()) == [HOLD, *tasks, UPLOAD]
 
 
 def test_an_emergency_arrives_within_2_s_during_an_upload() -> None:

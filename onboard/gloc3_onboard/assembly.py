@@ -30,8 +30,8 @@ from gloc3.store import Records
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
-from gloc3_onboard.command_server.log_shelf import Shelf
-from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.log_shelf import AtOnce, Shelf
+from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.herald import Herald
@@ -417,9 +417,8 @@ class Vehicle:
             storage.progress,
             storage.reports,
             context.random.getrandbits(31),
-            storage.shelf,
             storage.computer_start,
-            storage.worker,
+            Background(storage.shelf, storage.worker or AtOnce()),
         )
         devices = {
             **sensors.devices,

@@ -19,6 +19,7 @@ BY_NAME = (
         f"gloc3_onboard/platforms/{name}.yaml"
         for name in ("boat", "copter", "hummingbird", "pelican", "pelican_rtk", "rover", "submarine")
     ),
+    "gloc3_onboard/platforms/bases/vehicle.yaml",
     "gloc3_sitl/world/worlds/hold.yaml",
     "gloc3_sitl/aircraft/aerosonde/aerosonde.xml",
     "gloc3_sitl/aircraft/pelican/pelican.xml",

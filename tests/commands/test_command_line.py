@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.cli.program import SUMMARIES, run
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3_sitl.faults.fault_effects import EFFECTS
 from gloc3_sitl.faults.faults import SHORT
 
@@ -212,7 +212,7 @@ def test_a_deployment_that_cannot_work_is_not_brought_up_and_names_the_place(
 ) -> None:
     wrong, expected = BAD_DEPLOYMENTS[right]
     monkeypatch.chdir(tmp_path)
-    text = find_platform("pelican_rtk").read_text(encoding="utf-8")
+    text = whole_text("pelican_rtk")
     assert text.count(right) == 1
     expected = expected.replace("LINE", str(text[: text.index(right)].count("\n") + 1))
     Path("mine.yaml").write_text(text.replace(right, wrong), encoding="utf-8")

@@ -2,7 +2,8 @@
 
 from tests.evidence.page import Bar, Figure, Progress
 
-from gloc3.platform.reader import load_platform, platform_files
+from gloc3.platform.bases import platform_files
+from gloc3.platform.reader import load_platform
 
 ADAPTED = frozenset({"copter", "submarine"})
 """Platform files for vehicles of any make, which repeat what others have."""

@@ -13,7 +13,7 @@ from tests.flight.missions import platform
 
 from gloc3.messages.frames import Vector3
 from gloc3.messages.perception import Odometry, PositionFix
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3_sitl.world.placing import Placing
 from gloc3_sitl.world.world import World
 
@@ -228,14 +228,14 @@ def corridor_platform() -> str:
 
 def scanner_platform() -> str:
     """The Pelican that flies by satellites, which costs a tenth, with a laser scanner and a limiter that is told."""
-    rows = find_platform("pelican").read_text().splitlines()
+    rows = whole_text("pelican").splitlines()
     rows = [row for row in rows if row.startswith(("  - {name: laser,", "  - {name: obstacles,"))]
     assert len(rows) == 2
     return platform({"obstacles: [], ": "", "  # data processors\n": "\n".join([*rows, "  # data processors", ""])})
 
 
 def _pelican(changes: dict[str, str]) -> str:
-    text = find_platform("pelican").read_text()
+    text = whole_text("pelican")
     for old, new in {"platform: pelican": "platform: heron", **changes}.items():
         assert old in text, old
         text = text.replace(old, new)

@@ -40,7 +40,7 @@ from tests.flight.fleet_trial import ways as ways_of
 
 from gloc3.log.reader import LogReader
 from gloc3.messages.topics import TopicTable
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_sitl.demo.demo import free_ports
 
@@ -97,7 +97,7 @@ def _vehicles(folder: Path, count: int, stations: int) -> Iterator[tuple[list[st
     """Vehicles on the ground: their names, for each station its links to them, and the onboard processes."""
     kind = socket.SOCK_DGRAM
     names = [f"vehicle{number}" for number in range(count)]
-    text = find_platform("pelican_rtk").read_text()
+    text = whole_text("pelican_rtk")
     ways: list[list[str]] = [[] for _ in range(stations)]
     with ExitStack() as stack:
         onboard = []

@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 
 from gloc3.clock import VirtualLoop
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3_sitl.flight.fleet_flight import FleetFlight
-from gloc3_sitl.flight.flight import FlightPlan
+from gloc3_sitl.flight.plan import FlightPlan
 
 SETTLE_S = 10.0
 
@@ -45,7 +45,7 @@ STANDBYS = """\
 
 
 async def _run(platforms: int, stations: int, span_s: float, file: Path) -> Cost:
-    file.write_text(find_platform("pelican_rtk").read_text().rstrip("\n") + "\n" + STANDBYS)
+    file.write_text(whole_text("pelican_rtk").rstrip("\n") + "\n" + STANDBYS)
     plans = [FlightPlan(mission="hop", platform=str(file), name=f"vehicle{n}", seed=n) for n in range(platforms)]
     async with FleetFlight(plans, stations) as fleet:
         await asyncio.sleep(SETTLE_S)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 
 FENCE = "{polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}"
 UP = "depart: {actions: {climb: {take_off: {height_m: 1.5}}}}"
@@ -28,7 +28,7 @@ def mission(sweep: str = "{out: {" + OUT + "}}", *, options: str = "", fence: st
 
 def platform(changes: dict[str, str]) -> str:
     """The Pelican's platform file with other words in it, under another name: text to what stands in its place."""
-    text = find_platform("pelican_rtk").read_text()
+    text = whole_text("pelican_rtk")
     for old, new in {"platform: pelican": "platform: heron", **changes}.items():
         assert old in text, old
         text = text.replace(old, new)

@@ -7,7 +7,7 @@ import numpy as np
 
 from gloc3.component.ports import Inbox, Result
 from gloc3.messages.frames import Quaternion, Vector3
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3_onboard.components.processors.pose_fusion import PoseFusionProcessor
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -73,7 +73,7 @@ class ProbedFusion(PoseFusionProcessor):
 
 def probed(platform: str) -> str:
     """A platform's file with the probe in place of its fusion; the standby, which is quiet, does without the tracker."""
-    lines = find_platform(platform).read_text().replace(_CLASS, "tests.flight.probe:ProbedFusion").splitlines()
+    lines = whole_text(platform).replace(_CLASS, "tests.flight.probe:ProbedFusion").splitlines()
     tracker = "position_fix: [position_fix/tracker]"
     at = next(number for number, line in enumerate(lines) if "name: pose_standby," in line)
     assert tracker in lines[at]

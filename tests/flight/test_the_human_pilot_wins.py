@@ -140,7 +140,7 @@ def test_our_own_changes_of_mode_are_not_taken_for_the_pilots(flight: Card) -> N
 
 
 def test_take_off_arms_only_where_the_platform_file_says_so(flight: Card) -> None:
-    changes = {"arm: true  ": "arm: false ", "settings: {arm: true}, ": ""}
+    changes = {"\narm: true": "\narm: false", "settings: {arm: true}, ": ""}
     flight.begin(mission(), is_started=False, platform=platform(changes))
     flight.command("start")
     flight.until(lambda: flight.state("depart.climb") == "failed", 3.0, "refused")

@@ -32,7 +32,7 @@ from gloc3.messages.envelope import Envelope, FunctionRequest
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.network.access import Role
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
 PLATFORM, COMPONENT = "pelican", "hold"
@@ -205,7 +205,7 @@ async def scene(folder: Path, stack: ExitStack) -> AsyncIterator[Scene]:
     ):
         register.add(yard.folder, name, entry(), now, valid, is_renewed=False)
     (cable,) = free_ports(1, socket.SOCK_DGRAM)
-    text = find_platform("pelican_rtk").read_text()
+    text = whole_text("pelican_rtk")
     (folder / "pelican.yaml").write_text(re.sub(r"(?m)^platform: .*$", f"platform: {PLATFORM}", text))
     stack.enter_context(program("sitl", "--link", f"companion=udpout://127.0.0.1:{cable}", folder=folder))
     onboard = stack.enter_context(

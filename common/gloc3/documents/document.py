@@ -5,6 +5,8 @@ Anchors, aliases, tags and several documents in one file are refused: they are o
 and with them a short file can stand for a huge one.
 """
 
+from collections.abc import Mapping
+from math import inf
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
@@ -20,6 +22,7 @@ Where = tuple[str | int, ...]
 """Keys and indexes from the root of a document to a value in it."""
 
 MAX_BYTES: Final = 1_000_000
+WIDTH: Final = 120
 
 
 class Document:
@@ -151,6 +154,10 @@ class _Dumper(yaml.SafeDumper):
         del indentless
         return super().increase_indent(flow, False)
 
+    def choose_scalar_style(self) -> str:
+        style: str = super().choose_scalar_style()
+        return '"' if style == "'" else style
+
 
 def _text(dumper: _Dumper, text: str) -> yaml.Node:
     style = None if stays_text(text) else '"'
@@ -162,7 +169,29 @@ _Dumper.add_representer(str, _text)
 
 def dump(value: Any) -> str:
     """Plain Python as YAML: the innermost lists and mappings in one line, the rest one entry a line."""
-    return yaml.dump(value, Dumper=_Dumper, default_flow_style=None, sort_keys=False, width=120, allow_unicode=True)
+    return yaml.dump(value, Dumper=_Dumper, default_flow_style=None, sort_keys=False, width=WIDTH, allow_unicode=True)
+
+
+def dump_rows(value: Mapping[str, Any]) -> str:
+    """A mapping as YAML of two levels: each entry of its mappings, and of its lists of mappings, is one line."""
+    lines = []
+    for key, part in value.items():
+        if isinstance(part, dict) and (
+            len(line := f"{key}: {_in_line(part)}") > WIDTH or "{" in line.partition("{")[2]
+        ):
+            lines += [f"{key}:", *(f"  {name}: {_in_line(entry)}" for name, entry in part.items())]
+        elif isinstance(part, list) and any(isinstance(entry, dict) for entry in part):
+            lines += [f"{key}:", *(f"  - {_in_line(entry)}" for entry in part)]
+        else:
+            lines.append(f"{key}: {_in_line(part)}")
+    return "\n".join(lines) + "\n"
+
+
+def _in_line(value: Any) -> str:
+    text: str = yaml.dump(
+        [value], Dumper=_Dumper, default_flow_style=True, sort_keys=False, width=inf, allow_unicode=True
+    )
+    return text.strip()[1:-1]
 
 
 def _too_large(file: str, size: int, limit: int) -> Finding:

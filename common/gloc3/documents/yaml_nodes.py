@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterator
 from typing import Any, Final
 
 import yaml
@@ -43,6 +44,24 @@ class Node:
         """The nodes below, by key or index."""
         self.key_places: dict[str, tuple[int, int]] = {}
         """Line and column of each key of a mapping."""
+
+    def put(self, key: str | int, child: "Node", place: tuple[int, int] | None = None) -> None:
+        """Sets a value of a mapping, with the place of its key, or the next of a list."""
+        self.children[key] = child
+        if isinstance(self.value, dict):
+            self.value[key] = child.value
+            if place is not None:
+                self.key_places[str(key)] = place
+        else:
+            self.value.append(child.value)
+
+    def descendants(self) -> Iterator["Node"]:
+        """The node itself, and all below it."""
+        waiting = [self]
+        while waiting:
+            one = waiting.pop()
+            yield one
+            waiting += one.children.values()
 
 
 def build(text: str, file: str) -> tuple[Node | None, list[Finding]]:

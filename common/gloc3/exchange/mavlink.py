@@ -48,7 +48,9 @@ class MavlinkExchange:
         self._loop = loop
         self._send = send
         self.here: Final = LocalExchange(endpoint.topics)
-        """What passes at this end."""
+        """What passes at this end, unless it is joined to another middleware."""
+        self._deliver: Deliver = self.here.publish
+        """Takes what comes over the link."""
         self._own_tokens: dict[str, int] = {}
         self._peer_tokens: dict[str, list[Unsubscribe]] = {}
         self._listeners: list[Callable[[Happening], None]] = []
@@ -63,6 +65,9 @@ class MavlinkExchange:
     def publish(self, envelope: Envelope[Any]) -> None:
         """Sends a message to subscribers here and, if its topic crosses the link, at the other end."""
         self.here.publish(envelope)
+        self._send_over(envelope)
+
+    def _send_over(self, envelope: Envelope[Any]) -> None:
         self.endpoint.publish(envelope, self._loop.time())
         self._wake()
 
@@ -114,7 +119,7 @@ class MavlinkExchange:
         inward: Callable[[Envelope[Any]], Envelope[Any] | None] = lambda envelope: envelope,
         outward: Callable[[Envelope[Any]], bool] = lambda _: True,
     ) -> Unsubscribe:
-        """Joins this link and another middleware, each topic in its direction.
+        """Joins this link and another middleware, each topic in its direction; what crosses passes the other one alone.
 
         Args:
             other: the middleware on this side, such as the local one.
@@ -131,20 +136,19 @@ class MavlinkExchange:
 
         def send_out(envelope: Envelope[Any]) -> None:
             if outward(envelope):
-                self.publish(envelope)
+                self._send_over(envelope)
 
         undo = []
         for name, row in topics:
             way = route(name, row)
             if way is None:
                 continue
-            topic = f"{platform}/{name}"
             if way.sender is self.endpoint.role:
-                undo.append(other.subscribe(topic, send_out))
-            else:
-                undo.append(self.subscribe(topic, take_in))
+                undo.append(other.subscribe(f"{platform}/{name}", send_out))
+        self._deliver = take_in
 
         def part() -> None:
+            self._deliver = self.here.publish
             for unsubscribe in undo:
                 unsubscribe()
 
@@ -232,7 +236,7 @@ class MavlinkExchange:
     def _tell(self, happening: Happening) -> None:
         match happening:
             case Delivered(envelope=envelope):
-                self.here.publish(envelope)
+                self._deliver(envelope)
             case TokenChanged(token=token, is_alive=True):
                 self._peer_tokens.setdefault(token, []).append(self.here.declare_alive(token))
             case TokenChanged(token=token):

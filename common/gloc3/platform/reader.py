@@ -4,9 +4,9 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 from gloc3.documents import schema
-from gloc3.documents.document import load_bytes, parse
+from gloc3.documents.document import Document, dump_rows, load_bytes, parse
 from gloc3.errors import Finding, InputError, NotThere, nearest
-from gloc3.installed import installed_points
+from gloc3.platform.bases import completed, platform_files
 from gloc3.platform.check import findings_of
 from gloc3.platform.platform import Platform
 
@@ -43,15 +43,6 @@ def find_platform(name: str) -> Path:
     return known[name]
 
 
-def platform_files() -> dict[str, Path]:
-    """The files of all platforms that installed packages bring, by the files' names."""
-    known: dict[str, Path] = {}
-    for point in installed_points("gloc3.platforms"):
-        for folder in point.load().__path__:
-            known.update({file.stem: file for file in sorted(Path(folder).glob("*.yaml"))})
-    return known
-
-
 def read_platform(
     data: bytes | str,
     file: str,
@@ -73,9 +64,55 @@ def read_platform(
     Raises:
         InputError: with everything that is wrong in it.
     """
-    document = parse(data, file)
+    return check_platform(read_document(data, file), is_loading_classes=is_loading_classes, devices=devices, warn=warn)
+
+
+def read_document(data: bytes | str, file: str) -> Document:
+    """The whole platform that a file stands for, with what it extends, before it is checked.
+
+    Raises:
+        InputError: it is no YAML, or what it extends cannot be used.
+    """
+    return completed(parse(data, file))
+
+
+def whole_text(name: str) -> str:
+    """The text of a platform, by path or installed name, that stands alone: as written, or with all that it extends.
+
+    Raises:
+        InputError: the file cannot be read, is no YAML, or what it extends cannot be used.
+    """
+    path = find_platform(name)
+    data = load_bytes(path)
+    written = parse(data, str(path))
+    whole = completed(written)
+    return data.decode("utf-8-sig") if whole is written else dump_rows(whole.value)
+
+
+def files_of(path: Path) -> list[Path]:
+    """A platform's file and all that it extends.
+
+    Raises:
+        InputError: one cannot be read.
+    """
+    root = read_document(load_bytes(path), str(path)).root
+    return [path, *(Path(file) for file in sorted({node.file for node in root.descendants()} - {""}))]
+
+
+def check_platform(
+    document: Document,
+    *,
+    is_loading_classes: bool = False,
+    devices: Collection[str] | None = None,
+    warn: Callable[[Finding], None] | None = None,
+) -> Platform:
+    """The platform of a whole document; see `read_platform`.
+
+    Raises:
+        InputError: with everything that is wrong in it.
+    """
     findings: list[Finding] = []
-    platform = schema.check(document.root, Platform, file, findings)
+    platform = schema.check(document.root, Platform, document.file, findings)
     if platform is not None:
         findings += findings_of(platform, document, is_loading_classes=is_loading_classes, devices=devices)
     if platform is None or any(not finding.is_warning for finding in findings):

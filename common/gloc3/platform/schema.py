@@ -2,20 +2,26 @@
 
 import inspect
 from collections.abc import Collection
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from gloc3.component.component import Component
 from gloc3.component.description import find_class, installed
 from gloc3.documents.json_schema import Schema, described, document, ref, struct_schema
 from gloc3.errors import Gloc3Error
 from gloc3.mission.model.arguments import argument_kinds
+from gloc3.platform.bases import EXTENDS, base_files
 from gloc3.platform.platform import Platform
 
 ROW: Final = "ComponentRow"
+WHOLE: Final = "whole "
 
 
 def platform_schema() -> Schema:
-    """The schema of a platform file; what a component's row may hold depends on its class."""
+    """The schema of a platform file; what a component's row may hold depends on its class.
+
+    A file that extends another may leave out what is needed, and take out what is there with null: the definitions allow
+    both, and what a file needs that stands alone is in those called `whole …`.
+    """
     root, definitions = described(Platform)
     kinds = argument_kinds()
     capability = definitions["Capability"]["properties"]
@@ -24,7 +30,7 @@ def platform_schema() -> Schema:
         if claims := kind.claims():
             rule = {"properties": {"arguments": {"const": name}}, "required": ["arguments"]}
             needed = {"allOf": [{"contains": {"const": one}} for one in claims]}
-            then = {"properties": {"claims": needed}, "required": ["claims"]}
+            then: Schema = {"properties": {"claims": needed}, "required": ["claims"]}
             definitions["Capability"].setdefault("allOf", []).append({"if": rule, "then": then})
     row = definitions[ROW]
     paths = []
@@ -39,12 +45,23 @@ def platform_schema() -> Schema:
     written = row["properties"]["class"]
     description = written.pop("description")
     row["properties"]["class"] = {"description": description, "anyOf": [{"enum": paths}, written]}
-    return document("GLOC3 platform", "A platform file of GLOC3.", root, definitions)
+    whole: dict[str, Schema] = {}
+    _needs_below(ref("Platform"), definitions, whole)
+    for definition in definitions.values():
+        _allow_null(definition)
+    extends = (
+        "The base or installed platform, or the file beside this one, that this file extends: it says what differs."
+    )
+    names: Schema = {"anyOf": [{"enum": sorted(base_files())}, {"type": "string", "pattern": r"\.ya?ml$"}]}
+    definitions["Platform"]["properties"][EXTENDS] = {"description": extends, **names}
+    root |= {"if": {"required": [EXTENDS]}, "else": ref(WHOLE + "Platform")}
+    return document("GLOC3 platform", "A platform file of GLOC3.", root, definitions | whole)
 
 
 def _row_of(name: str, component: type[Component[Any]], definitions: dict[str, Schema]) -> Schema:
     """What the row of a class may name: its settings, ports, devices, and what can be logged."""
     settings = struct_schema(component.settings_type, definitions)
+    settings["additionalProperties"] = {"type": "null"}  # of a base's class that had other settings
     settings["description"] = (inspect.getdoc(component) or "").partition("\n")[0]
     definitions[f"settings of {name}"] = settings
     inputs = sorted(component.inputs)
@@ -65,5 +82,66 @@ def _row_of(name: str, component: type[Component[Any]], definitions: dict[str, S
 
 
 def _keys(names: Collection[str]) -> Schema:
-    """A mapping with no other keys than these."""
-    return {"propertyNames": {"enum": sorted(names)}} if names else {"maxProperties": 0}
+    """A mapping with no other keys than these, but to take out what a base has."""
+    return {"properties": dict.fromkeys(sorted(names), True), "additionalProperties": {"type": "null"}}
+
+
+def _taken_needs(schema: Schema, definitions: dict[str, Schema], whole: dict[str, Schema]) -> Schema:
+    """What a mapping must hold, taken out of its schema."""
+    needed = schema.pop("required", [])
+    found: Schema = {"required": needed} if needed else {}
+    inner = {name: _needs_below(child, definitions, whole) for name, child in schema.get("properties", {}).items()}
+    rows = {name: ({"not": {"type": "null"}} if name in needed else {}) | needs for name, needs in inner.items()}
+    if rows := {name: needs for name, needs in rows.items() if needs}:
+        found["properties"] = rows
+    rules = [
+        {"if": rule["if"], "then": then}
+        for rule in schema.get("allOf", [])
+        if "then" in rule and (then := _taken_needs(rule["then"], definitions, whole))
+    ]
+    return found | ({"allOf": rules} if rules else {})
+
+
+def _needs_below(schema: Schema | Literal[True], definitions: dict[str, Schema], whole: dict[str, Schema]) -> Schema:
+    """What the values that a schema describes must hold: of the one alternative that is a mapping or a list of such."""
+    if schema is True:
+        return {}
+    if "$ref" in schema:
+        name = str(schema["$ref"]).rpartition("/")[2]
+        if WHOLE + name not in whole and (needs := _taken_needs(definitions[name], definitions, whole)):
+            whole[WHOLE + name] = needs
+        return ref(WHOLE + name) if WHOLE + name in whole else {}
+    found = [needs for one in schema.get("anyOf", []) if (needs := _needs_below(one, definitions, whole))]
+    found += [
+        {key: needs}
+        for key in ("items", "additionalProperties")
+        if isinstance(schema.get(key), dict) and (needs := _needs_below(schema[key], definitions, whole))
+    ]
+    return found[0] if found else {}
+
+
+def _allow_null(schema: Schema) -> None:
+    """Lets every entry of a mapping be null."""
+    for name, child in schema.get("properties", {}).items():
+        schema["properties"][name] = _nullable(child)
+    if isinstance(schema.get("additionalProperties"), dict):
+        schema["additionalProperties"] = _nullable(schema["additionalProperties"])
+    for rule in schema.get("allOf", []):
+        _allow_null(rule.get("then", {}))
+
+
+def _nullable(schema: Schema | Literal[True]) -> Schema | Literal[True]:
+    if schema is True:
+        return True
+    _allow_null(schema)
+    if "anyOf" in schema:
+        is_there = {"type": "null"} in schema["anyOf"]
+        return schema if is_there else schema | {"anyOf": [*schema["anyOf"], {"type": "null"}]}
+    if "enum" in schema:
+        return schema if None in schema["enum"] else schema | {"enum": [*schema["enum"], None]}
+    if isinstance(schema.get("type"), str) and schema["type"] != "null":
+        return schema | {"type": [schema["type"], "null"]}
+    if "$ref" in schema:
+        kept = {key: value for key, value in schema.items() if key != "$ref"}
+        return kept | {"anyOf": [{"$ref": schema["$ref"]}, {"type": "null"}]}
+    return schema

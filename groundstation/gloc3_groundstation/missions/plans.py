@@ -11,8 +11,9 @@ from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checking.checker import Circumstances, Report, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
+from gloc3.platform.bases import platform_files
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform, load_platform, platform_files, read_platform
+from gloc3.platform.reader import find_platform, load_platform
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,8 +97,7 @@ def known_platform(name: str | None, components: Collection[str] = ()) -> Platfo
         return found
     for file in platform_files().values():
         with suppress(InputError):
-            text = load_bytes(file)
-            other = read_platform(text, str(file)) if name.encode() in text else None
+            other = load_platform(str(file)) if name.encode() in load_bytes(file) else None
             if other is not None and other.platform == name and _has(other, components):
                 return other
     return found

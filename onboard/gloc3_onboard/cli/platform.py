@@ -27,7 +27,7 @@ app = App(
 
     - `gloc3 platform new --autopilot serial:///dev/ttyACM0:57600`: asks, and writes a file from what the autopilot tells
     - `gloc3 platform check my.yaml`: everything that `gloc3 onboard` would refuse, with file, line and column
-    - `gloc3 platform show my.yaml`
+    - `gloc3 platform show my.yaml`; with `--full` the whole file, with what it extends
 
     Exit codes: 0 done, or fit to be used; 1 something is wrong in the file; 2 wrong use.""",
     help_format="markdown",
@@ -60,12 +60,14 @@ def check(platform: str, /, *, json: Flag = False) -> int:
 
 
 @app.command
-def show(platform: str, /) -> int:
+def show(platform: str, /, *, full: Flag = False) -> int:
     """Show a platform: its limits, failsafes, frames, capabilities, devices, hosts and components.
 
     Args:
         platform: A platform file, or the name of one that is installed, such as pelican.
+        full: Print the whole file instead, with everything that it extends.
     """
+    from gloc3.platform.reader import whole_text
     from gloc3_onboard.cli.platform_report import described, report_on
 
     report = report_on(platform)
@@ -73,7 +75,7 @@ def show(platform: str, /) -> int:
         for finding in report.findings:
             narrate(str(finding))
         return 1
-    print("\n".join(described(report.platform)))  # noqa: T201
+    print(whole_text(platform).rstrip() if full else "\n".join(described(report.platform)))  # noqa: T201
     return 0
 
 
@@ -153,7 +155,7 @@ def new(
         raise Refused(f"there are no components to begin with for {found.title}; see docs/autopilots.md")
     ask = _Asking(may_ask=not yes)
     answers = Answers(
-        name=ask("--name", "Name of the platform", name, f"my_{kind.template}", _name),
+        name=ask("--name", "Name of the platform", name, f"my_{found.setup.vehicle}", _name),
         type=ask("--type", f"What is it ({', '.join(kind.types)})", type, kind.types[0], _one_of(kind.types)),
         mass_kg=ask("--mass-kg", "Mass in kg", mass_kg, kind.mass_kg, _positive),
         speed_m_s=ask("--speed-m-s", "Greatest speed in m/s", speed_m_s, kind.speed_m_s, _positive),

@@ -2,24 +2,26 @@
 
 import asyncio
 from collections.abc import Iterator
-from importlib.resources import files
 from typing import Final, NamedTuple
 
 from gloc3.clock import Clock
 from gloc3.errors import NotHeard
-from gloc3.mavlink.transport.endpoints import open_endpoint
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.failsafes import action_of
 from gloc3_onboard.checks.parameters import CONTINUE, HOLD, LAND, RETURN, Failsafe
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.cli.direct import beat, heartbeat_of, signing_of
+from gloc3_onboard.cli.direct import beat, heartbeat_of, open_direct, signing_of
 
 LOOK_EVERY_S: Final = 0.1
 ALLOWED: Final = (HOLD, RETURN, LAND)
 CAMERA: Final = ("ground_camera", "ground_recorder")
-"""What of the installed files there is only with a camera."""
+"""The components that there are only with a camera."""
+SHARE: Final = 0.6
+"""Of the greatest acceleration, with which it follows ways."""
+RECORD_IMAGES: Final = "record_images"
+"""The capability that there is only with one."""
 
 
 def _noted(text: str, note: str) -> str:
@@ -30,8 +32,8 @@ def _noted(text: str, note: str) -> str:
 class Kind(NamedTuple):
     """A class of vehicle: whose components it has, and what is supposed of it."""
 
-    template: str
-    """The installed platform whose capabilities and components these are."""
+    base: str
+    """What it extends: capabilities and components."""
     types: tuple[str, ...]
     """What it may be called, the likeliest first."""
     mass_kg: float
@@ -43,31 +45,35 @@ class Kind(NamedTuple):
     fence_margin_m: float
     power: str
     battery_wh: float
+    sets_off: str = "setting_off"
+    """The component that arms it."""
+    braking_m_s2: float | None = None
+    """How briskly it follows ways and brakes; None where its autopilot flies them."""
     more: tuple[str, ...] = ()
     """Further limits, with what they are."""
 
 
 KINDS: Final = {
     VehicleClass.COPTER: Kind(
-        "copter", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
-        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0,
+        "multirotor", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
+        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_m_s2=1.0,
     ),
     VehicleClass.ROVER: Kind(
-        "rover", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,
-        "hover_w: 5, per_m_s_w: 20, avionics_w: 12", 74.0,
+        "wheeled", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,
+        "hover_w: 5, per_m_s_w: 20, avionics_w: 12", 74.0, braking_m_s2=0.6,
     ),
     VehicleClass.BOAT: Kind(
-        "rover", ("boat",), 10.0, 2.0, 1.0, 0.5, 0.5, (-0.5, 0.5), 3.0,
-        "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0,
+        "wheeled", ("boat",), 10.0, 2.0, 1.0, 0.5, 0.5, (-0.5, 0.5), 3.0,
+        "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0, braking_m_s2=0.3,
     ),
     VehicleClass.SUB: Kind(
-        "submarine", ("auv", "rov"), 11.0, 1.0, 0.5, 0.3, 0.5, (-40.0, 0.5), 1.0,
-        "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0,
+        "underwater", ("auv", "rov"), 11.0, 1.0, 0.5, 0.3, 0.5, (-40.0, 0.5), 1.0,
+        "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0, braking_m_s2=0.3,
     ),
     VehicleClass.PLANE: Kind(
-        "plane", ("aircraft",), 3.0, 25.0, 3.0, 0.8, 2.0, (20.0, 100.0), 30.0,
-        "hover_w: 200, per_m_s_w: 4, climb_w_per_m_s: 60, avionics_w: 12", 150.0,
-        (
+        "fixed_wing", ("aircraft",), 3.0, 25.0, 3.0, 0.8, 2.0, (20.0, 100.0), 30.0,
+        "hover_w: 200, per_m_s_w: 4, climb_w_per_m_s: 60, avionics_w: 12", 150.0, "ways",
+        more=(
             _noted("  survey_height_m: 50", "of take-offs and patterns that say none"),
             _noted("  survey_speed_m_s: 18", "of ways that say none; AIRSPEED_CRUISE"),
             _noted("  survey_acceptance_m: 30", "so near it comes to waypoints"),
@@ -120,8 +126,7 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
     link = AutopilotLink(loop, clock, system_id, signing=signing_of(autopilot, clock))
-    endpoint = await open_endpoint(autopilot, loop, link.receive)
-    link.open(endpoint)
+    endpoint = await open_direct(link, autopilot, loop)
     try:
         end_s, heart = loop.time() + wait_s, heartbeat_of(link.own)
         while loop.time() < end_s:
@@ -149,6 +154,7 @@ def platform_text(found: Found, answers: Answers) -> str:
     lines = [
         f"# {answers.name}: made from its autopilot, {found.title}. Check it with: gloc3 platform check",
         f"platform: {answers.name}",
+        _noted(f"extends: {kind.base}", "its capabilities and components; gloc3 platform show --full prints them"),
         f"vehicle: {{type: {answers.type}, mass_kg: {answers.mass_kg:g}}}",
         _noted(f"arm: {str(answers.arm).lower()}", "whether a mission may arm the vehicle"),
         _noted(f"on_stop: {answers.on_stop}", "in flight, when the onboard process is told to end: hold or land"),
@@ -173,8 +179,7 @@ def platform_text(found: Found, answers: Answers) -> str:
             f"  ground_camera: {answers.camera!r}",
             "",
         ]
-    notes = ["# What its missions can ask for, which component does it, what that takes for itself, and what it needs."]
-    return "\n".join([*lines, *notes, _components(kind.template, answers)])
+    return "\n".join([*lines, *_changes(kind, answers)]).rstrip() + "\n"
 
 
 def _frame(origin_geo: tuple[float, float, float] | None) -> list[str]:
@@ -220,9 +225,18 @@ def _source(setup: AutopilotSetup, failsafe: Failsafe) -> str:
     return "" if value is None else f"   # {failsafe.parameter} {value:g}"
 
 
-def _components(template: str, answers: Answers) -> str:
-    """Capabilities and components of an installed platform."""
-    text = (files("gloc3_onboard.platforms") / f"{template}.yaml").read_text()
-    text = text[text.index("\ncapabilities:") + 1 :]
-    lines = [line for line in text.splitlines() if answers.camera or not any(name in line for name in CAMERA)]
-    return "\n".join(lines).replace("settings: {arm: true}", f"settings: {{arm: {str(answers.arm).lower()}}}") + "\n"
+def _changes(kind: Kind, answers: Answers) -> Iterator[str]:
+    """What differs from the base: no camera, no arming, how briskly it moves."""
+    if not answers.camera:
+        yield _noted("capabilities:", "beside the base's; null takes one out")
+        yield f"  {RECORD_IMAGES}: null"
+    rows = [] if answers.camera else [f"{{name: {name}, class: null}}" for name in CAMERA]
+    if not answers.arm:
+        rows.append(f"{{name: {kind.sets_off}, settings: {{arm: false}}}}")
+    if (braking := kind.braking_m_s2) is not None:
+        limit = f"settings: {{acceleration_m_s2: {SHARE * kind.acceleration_m_s2:g}}}"
+        rows += [f"{{name: waypoints, {limit}}}", f"{{name: hold, settings: {{braking_m_s2: {braking:g}}}}}"]
+        rows.append(f"{{name: teleoperate, {limit}}}")
+    if rows:
+        yield _noted("components:", "what differs from the base's, and further ones")
+        yield from (f"  - {row}" for row in rows)

@@ -6,11 +6,11 @@ from typing import Any
 
 import msgspec
 
-from gloc3.documents.document import Document, load_bytes, parse
+from gloc3.documents.document import Document, load_bytes
 from gloc3.errors import Finding, InputError, NotThere, Refused
 from gloc3.platform.places import host_names, place_of
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform, read_platform
+from gloc3.platform.reader import check_platform, find_platform, read_document
 from gloc3_onboard.process.process import DEVICES
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sources.places import place_problem
@@ -47,13 +47,12 @@ def report_on(name: str) -> PlatformReport:
     findings: list[Finding] = []
     try:
         path = find_platform(name)
-        data = load_bytes(path)
-        platform = read_platform(data, str(path), is_loading_classes=True, devices=DEVICES, warn=findings.append)
+        document = read_document(load_bytes(path), str(path))
+        platform = check_platform(document, is_loading_classes=True, devices=DEVICES, warn=findings.append)
     except NotThere:
         raise
     except InputError as error:
         return PlatformReport(file=name, findings=sorted([*findings, *error.findings]))
-    document = parse(data, str(path))
     findings += _sources(platform, document, path.parent)
     try:
         findings += PlatformRig(platform, path.parent).warnings

@@ -16,10 +16,10 @@ from gloc3.messages.readiness import SensorCondition
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import Place, rows_at
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import find_platform, whole_text
 from gloc3_onboard.assembly import Hosting, Parts, devices_of, host_components, open_sensors
-from gloc3_onboard.event_narration import Report
 from gloc3_onboard.hosts.boot_time import BootTime
+from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.log_files import LogFiles, log_stem
 from gloc3_onboard.process.run_log import LogLimits, RunLog
 from gloc3_onboard.process.runner import Member, Onboard
@@ -70,10 +70,10 @@ class Node:
         self.rows: Final = rows_at(platform, place)
         self.context: Final = HostContext(platform.platform, exchange, Clock(loop), loop, topics, SystemRandom())
         self.parts: Final = Parts()
-        file, used = find_platform(options.platform), devices_of(self.rows)
+        folder, used = find_platform(options.platform).parent, devices_of(self.rows)
         boot = self.parts.add("boot time", BootTime(exchange, platform.platform))
         asked = [each for each in options.devices if each.partition("=")[0] in used]
-        self._sensors = open_sensors(platform, used, asked, SourceHost(loop, file.parent, boot.t_s_of_boot))
+        self._sensors = open_sensors(platform, used, asked, SourceHost(loop, folder, boot.t_s_of_boot))
         self._watch = self._sensors.watch(self.parts, loop.time)
         logs = options.logs
         try:
@@ -86,7 +86,7 @@ class Node:
                 exchange.here,
                 loop,
                 {"platform": platform.platform, "host": place.host, "process": place.process},
-                file.read_bytes(),
+                whole_text(options.platform).encode(),
                 list,
                 report,
                 has_links=False,

@@ -19,7 +19,7 @@ from gloc3.errors import Finding, Refused
 from gloc3.network.file import read_network
 from gloc3.platform.places import choose_host
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform, load_platform
+from gloc3.platform.reader import files_of, find_platform, load_platform
 from gloc3.store import replace_file
 from gloc3_onboard.cli.onboard_options import OnboardOptions
 from gloc3_onboard.hosts.shared import check_member
@@ -92,7 +92,7 @@ def make_plan(
     named = [(node, device) for node, device in behind.items() if device is not None] if with_udev else []
     if with_udev:
         options = _renamed(options, platform, [node for node, _ in named])
-    secrets = [*keys(options), *network]
+    secrets, files = [*keys(options), *network], [path.absolute() for path in files_of(file)]
     word = str(file) if file.suffix in (".yaml", ".yml") and Path(name).suffix else name
     unit = Unit(
         name=platform.platform if options.host is None else f"{platform.platform}-{host}",
@@ -101,11 +101,11 @@ def make_plan(
         groups=tuple(dict.fromkeys(node.group for node in found)),
         devices=allowed(found),
         modules=modules(found),
-        homes=homes([file, *secrets] if word != name or Path(name).suffix else secrets),
+        homes=homes([*files, *secrets] if word != name or Path(name).suffix else secrets),
     )
     said = [str(one) for one in warnings]
     said += [text for node, device in behind.items() if (node, device) not in named and (text := advice(node, device))]
-    said += [text for path in [file, *secrets] if (text := _unreadable(path, user))]
+    said += [text for path in [*files, *secrets] if (text := _unreadable(path, user))]
     return Plan(unit=unit, rules=rules(unit.name, named) if named else "", advice=tuple(said))
 
 

@@ -18,7 +18,7 @@ from gloc3.messages.summaries import ComponentLine, Health, Summary
 from gloc3.messages.wire import type_name
 
 BYTES_OF_A_VALUE = 3
-TEMPERATURE = StatusField(name="temperature", title="temp", width=6, show=lambda value, _: f"{value} °C")
+MADE_UP = StatusField(name="made_up", title="up", width=6, show=lambda value, _: f"{value} pct")
 LINES = [ComponentLine(n, 0, 100, 30, n, 0) for n in range(40)]
 COLUMN: list[int | None] = [None, *range(-19, 20)]
 
@@ -57,13 +57,13 @@ def test_a_component_takes_at_most_16_bytes_with_all_its_fields() -> None:
     [
         ({}, None),
         ({"other": 3.0}, None),
-        ({"temperature": 41.6}, 42),
-        ({"temperature": float("nan")}, None),
-        ({"temperature": -1e300}, -32767),
+        ({"made_up": 41.6}, 42),
+        ({"made_up": float("nan")}, None),
+        ({"made_up": -1e300}, -32767),
     ],
 )
 def test_a_value_is_what_the_component_reports_rounded_and_bounded(values: dict[str, float], value: int | None) -> None:
-    assert TEMPERATURE.value(status(values=values)) == value
+    assert MADE_UP.value(status(values=values)) == value
 
 
 def test_rates_and_counts_are_measured_from_the_status() -> None:
@@ -73,7 +73,7 @@ def test_rates_and_counts_are_measured_from_the_status() -> None:
 
 
 def test_columns_cross_a_radio_before_the_rows_and_both_arrive() -> None:
-    summary = Summary(table=1, health=Health.WORKING, lines=LINES, columns={"temperature": COLUMN})
+    summary = Summary(table=1, health=Health.WORKING, lines=LINES, columns={"made_up": COLUMN})
     receiver, lines, columns = StatusReceiver(Counters()), list[ComponentLine](), dict[str, Any]()
     for frame in frames(summary, sequence=7):
         if isinstance(frame, SummaryRows):
@@ -87,7 +87,7 @@ def test_columns_cross_a_radio_before_the_rows_and_both_arrive() -> None:
                 body = receiver.receive_part(frame)
             columns |= unpack_payload(unpack_status(body)[1], Summary).columns if body else {}
     assert lines == LINES
-    assert columns == {"temperature": COLUMN}
+    assert columns == {"made_up": COLUMN}
 
 
 class SummaryOf01(Message, frozen=True):
@@ -99,7 +99,7 @@ class SummaryOf01(Message, frozen=True):
 
 
 def test_a_peer_of_0_1_reads_the_rows_and_nothing_from_the_columns() -> None:
-    summary = Summary(table=1, health=Health.WORKING, lines=LINES[:9], columns={"temperature": COLUMN[:9]})
+    summary = Summary(table=1, health=Health.WORKING, lines=LINES[:9], columns={"made_up": COLUMN[:9]})
     column, rows = frames(summary, sequence=7)
     assert isinstance(column, Status)
     read = unpack_payload(unpack_status(column.body)[1], SummaryOf01)

@@ -11,7 +11,8 @@ from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.reading.mission_schema import mission_schema
 from gloc3.mission.showing.cli import app
 from gloc3.mission.templates import mission_from, templates
-from gloc3.platform.reader import load_platform, platform_files
+from gloc3.platform.bases import platform_files
+from gloc3.platform.reader import load_platform
 
 DIVING = ("auv", "rov", "submarine")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Finding, InputError
-from gloc3.platform.reader import find_platform, load_platform, read_platform
+from gloc3.platform.reader import find_platform, load_platform, read_platform, whole_text
 
 PELICAN = """\
 platform: pelican
@@ -155,7 +155,7 @@ def test_a_platform_is_found_by_its_path_or_not_at_all(tmp_path: Path) -> None:
 
 def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "p.yaml"
-    text = find_platform("pelican_rtk").read_text(encoding="utf-8")
+    text = whole_text("pelican_rtk")
     text = text.replace("ports: {image: camera/ground}, dev", "ports: {image: camera/grond}, dev")
     text = text.replace("\ncapabilities:\n", "\ndevices:\n  ground_camra: v4l2:///dev/video0\ncapabilities:\n", 1)
     path.write_text(text)

@@ -17,11 +17,11 @@ from gloc3_groundstation.tui.widgets.tables import Column
 from gloc3_onboard.command_server import book as observing
 from gloc3_onboard.command_server.book import ComponentBook
 
-TEMPERATURE = StatusField(
-    name="temperature",
-    title="temp",
+MADE_UP = StatusField(
+    name="made_up",
+    title="up",
     width=6,
-    show=lambda value, _: f"{value} °C",
+    show=lambda value, _: f"{value} pct",
     is_notable=lambda value, _: value > 80,
 )
 
@@ -33,19 +33,19 @@ def heard(fleet: Fleet, topic: str, message: Message) -> Fleet:
 
 
 def test_one_declaration_takes_a_value_to_its_column(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(observing, "COLUMN_FIELDS", (TEMPERATURE,))
-    monkeypatch.setattr(view, "STATUS_FIELDS", (*STATUS_FIELDS, TEMPERATURE))
-    monkeypatch.setattr(view, "COLUMNS", (*view.COLUMNS[:-1], Column("temp", 6, is_right=True), view.COLUMNS[-1]))
+    monkeypatch.setattr(observing, "COLUMN_FIELDS", (MADE_UP,))
+    monkeypatch.setattr(view, "STATUS_FIELDS", (*STATUS_FIELDS, MADE_UP))
+    monkeypatch.setattr(view, "COLUMNS", (*view.COLUMNS[:-1], Column("up", 6, is_right=True), view.COLUMNS[-1]))
     rows = [msgspec.convert({"name": name, "class": "x:Y"}, ComponentRow) for name in ("camera", "laser", "height")]
     book = ComponentBook(rows)
-    for name, values in (("camera", {"temperature": 84.6}), ("laser", {"temperature": 41.5}), ("height", {})):
+    for name, values in (("camera", {"made_up": 84.6}), ("laser", {"made_up": 41.5}), ("height", {})):
         status = ComponentStatus(name=name, kind=Kind.SAMPLER, state=State.WORKING, values=values)
         book.hear(status, 0.0)
     fleet = heard(Fleet(), "table", book.table())
     fleet = heard(fleet, "summary", book.summary(Health.WORKING, 0.0))
     platform = fleet.get("heron")
     assert platform is not None
-    assert text_of(view.components_header(120)).split()[-3:] == ["temp", "last", "error"]
+    assert text_of(view.components_header(120)).split()[-3:] == ["up", "last", "error"]
     shown = [line for _, line in view.component_rows(platform, 0.0, 120)]
-    assert [text_of(line).split()[-2:] for line in shown] == [["85", "°C"], ["42", "°C"], ["·", "·"]]
-    assert [span.tone for line in shown for span in line if "°C" in span.text] == [Tone.WARN, Tone.DIM]
+    assert [text_of(line).split()[-2:] for line in shown] == [["85", "pct"], ["42", "pct"], ["·", "·"]]
+    assert [span.tone for line in shown for span in line if "pct" in span.text] == [Tone.WARN, Tone.DIM]

@@ -12,7 +12,7 @@ from tests.onboard.vehicle_peer import BoatPeer, VehiclePeer
 from tests.onboard.vehicle_stack import VehicleStack
 
 from gloc3.messages.command_interface import Verb
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 
 pytestmark = pytest.mark.thorough
 
@@ -45,7 +45,7 @@ PLANE = {
 
 def changed(folder: Path, platform: str, changes: dict[str, str]) -> str:
     """A platform file of ours for another vehicle."""
-    text = find_platform(platform).read_text()
+    text = whole_text(platform)
     for before, after in changes.items():
         assert before in text
         text = text.replace(before, after)

@@ -11,7 +11,8 @@ from tests.common.damage import damaged
 from gloc3.documents.document import parse
 from gloc3.documents.json_schema import as_text
 from gloc3.errors import InputError
-from gloc3.platform.reader import platform_files, read_platform
+from gloc3.platform.bases import platform_files
+from gloc3.platform.reader import read_platform, whole_text
 from gloc3.platform.schema import platform_schema
 from gloc3_onboard.cli.platform import app
 
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.thorough
 
 PUBLISHED = Path(__file__).parents[3] / "docs" / "schema" / "platform.schema.json"
 VALIDATOR = Draft202012Validator(platform_schema())
-COPTER = platform_files()["copter"].read_text(encoding="utf-8")
+COPTER = whole_text("copter")
 
 
 def is_read(text: str) -> bool:
@@ -74,3 +75,17 @@ def test_damaged_platforms_are_never_marked_where_the_check_takes_them() -> None
         missed += not was_read and is_valid
     assert refused > 60
     assert missed < 0.15 * refused
+
+
+@pytest.mark.parametrize(
+    "part",
+    [{"components": [{"name": "hold"}]}, {"limits": None, "frames": {"site": None}}, {"vehicle": {"mass_kg": 2}}],
+)
+def test_only_a_file_that_extends_another_may_leave_out_what_is_needed(part: dict[str, object]) -> None:
+    alone = {"platform": "p", "vehicle": {"type": "boat", "mass_kg": 8}, **part}
+    assert VALIDATOR.is_valid({"extends": "copter", "platform": "p", **part})
+    assert is_read(json.dumps({"extends": "copter", "platform": "p", **part}))
+    if part != {"limits": None, "frames": {"site": None}}:
+        assert not VALIDATOR.is_valid(alone)
+    assert not is_read(json.dumps(alone))
+    assert not VALIDATOR.is_valid({"extends": "coptre", "platform": "p"})

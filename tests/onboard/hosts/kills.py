@@ -20,10 +20,10 @@ from tests.onboard.hosts.patrol import HOME, mission_state
 from tests.onboard.real_vehicle import flights, station, until
 from tests.stalls import Watch
 
-import gloc3_onboard.platforms
 from gloc3.mission.model.states import ENDED
 from gloc3.network import register
 from gloc3.network.access import Role
+from gloc3.platform.reader import whole_text
 from gloc3_groundstation.station.station import Station
 from gloc3_sitl.demo.demo import free_ports
 
@@ -57,7 +57,7 @@ def platform() -> str:
     """The Pelican's file, with pose and limiter twice: in a child of the first host, and on a second host, there the
     limiter in its main process; the viewer in another child. A battery that lasts.
     """
-    text = (Path(gloc3_onboard.platforms.__path__[0]) / "pelican_rtk.yaml").read_text()
+    text = whole_text("pelican_rtk")
     lines: list[str] = []
     for line in text.splitlines():
         if "{name: pose," in line:

@@ -8,13 +8,12 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import gloc3_onboard.platforms
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Envelope
 from gloc3.platform.places import Place, rows_at
-from gloc3.platform.reader import read_platform
+from gloc3.platform.reader import read_platform, whole_text
 from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.hosts.child import ChildProcess
@@ -34,7 +33,7 @@ TICKER = "tests.onboard.hosts.specimens:Ticker"
 
 def server_row() -> str:
     """The row of the command interface server, as every platform has it."""
-    text = (Path(gloc3_onboard.platforms.__path__[0]) / "pelican.yaml").read_text()
+    text = whole_text("pelican")
     return next(line for line in text.splitlines() if "name: command_server" in line) + "\n"
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from tests.commands.programs import Program, program
 
-import gloc3_onboard.platforms
 from gloc3.log.reader import LogReader
+from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
 pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
@@ -31,7 +31,7 @@ def can_have_another_clock() -> bool:
 
 def platform(folder: Path) -> None:
     """The Pelican with its limiter on another computer, and a standby of it at home."""
-    text = (Path(gloc3_onboard.platforms.__path__[0]) / "pelican_rtk.yaml").read_text()
+    text = whole_text("pelican_rtk")
     text = text.replace("{name: limiter,", "{name: limiter, host: vision, process: own,")
     (folder / "p.yaml").write_text(text.replace("components:\n", "hosts: {vehicle: {}, vision: {}}\ncomponents:\n", 1))
 

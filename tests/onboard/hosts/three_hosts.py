@@ -23,13 +23,13 @@ from tests.onboard.hosts.three_hosts_told import Report, Trial, measured
 from tests.onboard.real_vehicle import flights, station, until
 from tests.stalls import Watch
 
-import gloc3_onboard.platforms
 from gloc3.exchange.zenoh_session import QUIC
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.vehicle import LandedState
 from gloc3.mission.model.states import ENDED
 from gloc3.network import register
 from gloc3.network.access import Role
+from gloc3.platform.reader import whole_text
 from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.station import Station
 
@@ -69,7 +69,7 @@ SPREAD: Final = {"front_cameras": VISION, "features": VISION}
 
 def platform(odometer: str) -> str:
     """The Pelican with `host:` in three rows; it records the ground camera alone, since pictures go to who takes them."""
-    text = (Path(gloc3_onboard.platforms.__path__[0]) / "pelican.yaml").read_text()
+    text = whole_text("pelican")
     for name, host in {**SPREAD, "stereo_odometry": odometer}.items():
         text = text.replace(f"{{name: {name},", f"{{name: {name}, host: {host},")
     text = text.replace("[camera/ground, camera/front_left, camera/front_right]", "[camera/ground]")
@@ -79,7 +79,7 @@ def platform(odometer: str) -> str:
 
 def simple() -> str:
     """The Pelican with satellites and without cameras; on the base station stands a second limiter by."""
-    text = (Path(gloc3_onboard.platforms.__path__[0]) / "pelican_rtk.yaml").read_text()
+    text = whole_text("pelican_rtk")
     text = text.replace("{name: limiter_standby,", f"{{name: limiter_standby, host: {BASE},")
     return text.replace("components:\n", f"{HOSTS}components:\n", 1)
 

@@ -5,7 +5,7 @@ that is pasted. Every value keeps the place where it was written, so that findin
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -60,8 +60,8 @@ def expanded(document: Document, findings: list[Finding]) -> Document:
                 made = _used((key, str(name)), task, definitions, document, findings, room)
             made = _arrivals(made)
             if made is not task:
-                _set(tasks, name, made)
-        _set(root, key, tasks)
+                tasks.put(name, made)
+        root.put(key, tasks)
     return Document(document.file, root)
 
 
@@ -111,7 +111,7 @@ def _read_definition(one: _Definition, source: Document, findings: list[Finding]
     named: set[str] = set()
     for key, child in one.node.children.items():
         if key not in _OWN_KEYS:
-            for node in _all(child):
+            for node in child.descendants():
                 parameter = _parameter(node.value)
                 if parameter is None and isinstance(node.value, str) and _INSIDE.search(node.value):
                     hint = "a parameter stands for a whole value"
@@ -154,12 +154,12 @@ def _used(
     made = Node({}, task.line, task.column)
     for key, child in task.children.items():
         if key not in _USE_KEYS:
-            _set(made, key, child, task.key_places[str(key)])
+            made.put(key, child, task.key_places[str(key)])
     used_at = f"in {where[-1]!r}, {document.file}:{task.line}:{task.column}"
     for key, child in one.node.children.items():
         if key not in (*_OWN_KEYS, *made.children):
             clone = _clone(child, values, one.file if one.file != document.file else "", used_at, room)
-            _set(made, key, clone, one.node.key_places[str(key)])
+            made.put(key, clone, one.node.key_places[str(key)])
     if room[0] < 0:
         findings.append(
             document.finding(where, f"the uses of definitions make more than {MAX_NODES:,} values", at_key=True)
@@ -178,26 +178,26 @@ def _arrivals(task: Node) -> Node:
         place = actions.key_places[str(name)]
         given = action.children.get(ARRIVE)
         if given is None or given.value not in (None, {}) or RETURN in action.children:
-            _set(found, name, action, place)
+            found.put(name, action, place)
             continue
         first, last = _like(action), _like(action)
         for key, child in action.children.items():
             if key != ARRIVE:
-                _set(first, key, child, action.key_places[str(key)])
+                first.put(key, child, action.key_places[str(key)])
             if key not in (ARRIVE, *_BEGIN_KEYS):
-                _set(last, key, child, action.key_places[str(key)])
+                last.put(key, child, action.key_places[str(key)])
         way = f"{str(name)[: NAME_MAX - len(RETURN_SUFFIX)]}{RETURN_SUFFIX}"
         while way in actions.children:
             way = way[:-1]
-        _set(first, RETURN, _put(given, {}), action.key_places[ARRIVE])
-        _set(last, "land", _put(given, {}), action.key_places[ARRIVE])
+        first.put(RETURN, _put(given, {}), action.key_places[ARRIVE])
+        last.put("land", _put(given, {}), action.key_places[ARRIVE])
         after = _put(given, [])
-        _set(after, 0, _put(given, way))
-        _set(last, "after", after, action.key_places[ARRIVE])
-        _set(found, way, first, place)
-        _set(found, name, last, place)
+        after.put(0, _put(given, way))
+        last.put("after", after, action.key_places[ARRIVE])
+        found.put(way, first, place)
+        found.put(name, last, place)
     made = _copy(task)
-    _set(made, "actions", found)
+    made.put("actions", found)
     return made
 
 
@@ -290,7 +290,7 @@ def _clone(node: Node, values: Mapping[str, Node], file: str, note: str, room: l
         for key, child in node.children.items():
             if room[0] < 0:
                 break
-            _set(made, key, _clone(child, values, file, note, room))
+            made.put(key, _clone(child, values, file, note, room))
     return made
 
 
@@ -307,24 +307,6 @@ def _copy(node: Node) -> Node:
     made = Node(dict(node.value) if isinstance(node.value, dict) else node.value, node.line, node.column, node.file)
     made.children, made.key_places = dict(node.children), dict(node.key_places)
     return made
-
-
-def _set(node: Node, key: str | int, child: Node, place: tuple[int, int] | None = None) -> None:
-    node.children[key] = child
-    if isinstance(node.value, dict):
-        node.value[key] = child.value
-        if place is not None:
-            node.key_places[str(key)] = place
-    else:
-        node.value.append(child.value)
-
-
-def _all(node: Node) -> Iterator[Node]:
-    waiting = [node]
-    while waiting:
-        one = waiting.pop()
-        yield one
-        waiting += one.children.values()
 
 
 def _at(node: Node, file: str, message: str, hint: str) -> Finding:

@@ -20,6 +20,7 @@ from tests.common.exchange.mavlink.ends import (
 
 from gloc3.clock import run_virtual
 from gloc3.errors import Misuse, Refused
+from gloc3.exchange.base import Publisher
 from gloc3.exchange.local import LocalExchange
 from gloc3.exchange.mavlink import TunnelEndpoint
 from gloc3.exchange.tunnel.frames import MAX_TOKENS
@@ -126,12 +127,19 @@ def test_the_clocks_are_compared_by_greetings() -> None:
 
 
 def test_a_bridge_joins_the_components_of_both_sides_each_topic_in_its_direction() -> None:
+    links_heard: list[str] = []
+
     async def fly() -> tuple[list[str], list[str]]:
         station, platform, _ = pair_on(6, CLEAN)
         onboard, ground = LocalExchange(), LocalExchange()
         topics = standard_topics()
         undo = platform.exchange.bridge(onboard, topics, PLATFORM)
         station.exchange.bridge(ground, topics)
+        for link in (station.exchange, platform.exchange):
+            link.subscribe("**", lambda envelope: links_heard.append(envelope.topic))
+        platform.publisher = Publisher(onboard, PLATFORM, "ci", 1)
+        onboard.subscribe(f"{PLATFORM}/ci/request", platform.serve)
+        station.publisher = Publisher(ground, "255", "ci", 1)
         onboard_heard: list[str] = []
         ground_heard: list[str] = []
         onboard.subscribe("**", lambda envelope: onboard_heard.append(envelope.topic))
@@ -151,8 +159,9 @@ def test_a_bridge_joins_the_components_of_both_sides_each_topic_in_its_direction
         return onboard_heard, ground_heard
 
     onboard_heard, ground_heard = run_virtual(fly())
-    assert onboard_heard == ["minoas/ci/request", "minoas/ci/event", "minoas/ci/event"]
-    assert ground_heard == ["minoas/ci/reply", "minoas/ci/event"]
+    assert onboard_heard == ["minoas/ci/request", "minoas/ci/reply", "minoas/ci/event", "minoas/ci/event"]
+    assert ground_heard == ["minoas/ci/request", "minoas/ci/reply", "minoas/ci/event"]
+    assert links_heard == [], "what crosses is published once on either side"
 
 
 def test_an_error_of_a_subscriber_ends_neither_the_link_nor_what_else_came() -> None:

@@ -15,13 +15,13 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.platform.places import Place
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform
+from gloc3.platform.reader import whole_text
 from gloc3.store import RecordFile
 from gloc3_onboard.assembly import Parts, Storage
 from gloc3_onboard.command_server.log_shelf import LogShelf
 from gloc3_onboard.companion.files import shared_files
-from gloc3_onboard.event_narration import Report
 from gloc3_onboard.process.computer import start_of_computer
+from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.log_files import LogFiles, log_stem
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.run_log import RunLog
@@ -107,7 +107,7 @@ class ProcessStorage:
                 context.exchange.here,
                 context.loop,
                 {"platform": self._platform.platform},
-                find_platform(self._options.platform).read_bytes(),
+                whole_text(self._options.platform).encode(),
                 path,
                 self._report,
             )

@@ -195,6 +195,7 @@ def test_what_does_not_answer_as_a_scanner_is_refused(monkeypatch: pytest.Monkey
         device.open()
 
 
+@pytest.mark.thorough
 def test_replies_survive_being_cut_anywhere_and_are_decoded() -> None:
     data = parameters() + turn(123_456, ranges())
     for cut in range(0, len(data), 7):

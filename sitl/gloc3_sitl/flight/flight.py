@@ -41,7 +41,6 @@ from gloc3_groundstation.station.station import Station
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf, NoShelf, Shelf
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink
@@ -54,8 +53,9 @@ from gloc3_onboard.process.log_files import LogFiles
 from gloc3_onboard.process.runner import HOST_DEVICES, Onboard
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
 from gloc3_onboard.process.taps import ExchangeTaps
+from gloc3_onboard.sensors.registry import NOWHERE
 from gloc3_onboard.sensors.sensor_watch import SensorWatch
-from gloc3_onboard.sources.asked import NOWHERE
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_sitl.faults.sabotage import CycleCost, Sabotage, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings

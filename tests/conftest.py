@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
+from tests.data_folders import OUTSIDE, REASON
 from tests.stalls import pytest_runtest_protocol, pytest_terminal_summary
 
 __all__ = ["pytest_runtest_protocol", "pytest_terminal_summary"]
@@ -70,6 +71,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if is_search or any(word in item.nodeid.partition("::")[0] for word in PERCEPTION):
             item.add_marker(pytest.mark.thorough)
     items.sort(key=lambda item: not any(word in item.nodeid.partition("::")[0] for word in LONG))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skips what needs data that is not here, all with one reason at one place: that is one line of the summary."""
+    if item.get_closest_marker("outside") is not None and not OUTSIDE.is_dir():
+        pytest.skip(REASON)
 
 
 def pytest_collection_finish() -> None:

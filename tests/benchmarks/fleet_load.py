@@ -3,11 +3,11 @@
 import asyncio
 import sys
 
+from tests.direct_link import wire_url
 from tests.groundstation.scripted_platform import TASKS, ScriptedPlatform
 
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.tunnel.pacing import LinkBudget
-from gloc3.mavlink.transport.endpoints import open_endpoint
 from gloc3.messages.command_interface import CiRequest
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import ComponentLine, ComponentTable, Health, MissionSummary, Summary, TableRow
@@ -32,9 +32,7 @@ class Vehicle(ScriptedPlatform):
 
     async def open(self, port: int) -> None:
         """Begins to talk to a station."""
-
-        endpoint = await open_endpoint(f"udpout://127.0.0.1:{port}", self.loop, self.link.receive)
-        self.link.open(endpoint)
+        await wire_url(self.link, f"udpout://127.0.0.1:{port}", self.loop)
 
     def _introduce(self, envelope: Envelope[CiRequest]) -> None:
         rows = [TableRow(f"part_{n}", KINDS[n * 5 // self.parts], 20.0, True, "") for n in range(self.parts)]

@@ -8,7 +8,9 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from tests.evidence.page import ROOT, Bar, Figure, Progress
+from tests.data_folders import PICTURES
+from tests.direct_link import wire
+from tests.evidence.page import Bar, Figure, Progress
 from tests.evidence.suites import suite
 
 from gloc3.clock import Clock, VirtualLoop
@@ -34,7 +36,7 @@ TESTS = (
     "tests/onboard/process/test_onboard_on_logs.py",
     "tests/onboard/calibration",
 )
-REST = ROOT.parent / "shared" / "data" / "images" / "euroc_rest"
+REST = PICTURES / "euroc_rest"
 ROUNDS = 400
 
 
@@ -80,8 +82,7 @@ def imu_stamps(style: str) -> dict[str, Any]:
     cable = MemoryLink(loop, Random(5), Conditions(latency_s=0.002, jitter_s=0.005))
     cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
     link = AutopilotLink(loop, Clock(loop))
-    cable.b.on_data = link.receive
-    link.open(cable.b)
+    wire(link, cable.b, loop)
     simulator.start(loop)
     imu = AutopilotImu(link.sensors)
     imu.open()

@@ -7,10 +7,9 @@ from typing import Any, Final
 
 from gloc3.component.component import Component
 from gloc3.component.context import HostContext
-from gloc3.component.cycle_job import CycleJob
 from gloc3.component.deployment import ComponentRow
+from gloc3.component.jobs import CycleJob
 from gloc3.component.ports import Mailbox
-from gloc3.component.statistics import CycleStatistics
 from gloc3.component.workers import Worker
 from gloc3.errors import Refused
 from gloc3.exchange.base import Unsubscribe
@@ -280,3 +279,50 @@ class Cycler:
             self._await_piece(left - 1, spare, piece_s)
         else:
             self._hung(self._limit_s)
+
+
+class CycleStatistics:
+    """Counts cycles; `close_window()` measures rate and mean cost since it was last called."""
+
+    def __init__(self) -> None:
+        self.cycles = 0
+        self.overruns = 0
+        self.max_s = 0.0
+        self.rate_hz = 0.0
+        """Cycles per second in the last closed window."""
+        self._mean_s: float | None = None
+        """Mean cost in the last closed window that had a cycle."""
+        self._window_total_s = 0.0
+        self._window_cycles = 0
+        self._window_start_s = 0.0
+
+    def restart(self, now_s: float) -> None:
+        """Begins anew to measure the rate, as at a start of the component."""
+        self.rate_hz = 0.0
+        self._window_cycles, self._window_total_s = 0, 0.0
+        self._window_start_s = now_s
+
+    def add(self, cost_s: float) -> None:
+        """Counts a cycle that has ended."""
+        self.cycles += 1
+        self._window_cycles += 1
+        self._window_total_s += cost_s
+        if cost_s > self.max_s:
+            self.max_s = cost_s
+
+    @property
+    def mean_s(self) -> float:
+        """Mean cost of a cycle of the last window, in seconds; in the first one, of those so far."""
+        if self._mean_s is not None:
+            return self._mean_s
+        return self._window_total_s / self._window_cycles if self._window_cycles else 0.0
+
+    def close_window(self, now_s: float, least_s: float) -> None:
+        """Measures since the last window or the start, if that is at least so long ago."""
+        span_s = now_s - self._window_start_s
+        if span_s >= least_s:
+            rate_hz = self._window_cycles / span_s
+            if self._window_cycles:
+                self._mean_s = self._window_total_s / self._window_cycles
+            self.restart(now_s)
+            self.rate_hz = rate_hz

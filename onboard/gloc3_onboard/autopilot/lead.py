@@ -6,8 +6,9 @@ from typing import Final
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.vehicle import FlightMode
 from gloc3_onboard.autopilot.facts import ClassFacts, Form
-from gloc3_onboard.autopilot.setpoints import Wanted, setpoint_message
+from gloc3_onboard.autopilot.setpoints import setpoint_message
 from gloc3_onboard.autopilot.telemetry import Telemetry
+from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 REPOSITION_S: Final = 1.0
 FORGOTTEN_S: Final = 10.0
@@ -29,14 +30,16 @@ class Lead:
         self._telemetry = telemetry
         self._sent_s = -math.inf
 
-    def message(self, wanted: Wanted, facts: ClassFacts, target: Address, now_s: float) -> MavlinkMessage | None:
+    def message(
+        self, setpoint: AutopilotSetpoint, facts: ClassFacts, target: Address, now_s: float
+    ) -> MavlinkMessage | None:
         """What is to be sent for a setpoint; None where nothing is now."""
         is_guided = self._telemetry.state.mode is FlightMode.GUIDED
         if facts.form is Form.REPOSITION and (not is_guided or now_s - self._sent_s < REPOSITION_S):
             return None  # in other modes it would be denied
         known = self._telemetry.pose
         pose = known.pose if known is not None and now_s - known.t_s < POSE_S else None
-        message = setpoint_message(wanted, facts.form, target, self._telemetry.boot_ms(now_s), pose)
+        message = setpoint_message(setpoint, facts.form, target, self._telemetry.boot_ms(now_s), pose)
         if message is not None:
             self._see_gap(now_s - self._sent_s, facts.timeout_s)
             self._sent_s = now_s

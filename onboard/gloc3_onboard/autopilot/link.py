@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.mavlink import codec
-from gloc3.mavlink.codec import Address, Encoder, Frame, Parser
+from gloc3.mavlink.codec import Address, Encoder, Frame
 from gloc3.mavlink.node import Node
 from gloc3.mavlink.service import Service
 from gloc3.mavlink.services.command_client import CommandClient
@@ -23,7 +23,6 @@ from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.signed_only import SignedOnly
 from gloc3.mavlink.signing import Signing, timestamp
 from gloc3.messages.envelope import Severity
-from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import FlightMode, Pose, Style
 from gloc3.mission.formats.items import FenceArea
 from gloc3_onboard.autopilot.arm_leave import ArmLeave
@@ -37,14 +36,13 @@ from gloc3_onboard.autopilot.plan_upload import PlanUpload
 from gloc3_onboard.autopilot.prearm import PrearmQuestions
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
-from gloc3_onboard.autopilot.setpoints import Wanted
 from gloc3_onboard.autopilot.streams import StreamRequests
 from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, AutopilotStyle, Command
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.autopilot.told import ToldByAutopilot
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.sensors.devices import Answer, Manners, Way
+from gloc3_onboard.sensors.devices import Answer, AutopilotSetpoint, Manners, Way
 
 FORCE: Final = 21196.0
 """What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
@@ -57,15 +55,11 @@ ONE_RESTART_S: Final = 3.0
 """Signs of a restart that come within this are of the same one."""
 
 
-class ByteLink(Protocol):
-    """The part of an endpoint that is needed here."""
+class FrameLink(Protocol):
+    """A link that sends frames, as a routed link does."""
 
-    @property
-    def is_datagram(self) -> bool:
-        """Whether each piece that is heard holds whole frames only."""
-
-    def send(self, data: bytes) -> None:
-        """Sends whole frames."""
+    def send(self, frame: Frame) -> None:
+        """Sends one frame of our own."""
 
 
 def _say_nothing(_severity: Severity, _text: str) -> None:
@@ -97,8 +91,7 @@ class AutopilotLink(ToldByAutopilot):
         self.style: AutopilotStyle = Px4()
         self.frames_received = 0
         self._loop, self._clock, self._say = loop, clock, say
-        self._endpoint: ByteLink | None = None
-        self._parser = Parser()
+        self._link: FrameLink | None = None
         self._signing = signing
         self._encoder = Encoder(*self.own, signing)
         self.signed_only: Final = None if signing is None else SignedOnly(signing, partial(say, Severity.WARNING))
@@ -142,24 +135,19 @@ class AutopilotLink(ToldByAutopilot):
 
     # --- life ---
 
-    def open(self, endpoint: ByteLink) -> None:
-        """Begins to talk over an endpoint, whose owner passes what it hears to `receive`."""
-        self._endpoint = endpoint
-        self._parser = Parser(is_datagram=endpoint.is_datagram)
+    def open(self, link: FrameLink) -> None:
+        """Begins to send by a link, whose owner passes the frames that it receives to `take`."""
+        self._link = link
         self._tick()
 
     def close(self) -> None:
         """Says nothing any more."""
         if self._timer is not None:
             self._timer.cancel()
-        self._endpoint = None
-
-    def receive(self, data: bytes) -> None:
-        """Takes in what the endpoint has heard."""
-        self.take(self._parser.receive(data))
+        self._link = None
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Takes in frames that somebody else has found."""
+        """Handles frames of the link."""
         now_s, is_settled = self._loop.time(), True
         for frame in frames:
             self.frames_received += 1
@@ -177,10 +165,10 @@ class AutopilotLink(ToldByAutopilot):
 
     def send_message(self, message: codec.MavlinkMessage) -> None:
         """Sends one message as the companion."""
-        if self._endpoint is not None:
+        if self._link is not None:
             if self._signing is not None:
                 self._signing.advance(timestamp(self._clock.utc_s()))
-            self._endpoint.send(self._encoder.encode(message))
+            self._link.send(self._encoder.frame(message))
 
     def _tick(self) -> None:
         now_s = self._loop.time()
@@ -348,16 +336,13 @@ class AutopilotLink(ToldByAutopilot):
         """How the autopilot that is there now wants to be commanded."""
         return self.style.facts.manners
 
-    def send_setpoint(
-        self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None
-    ) -> None:
-        """Streams one setpoint, in the autopilot's own local NED frame."""
-        wanted = Wanted(position_ned_m, velocity_ned_m_s, yaw_rad)
+    def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
+        """Streams one setpoint."""
 
         def send() -> None:
             if self._target is None:
                 return
-            message = self._lead.message(wanted, self.style.facts, self._target, self._loop.time())
+            message = self._lead.message(setpoint, self.style.facts, self._target, self._loop.time())
             if message is not None:
                 self.send_message(message)
             if self._lead.gap:

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from gloc3.cli.port_advice import port_advice
 from gloc3.clock import Clock
 from gloc3.errors import Refused
-from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
+from gloc3.mavlink.transport.endpoints import Endpoint
 from gloc3.messages.preflight import Check, Group, Verdict, in_order
 from gloc3.messages.readiness import LinkCondition, SensorCondition
 from gloc3.messages.vehicle import Pose
@@ -16,7 +16,7 @@ from gloc3.platform.platform import Platform
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Readings
-from gloc3_onboard.cli.direct import beat, heartbeat_of, signing_of
+from gloc3_onboard.cli.direct import beat, heartbeat_of, open_direct, signing_of
 from gloc3_onboard.process.computer import HostComputer
 from gloc3_onboard.sensors.registry import source_urls
 from gloc3_onboard.sensors.rig import calibration_problems
@@ -55,12 +55,11 @@ async def examine(question: Question) -> list[Check]:
     link = AutopilotLink(loop, clock, question.system_id, signing=signing_of(question.autopilot, clock))
     problem = ""
     try:
-        endpoint = await open_endpoint(question.autopilot, loop, link.receive)
+        endpoint = await open_direct(link, question.autopilot, loop)
     except Refused as refusal:
         problem = str(refusal)
     else:
         endpoints.append(endpoint)
-        link.open(endpoint)
         await _listen(link, loop, question.wait_s)
     try:
         checks = checklist(_readings(question, link, computer, loop.time()))

@@ -26,9 +26,9 @@ from gloc3_onboard.hosts.other_processes import OtherProcesses
 from gloc3_onboard.hosts.shared import Shared, alone, check_member, open_shared
 from gloc3_onboard.process.computer import HostComputer
 from gloc3_onboard.process.options import ProcessOptions
+from gloc3_onboard.process.process_storage import ProcessStorage, key_of
 from gloc3_onboard.process.runner import HOST_DEVICES
 from gloc3_onboard.process.vitals import VitalSigns
-from gloc3_onboard.process_storage import ProcessStorage, key_of
 from gloc3_onboard.sensors.registry import SourceHost, is_asked_here, sensor_kinds
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.service import Service

@@ -23,8 +23,8 @@ from gloc3_onboard.sensors.replay import LogTime, Recorded
 from gloc3_onboard.sensors.source_url import Options, SourceUrl, device_problem, option_problem
 
 ENTRY_POINTS: Final = "gloc3.sensors"
-NOWHERE: Final = "none"
-"""The scheme of a device that is not plugged in."""
+NOWHERE: Final = "none://"
+"""The source of a device that is not plugged in."""
 
 
 class SourceHost(NamedTuple):
@@ -225,7 +225,7 @@ def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str
         Refused: what was asked for is not NAME=URL, or the platform has no such device.
     """
     sensors = {name for name in (*used, *platform.devices) if sensor_of(name) is not None}
-    urls = {name: platform.devices.get(name, f"{NOWHERE}://") for name in sorted(sensors)}
+    urls = {name: platform.devices.get(name, NOWHERE) for name in sorted(sensors)}
     for text in overrides:
         name, equals, url = text.partition("=")
         if not equals:

@@ -44,7 +44,7 @@ class SensorWatch:
         now_s = self._now_s()
         problem = ""
         uncalibrated: list[str] = []
-        if not self._urls[name].startswith(f"{NOWHERE}://"):
+        if not self._urls[name].startswith(NOWHERE):
             uncalibrated = [camera for camera in cameras_of(name) if self._rig.model(camera) is None]
             try:
                 problem = self._misfit(_images(name, source))
@@ -101,7 +101,7 @@ def unopened_conditions(
         except Gloc3Error as error:
             found.append(SensorCondition(device=name, source=text, problem=str(error)))
             continue
-        is_there = url.scheme != NOWHERE
+        is_there = not url.text.startswith(NOWHERE)
         problems = [place_problem(url, folder), *(wrong.get(camera, "") for camera in cameras)]
         found.append(
             SensorCondition(

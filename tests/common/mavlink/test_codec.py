@@ -128,6 +128,14 @@ def test_importing_the_codec_does_not_import_pymavlink() -> None:
     assert subprocess.run([sys.executable, "-c", code], env=environment, check=False).returncode == 0
 
 
+@pytest.mark.parametrize("signing", [None, Signing(bytes(32), link_id=1, now=5)])
+def test_an_encoded_frame_is_the_one_that_a_parser_finds_in_its_bytes(signing: Signing | None) -> None:
+    encoder = codec.Encoder(1, 191, signing)
+    for number in range(300):
+        frame = encoder.frame(codec.message("COMMAND_LONG", target_system=7, command=number))
+        assert codec.Parser().receive(frame.raw) == [frame]
+
+
 def test_a_frame_made_in_our_name_is_numbered_and_signed_anew() -> None:
     theirs, ours = codec.Encoder(255, 190), codec.Encoder(255, 190, Signing(bytes(32), link_id=1, now=5))
     ours.encode(codec.message("HEARTBEAT"))

@@ -13,10 +13,10 @@ from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.facts import ClassFacts, Form
 from gloc3_onboard.autopilot.families import style_of
 from gloc3_onboard.autopilot.px4 import Px4
-from gloc3_onboard.autopilot.setpoints import MOST_M_S, Wanted, setpoint_message
+from gloc3_onboard.autopilot.setpoints import MOST_M_S, setpoint_message
 from gloc3_onboard.autopilot.style import NAV_TAKEOFF, SET_MODE, Command
 from gloc3_onboard.components.drivers.setpoint_stream import EXPIRY_S
-from gloc3_onboard.sensors.devices import Answer
+from gloc3_onboard.sensors.devices import Answer, AutopilotSetpoint
 
 from .test_autopilot_link import SET_POSITION, Rig
 
@@ -126,7 +126,7 @@ def test_what_does_not_tell_whether_it_has_landed_is_under_way_while_it_is_armed
 def test_a_rover_is_led_by_a_velocity_alone_to_a_moving_place() -> None:
     with Rig("ardupilot", vehicle_type=10) as rig:
         rig.run(4.0)
-        rig.link.send_setpoint((3.0, 4.0, 0.0), (0.6, 0.8, 0.0), 1.0)
+        rig.link.send_setpoint(AutopilotSetpoint((3.0, 4.0, 0.0), (0.6, 0.8, 0.0), 1.0))
         rig.run(0.1)
         heard = next(message for message in rig.autopilot.heard if message.name == SET_POSITION)
         assert heard.type_mask == 0b1101_1100_0111, "position, acceleration, yaw and its rate are to be ignored"
@@ -135,24 +135,28 @@ def test_a_rover_is_led_by_a_velocity_alone_to_a_moving_place() -> None:
 
 
 def test_a_rover_that_is_there_stands_and_keeps_its_heading() -> None:
-    message = setpoint_message(Wanted((10.3, 0.2, 0.0), (0.0, 0.0, 0.0), None), Form.VELOCITY, AUTOPILOT, 0, EAST)
+    message = setpoint_message(
+        AutopilotSetpoint((10.3, 0.2, 0.0), (0.0, 0.0, 0.0), None), Form.VELOCITY, AUTOPILOT, 0, EAST
+    )
     assert message is not None
     assert (message.vx, message.vy, message.yaw) == pytest.approx((0.0, 0.0, math.pi / 2.0))
     assert not message.type_mask & 0b0100_0000_0000
-    brake = setpoint_message(Wanted(None, (0.0, 0.0, 0.0), None), Form.VELOCITY, AUTOPILOT, 0, EAST)
+    brake = setpoint_message(AutopilotSetpoint(None, (0.0, 0.0, 0.0), None), Form.VELOCITY, AUTOPILOT, 0, EAST)
     assert brake is not None
     assert brake.yaw == pytest.approx(math.pi / 2.0), "a heading of 0 would turn it to the north"
 
 
 def test_a_rover_does_not_circle_to_come_back_to_a_place_that_it_has_just_passed() -> None:
     for east_m, speed in ((-1.2, 0.0), (-3.0, 2.0), (1.2, 0.96)):
-        message = setpoint_message(Wanted((10.0, east_m, 0.0), None, None), Form.VELOCITY, AUTOPILOT, 0, EAST)
+        message = setpoint_message(
+            AutopilotSetpoint((10.0, east_m, 0.0), None, None), Form.VELOCITY, AUTOPILOT, 0, EAST
+        )
         assert message is not None
         assert math.hypot(message.vx, message.vy) == pytest.approx(speed, abs=0.01), east_m
 
 
 def test_a_submarine_never_gets_a_position_without_a_velocity() -> None:
-    message = setpoint_message(Wanted((1.0, 2.0, 3.0), None, None), Form.MOVING, AUTOPILOT, 0, EAST)
+    message = setpoint_message(AutopilotSetpoint((1.0, 2.0, 3.0), None, None), Form.MOVING, AUTOPILOT, 0, EAST)
     assert message is not None
     assert not message.type_mask & 0b11_1000, "a stream of positions alone begins its way anew each time"
     assert (message.vx, message.vy, message.vz) == (0.0, 0.0, 0.0)
@@ -164,7 +168,7 @@ def test_our_own_expiry_comes_before_that_of_every_autopilot(facts: ClassFacts) 
 
 
 def test_a_rover_whose_place_is_not_known_is_led_nowhere() -> None:
-    wanted = Wanted((3.0, 4.0, 0.0), None, None)
+    wanted = AutopilotSetpoint((3.0, 4.0, 0.0), None, None)
     assert setpoint_message(wanted, Form.VELOCITY, AUTOPILOT, 0, None) is None
 
 
@@ -176,10 +180,10 @@ def test_a_stream_that_has_paused_for_too_long_is_told(style: str, gap_s: float)
         rig.autopilot.heartbeat.custom_mode = 6 << 16 if style == "px4" else 4
         rig.run(1.5)
         for pause_s in (0.05, 0.5 * gap_s, gap_s):
-            rig.link.send_setpoint((1.0, 0.0, -2.0), None, None)
+            rig.link.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
             rig.run(pause_s)
         assert not [text for text in rig.said if "no setpoint" in text]
-        rig.link.send_setpoint((1.0, 0.0, -2.0), None, None)
+        rig.link.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
         told = [text for text in rig.said if "no setpoint" in text]
         assert len(told) == 1
         assert told[0].startswith(f"no setpoint for {gap_s:.1f} s")
@@ -188,12 +192,12 @@ def test_a_stream_that_has_paused_for_too_long_is_told(style: str, gap_s: float)
 def test_a_plane_is_sent_to_a_place_ahead_once_a_second() -> None:
     with Rig("ardupilot", vehicle_type=1) as rig:
         rig.run(4.0)
-        rig.link.send_setpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None)
+        rig.link.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
         rig.autopilot.heartbeat.custom_mode = 15
         rig.run(1.5)
         assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_INT"], "only in guided mode"
         for _ in range(40):
-            rig.link.send_setpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None)
+            rig.link.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
             rig.run(0.05)
         heard = [m for m in rig.autopilot.heard if m.name == "COMMAND_INT" and m.command == 192]
         assert 2 <= len(heard) <= 3

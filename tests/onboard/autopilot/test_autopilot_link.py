@@ -6,6 +6,7 @@ from collections.abc import Callable
 from random import Random
 
 import pytest
+from tests.direct_link import wire
 from tests.onboard.fake_autopilot import VEHICLE, FakeAutopilot
 
 from gloc3.clock import Clock, VirtualLoop
@@ -19,6 +20,7 @@ from gloc3_onboard.autopilot.commands import KEPT, NOBODY
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE
 from gloc3_onboard.companion.rate_watch import RateWatch
+from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 SET_POSITION = "SET_POSITION_TARGET_LOCAL_NED"
@@ -33,9 +35,8 @@ class Rig:
         self.said: list[str] = []
         self.why_not_arm = ""
         self.link = AutopilotLink(self.loop, Clock(self.loop), say=self._say, why_not_arm=lambda: self.why_not_arm)
-        self.wire.a.on_data = self.link.receive
         self.autopilot = FakeAutopilot(self.loop, self.wire.b, style, own, vehicle_type)
-        self.link.open(self.wire.a)
+        self.routed = wire(self.link, self.wire.a, self.loop)
 
     def _say(self, severity: Severity, text: str) -> None:
         self.said.append(text)
@@ -178,7 +179,7 @@ def test_an_autopilot_of_another_kind_is_left_alone() -> None:
         kind = "an autopilot of a kind that is not supported (MAV_AUTOPILOT 4, MAV_TYPE 2)"
         assert rig.said == [f"1/1 is {kind}: it is left alone"]
         ticket = rig.link.command_arm()
-        rig.link.send_setpoint((0.0, 0.0, 0.0), None, None)
+        rig.link.send_setpoint(AutopilotSetpoint((0.0, 0.0, 0.0), None, None))
         rig.run(1.0)
         assert rig.link.answer(ticket) == (False, NOBODY)
         assert rig.autopilot.ran == []
@@ -196,7 +197,7 @@ def test_an_autopilot_of_another_system_is_taken_when_it_has_been_alone() -> Non
 def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_ours() -> None:
     with Rig() as rig:
         gimbal = codec.Encoder(1, 154).encode(codec.message("HEARTBEAT", type=26, autopilot=0))
-        rig.link.receive(gimbal)
+        rig.routed.receive(gimbal)
         rig.run(2.0)
         assert rig.said[0] == "px4 autopilot found as 1/1, of a copter"
 
@@ -333,7 +334,7 @@ def test_setpoints_and_what_of_them_is_to_be_ignored(
 ) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        rig.link.send_setpoint(position, velocity, yaw)
+        rig.link.send_setpoint(AutopilotSetpoint(position, velocity, yaw))
         rig.run(0.1)
         heard = next(message for message in rig.autopilot.heard if message.name == SET_POSITION)
         assert (heard.type_mask, heard.coordinate_frame, heard.target_system) == (mask, 1, 1)
@@ -346,8 +347,8 @@ def test_garbage_and_others_do_no_harm() -> None:
     with Rig() as rig:
         rig.run(4.0)
         stranger = codec.Encoder(9, 1)
-        rig.link.receive(stranger.encode(codec.message("EXTENDED_SYS_STATE", landed_state=2)))
-        rig.link.receive(bytes(range(256)) * 4)
+        rig.routed.receive(stranger.encode(codec.message("EXTENDED_SYS_STATE", landed_state=2)))
+        rig.routed.receive(bytes(range(256)) * 4)
         assert rig.link.state().landed is LandedState.ON_GROUND
         rig.run(1.0)
         assert rig.link.state().is_connected

@@ -137,7 +137,7 @@ def test_nobody_else_may_ask_for_leave_and_other_commands_are_not_answered_here(
         stranger = Encoder(9, 1).encode(
             message("COMMAND_LONG", command=AUTHORISATION, target_system=1, target_component=191)
         )
-        rig.link.receive(stranger)
+        rig.routed.receive(stranger)
         rig.run(0.5)
         assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_ACK"]
 

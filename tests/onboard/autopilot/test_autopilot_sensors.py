@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.direct_link import wire
 from tests.onboard.fake_autopilot import FakeAutopilot
 
 from gloc3.clock import Clock, VirtualLoop
@@ -141,11 +142,10 @@ def test_stamps_in_utc_are_mapped_too() -> None:
 @STYLES
 def test_messages_are_asked_for_when_a_sampler_starts_and_its_samples_come_from_the_link(style: str) -> None:
     loop = VirtualLoop()
-    wire = MemoryLink(loop, Random(3), Conditions(latency_s=0.02))
+    cable = MemoryLink(loop, Random(3), Conditions(latency_s=0.02))
     link = AutopilotLink(loop, Clock(loop))
-    wire.a.on_data = link.receive
-    autopilot = FakeAutopilot(loop, wire.b, style)
-    link.open(wire.a)
+    autopilot = FakeAutopilot(loop, cable.b, style)
+    wire(link, cable.a, loop)
     imu, laser, level = AutopilotImu(link.sensors), ObstacleDistance(link.sensors), DistanceSensors(link.sensors)
     loop.run_until_complete(asyncio.sleep(3.0))
     name = "HIGHRES_IMU" if style == "px4" else "SCALED_IMU"
@@ -185,8 +185,7 @@ def test_the_simulated_autopilot_tells_its_inertial_unit_to_the_sampler(style: s
         cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
         said: list[str] = []
         link = AutopilotLink(bench.loop, Clock(bench.loop), say=lambda _, text: said.append(text))
-        cable.b.on_data = link.receive
-        link.open(cable.b)
+        wire(link, cable.b, bench.loop)
         simulator.start(bench.loop)
         bench.host(
             ComponentRow(name="imu", class_name="x:Y", rate_hz=100.0), lambda: ImuSampler(AutopilotImu(link.sensors))

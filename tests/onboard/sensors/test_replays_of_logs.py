@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from tests.data_folders import OUTSIDE
 from tests.onboard.scripted_sources import HEIGHT, WIDTH, euroc, felt, picture, scan
 
 from gloc3.clock import Clock
@@ -28,7 +29,6 @@ from gloc3_onboard.components.samplers.laser import LaserSampler
 from gloc3_onboard.components.samplers.stereo_camera import StereoCameraSampler
 from gloc3_onboard.sensors.registry import SourceHost, make_sources
 
-DATA = Path(__file__).parents[4] / "shared" / "data"
 SAMPLERS: dict[str, tuple[Any, float]] = {
     "camera": (CameraSampler, 20.0),
     "stereo_camera": (StereoCameraSampler, 20.0),
@@ -254,12 +254,12 @@ def test_a_damaged_list_of_a_data_set_is_told_with_its_line(tmp_path: Path) -> N
 
 
 @pytest.mark.thorough
-@pytest.mark.skipif(not DATA.is_dir(), reason="the data sets are not here")
+@pytest.mark.outside
 def test_real_data_sets_are_sampled_without_a_complaint() -> None:
     with Bench() as bench:
         play(
             bench,
-            DATA,
+            OUTSIDE,
             stereo_camera="euroc://images/euroc_rest",
             imu="euroc://images/euroc_rest",
             camera="kitti://images/kitti_mono#image_l",
@@ -273,7 +273,7 @@ def test_real_data_sets_are_sampled_without_a_complaint() -> None:
     assert math.hypot(*force) == pytest.approx(9.81, abs=0.2)
     assert force[2] < -8.0, "at rest it is held up"
     with Bench() as bench:
-        log = next((DATA / "lidar" / "aces").glob("*.log"))
-        play(bench, DATA, laser=f"carmen://{log}")
+        log = next((OUTSIDE / "lidar" / "aces").glob("*.log"))
+        play(bench, OUTSIDE, laser=f"carmen://{log}")
         bench.run(5.0)
         assert len(told(bench, "laser")) >= 3

@@ -4,6 +4,4 @@ from typing import Final
 
 from gloc3_onboard.sensors.registry import NOWHERE, SourceKind
 
-SOURCES: Final = (
-    SourceKind(NOWHERE, (), f"{NOWHERE}://", lambda request: request.replayed(lambda: ()), takes_place=False),
-)
+SOURCES: Final = (SourceKind("none", (), NOWHERE, lambda request: request.replayed(lambda: ()), takes_place=False),)

@@ -20,8 +20,8 @@ from gloc3.store import RecordFile
 from gloc3_onboard.assembly import Parts, Storage
 from gloc3_onboard.command_server.log_shelf import LogShelf
 from gloc3_onboard.companion.files import shared_files
-from gloc3_onboard.event_narration import Report
 from gloc3_onboard.process.computer import start_of_computer
+from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.log_files import LogFiles, log_stem
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.run_log import RunLog

@@ -20,7 +20,7 @@ from gloc3.exchange.base import Publisher
 from gloc3.exchange.base import LocalExchange
 from gloc3.messages.envelope import Event, InternalState, Severity
 from gloc3.log.record import Recorder
-from gloc3.topics import TopicTable
+from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import Pose
 
 async def run(seconds: float, is_telling: bool) -> None:

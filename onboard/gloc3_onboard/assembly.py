@@ -45,10 +45,9 @@ from gloc3_onboard.process.runner import Create, Member, Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
 from gloc3_onboard.process.vitals import Vitals
 from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.sensor_watch import SensorWatch
-from gloc3_onboard.sources.asked import source_urls
-from gloc3_onboard.sources.factory import SourceHost, make_sources
 from gloc3_onboard.viewer.catalogue import Catalogue
 
 P = TypeVar("P")

@@ -18,10 +18,10 @@ from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.perception import LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.sensors.checks.frame_check import FrameCheck
 from gloc3_onboard.sensors.checks.scan_check import checked_scan
-from gloc3_onboard.sources.euroc import stereo_records
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
+from gloc3_onboard.sensors.sources.euroc import stereo_records
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
 from gloc3_sitl.world import World
 
@@ -29,10 +29,10 @@ TESTS = (
     "tests/onboard/components/samplers/test_bad_input_of_samplers.py",
     "tests/onboard/sensors/test_own_sensor_checks.py",
     "tests/onboard/autopilot/test_autopilot_sensors.py",
-    "tests/onboard/sources/test_source_urls.py",
-    "tests/onboard/sources/test_replays_of_logs.py",
-    "tests/onboard/sources/test_video_cameras.py",
-    "tests/onboard/sources/test_laser_scanners.py",
+    "tests/onboard/sensors/test_source_urls.py",
+    "tests/onboard/sensors/test_replays_of_logs.py",
+    "tests/onboard/sensors/test_video_cameras.py",
+    "tests/onboard/sensors/test_laser_scanners.py",
     "tests/onboard/process/test_onboard_on_logs.py",
     "tests/onboard/calibration",
 )

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gloc3.component.component import ActuatorDriver, Component
 from gloc3.component.context import HostContext
-from gloc3.component.cycle import Cycler, CycleStatistics
+from gloc3.component.cycle import Cycler, CycleStatistics, Mailbox
 from gloc3.component.data_logger import DataLogger
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.error_handler import ErrorHandler, Failure, describe, reason_of
@@ -17,7 +17,6 @@ from gloc3.component.guard import guard
 from gloc3.component.jobs import CHECK_LEAVING, MAKE_SAFE, CycleJob, Gate, MethodJob
 from gloc3.component.lci import OPERATING, Command, State, Transition
 from gloc3.component.outlets import KEY, Outlets, Routed
-from gloc3.component.ports import Mailbox
 from gloc3.component.workers import Errands
 from gloc3.exchange.base import Publisher, Unsubscribe
 from gloc3.messages.envelope import ComponentStatus, Envelope, Event, InternalState, Kind, Message, Severity

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 from gloc3.errors import Gloc3Error
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.sensors.devices import StampedScan
-from gloc3_onboard.sources.mounted import mounted_scan
-from gloc3_onboard.sources.threaded import ThreadedSource
-from gloc3_onboard.sources.url import SourceUrl
-from gloc3_onboard.sources.video import device_problem
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.source_url import BAUD as BAUD_OPTION
+from gloc3_onboard.sensors.source_url import SERIAL_GROUP, Number, SourceUrl, device_problem
+from gloc3_onboard.sensors.sources.laser import MOUNT, mounted_scan
+from gloc3_onboard.sensors.threaded import ThreadedSource
 
 BAUD: Final = 115_200
 """Of the A1 and A2; the A3 has 256000."""
@@ -48,7 +50,7 @@ class RpLidar(ThreadedSource[StampedScan]):
     def connect(self) -> Iterator[Iterator[StampedScan | None]]:
         """Opens the line and starts the motor."""
         path = self._url.place
-        problem = device_problem(Path(path), "dialout")
+        problem = device_problem(Path(path), SERIAL_GROUP)
         if problem:
             raise Gloc3Error(f"{self.name}: {problem}")
         lidar_type, failure = _library(self.name)
@@ -133,3 +135,26 @@ def scan_of(name: str, points: list[tuple[float, float]], duration_s: float, max
         ranges_m=np.roll(ranges, half).astype("<f4").tobytes(),
         duration_s=duration_s,
     )
+
+
+def _make(request: SourceRequest) -> RpLidar:
+    return RpLidar(request.device, request.url, request.now_s)
+
+
+def _library_problem() -> str:
+    if find_spec("adafruit_rplidar") is None:
+        return "its library is not installed; pip install 'gloc3[laser]'"
+    return ""
+
+
+SOURCES: Final = (
+    SourceKind(
+        "rplidar",
+        ("laser",),
+        "rplidar:///dev/ttyUSB0",
+        _make,
+        {**BAUD_OPTION, "max_m": Number(1, 100), **MOUNT},
+        group=SERIAL_GROUP,
+        problem=_library_problem,
+    ),
+)

@@ -27,8 +27,7 @@ from gloc3_onboard.components.samplers.height import HeightSampler
 from gloc3_onboard.components.samplers.imu import ImuSampler
 from gloc3_onboard.components.samplers.laser import LaserSampler
 from gloc3_onboard.components.samplers.stereo_camera import StereoCameraSampler
-from gloc3_onboard.sources.factory import SourceHost, make_sources
-from gloc3_onboard.sources.none import NoSource
+from gloc3_onboard.sensors.registry import SourceHost, make_sources
 
 SAMPLERS: dict[str, tuple[Any, float]] = {
     "camera": (CameraSampler, 20.0),
@@ -41,7 +40,7 @@ SAMPLERS: dict[str, tuple[Any, float]] = {
 
 def play(bench: Bench, folder: Path, **urls: str) -> dict[str, Any]:
     """Samplers on sources, by kind of device."""
-    host = SourceHost(bench.loop, folder, lambda boot_s: boot_s, AutopilotSensors(), NoSource())
+    host = SourceHost(bench.loop, folder, lambda boot_s: boot_s, AutopilotSensors())
     sources = make_sources(urls, host)
     for name, source in sources.items():
         kind, rate_hz = SAMPLERS[name]
@@ -203,7 +202,7 @@ def test_pictures_that_a_flight_has_put_beside_its_log_are_played(tmp_path: Path
     assert [data for _, data in found] == [picture(number).data for number in range(3)]
     with Bench() as bench:
         other = "ground_camera"
-        host = SourceHost(bench.loop, tmp_path, lambda boot_s: boot_s, AutopilotSensors(), NoSource())
+        host = SourceHost(bench.loop, tmp_path, lambda boot_s: boot_s, AutopilotSensors())
         sources = make_sources({other: "mcap://log-2.mcap#image_recorded"}, host)
         with pytest.raises(Gloc3Error, match="no pictures of 'ground' were recorded"):
             sources[other].open()

@@ -19,11 +19,11 @@ from tests.onboard.scripted_sources import scan
 from gloc3.errors import Gloc3Error
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.sensors.devices import StampedScan
-from gloc3_onboard.sources.hokuyo import HokuyoLaser
-from gloc3_onboard.sources.mounted import mounted_scan
-from gloc3_onboard.sources.rplidar import RpLidar, scan_of
-from gloc3_onboard.sources.scip import ScipError, ScipReader, parameters_of, turn_of
-from gloc3_onboard.sources.url import parse_source
+from gloc3_onboard.sensors.registry import parse_source
+from gloc3_onboard.sensors.sources.hokuyo import HokuyoLaser
+from gloc3_onboard.sensors.sources.laser import mounted_scan
+from gloc3_onboard.sensors.sources.rplidar import RpLidar, scan_of
+from gloc3_onboard.sensors.sources.scip import ScipError, ScipReader, parameters_of, turn_of
 
 WITHIN_S = 20.0
 FIRST, LAST, FRONT, STEPS = 44, 725, 384, 1024
@@ -180,7 +180,7 @@ def test_a_hokuyo_over_tcp_is_read() -> None:
 
 @pytest.mark.sockets
 def test_what_does_not_answer_as_a_scanner_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    from gloc3_onboard.sources import hokuyo
+    from gloc3_onboard.sensors.sources import hokuyo
 
     monkeypatch.setattr(hokuyo, "WAIT_S", 0.02)
     with hokuyo_on_a_terminal(is_mute=True) as path:

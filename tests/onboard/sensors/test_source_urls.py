@@ -2,37 +2,53 @@
 
 import asyncio
 from pathlib import Path
+from types import ModuleType
+from unittest.mock import Mock
 
 import pytest
 
 from gloc3.clock import VirtualLoop
-from gloc3.errors import Refused
+from gloc3.component.test_bench import Bench
+from gloc3.errors import Misuse, Refused
 from gloc3.platform.reader import read_platform
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
-from gloc3_onboard.sources.asked import source_urls
-from gloc3_onboard.sources.factory import SourceHost, camera_name, make_sources, pair_names
-from gloc3_onboard.sources.none import NoSource
-from gloc3_onboard.sources.url import SCHEMES, Sensor, parse_source, sensor_of
+from gloc3_onboard.sensors import registry
+from gloc3_onboard.sensors.registry import (
+    SourceHost,
+    SourceKind,
+    make_sources,
+    parse_source,
+    sensor_kinds,
+    sensor_of,
+    source_kinds,
+    source_urls,
+)
+from gloc3_onboard.sensors.replay import LogTime
+from gloc3_onboard.sensors.sources.camera import camera_name
+from gloc3_onboard.sensors.sources.height import ReplayHeight
+from gloc3_onboard.sensors.sources.stereo import pair_names
 
 DEVICE_OF = {
-    Sensor.STEREO: "front_stereo_camera",
-    Sensor.CAMERA: "ground_camera",
-    Sensor.LASER: "top_laser",
-    Sensor.IMU: "imu",
-    Sensor.HEIGHT: "sonar_height",
-    Sensor.DVL: "dvl",
+    "stereo_camera": "front_stereo_camera",
+    "camera": "ground_camera",
+    "laser": "top_laser",
+    "imu": "imu",
+    "height": "sonar_height",
+    "dvl": "dvl",
 }
 
 
 def host(loop: asyncio.AbstractEventLoop) -> SourceHost:
-    return SourceHost(loop, Path(), lambda boot_s: boot_s, AutopilotSensors(), NoSource())
+    return SourceHost(
+        loop, Path(), lambda boot_s: boot_s, AutopilotSensors(), ReplayHeight(loop, LogTime(), lambda: ())
+    )
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", source_kinds())
 def test_the_example_of_every_scheme_is_understood_and_made_for_every_sensor_that_it_brings(scheme: str) -> None:
-    row = SCHEMES[scheme]
+    row = source_kinds()[scheme]
     loop = VirtualLoop()
-    for sensor in row.sensors:
+    for sensor in row.brings:
         for example in row.example.split(", or "):
             device = DEVICE_OF[sensor]
             url = parse_source(device, example)
@@ -94,11 +110,13 @@ def test_a_pipeline_of_gstreamer_is_taken_as_it_is() -> None:
 
 
 def test_names_tell_what_a_device_senses_and_what_its_pictures_are_called() -> None:
-    assert [sensor_of(name) for name in ("stereo_camera", "ground_camera", "laser", "imu", "site")] == [
-        Sensor.STEREO,
-        Sensor.CAMERA,
-        Sensor.LASER,
-        Sensor.IMU,
+    assert [
+        (kind := sensor_of(name)) and kind.name for name in ("stereo_camera", "ground_camera", "laser", "imu", "site")
+    ] == [
+        "stereo_camera",
+        "camera",
+        "laser",
+        "imu",
         None,
     ]
     assert (camera_name("ground_camera"), camera_name("camera")) == ("ground", "camera")
@@ -133,3 +151,36 @@ def test_a_platform_file_tells_sources_and_a_command_line_goes_before_it(
     for text, told in (("laser", "NAME=URL"), ("lidar=none://", "known: laser, spare_laser")):
         with pytest.raises(Refused, match=told):
             source_urls(platform, ["laser"], [text])
+
+
+def test_every_kind_of_sensor_plays_a_recording_of_nothing() -> None:
+    assert set(sensor_kinds()) == set(DEVICE_OF)
+    for name, kind in sensor_kinds().items():
+        with Bench() as bench:
+            device = make_sources({DEVICE_OF[name]: "none://"}, host(bench.loop))[DEVICE_OF[name]]
+            news: list[str] = []
+            device.open()
+            device.on_news(lambda name=name, news=news: news.append(name))
+            bench.run(1.0)
+            assert (kind.poll(device), news) == ((), [])
+            device.close()
+
+
+def test_a_package_brings_a_kind_of_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("package")
+    made = object()
+    module.SOURCES = (SourceKind("sonar", ("height",), "sonar:///dev/ttyS0", lambda request: made),)  # type: ignore[attr-defined]
+    point = Mock(load=lambda: module)
+    monkeypatch.setattr(registry, "installed_points", lambda group: [point] if group == "gloc3.sensors" else [])
+    registry._rows.cache_clear()
+    try:
+        loop = VirtualLoop()
+        assert make_sources({"height": "sonar:///dev/ttyS0"}, host(loop)) == {"height": made}
+        loop.close()
+        module.SENSORS = (sensor_kinds()["laser"]._replace(),)  # type: ignore[attr-defined]
+        registry._rows.cache_clear()
+        with pytest.raises(Misuse, match="two modules bring a sensor called 'laser'"):
+            sensor_kinds()
+    finally:
+        monkeypatch.undo()
+        registry._rows.cache_clear()

@@ -13,12 +13,13 @@ from tests.onboard.scripted_sources import ScriptedSource, picture
 
 from gloc3.errors import Gloc3Error
 from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors import threaded
 from gloc3_onboard.sensors.devices import StampedImage
-from gloc3_onboard.sources import threaded
-from gloc3_onboard.sources.pairs import PairedCameras, SideBySide
-from gloc3_onboard.sources.threaded import ThreadedSource
-from gloc3_onboard.sources.url import parse_source
-from gloc3_onboard.sources.video import VideoCamera, device_problem
+from gloc3_onboard.sensors.registry import parse_source
+from gloc3_onboard.sensors.source_url import device_problem
+from gloc3_onboard.sensors.sources.camera import VideoCamera
+from gloc3_onboard.sensors.sources.stereo import PairedCameras, SideBySide
+from gloc3_onboard.sensors.threaded import ThreadedSource
 
 WITHIN_S = 20.0
 COLOURS = (40, 90, 140, 190)

@@ -1,15 +1,23 @@
-"""Stereo pairs of cameras that are not one device: two that expose at the same time, or one picture with both sides."""
+"""Stereo cameras: two cameras that expose at the same time, one picture with both sides, and their replay from logs."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from gloc3.errors import Refused, nearest
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.sensors.devices import Camera, StampedImage, StampedPair, Unwatch
+from gloc3_onboard.sensors.devices import Camera, StampedImage, StampedPair, StereoCamera, Unwatch
+from gloc3_onboard.sensors.registry import SensorKind, SourceKind, SourceRequest, sensor_of
+from gloc3_onboard.sensors.replay import Recorded, Replay, matching, topic_records
+from gloc3_onboard.sensors.source_url import Number
 
+STEREO: Final = "stereo_camera"
+WITHIN_S: Final = 0.005
+"""How far apart in time the frames of a pair may be, unless the URL says so."""
 KEPT: Final = 4
 """Frames of each side that wait for their partner."""
 
@@ -121,3 +129,62 @@ def half(image: Image, side: int, name: str) -> Image:
     rows = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
     data = rows[:, side * width : (side + 1) * width].tobytes()
     return msgspec.structs.replace(image, camera=name, width=width, data=data)
+
+
+def pair_names(device: str) -> tuple[str, str]:
+    """What the pictures of a stereo camera are called: those of `stereo_camera` are *front_left* and *front_right*."""
+    name = device.removesuffix(STEREO).rstrip("_") or "front"
+    return f"{name}_left", f"{name}_right"
+
+
+class ReplayStereoCamera(Replay[tuple[Image, Image]]):
+    """A stereo pair of a log."""
+
+    _pair: StampedPair | None = None
+
+    def take(self, t_s: float, item: tuple[Image, Image]) -> None:
+        """Keeps a pair."""
+        self._pair = StampedPair(t_s, *item)
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._pair = None
+
+    def pair(self) -> StampedPair | None:
+        """The latest two frames; None before the first."""
+        self.check()
+        return self._pair
+
+
+def _recorded(log: Path, part: str, device: str) -> Sequence[Recorded[tuple[Image, Image]]]:
+    """The pairs of two cameras' topics that have the same time."""
+    names, (left, _, right) = pair_names(device), part.partition(",")
+    topics = (left or f"camera/{names[0]}", right or f"camera/{names[1]}")
+    lefts, rights = (topic_records(log, topic, Image) for topic in topics)
+    return matching(lefts, rights)
+
+
+def _poll(device: StereoCamera) -> Sequence[Image]:
+    pair = device.pair()
+    return () if pair is None else (pair.left, pair.right)
+
+
+def _make(request: SourceRequest) -> PairedCameras:
+    name, url = request.device, request.url
+    sides = url.place.split(",")
+    known = [device for device in request.urls if (sensor := sensor_of(device)) is not None and sensor.name == "camera"]
+    if len(sides) != 2:
+        raise Refused(f"{name}: {url.text!r}: name two cameras, as in pair://left_camera,right_camera")
+    for side in sides:
+        if side not in known:
+            raise Refused(f"{name}: there is no camera {side!r}; {nearest(side, known)}")
+    left, right = map(request.other, sides)
+    return PairedCameras(left, right, url.number("within_s", WITHIN_S))
+
+
+SENSORS: Final = (SensorKind(STEREO, ReplayStereoCamera, _recorded, _poll, pair_names),)
+SOURCES: Final = (
+    SourceKind(
+        "pair", (STEREO,), "pair://left_camera,right_camera?within_s=0.005", _make, {"within_s": Number(0.0, 1.0)}
+    ),
+)

@@ -1,27 +1,20 @@
 """Devices that play a log: paced by the host's clock, wall or virtual, with the log's stamps mapped to our time."""
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Final, Generic, NamedTuple, TypeVar
 
 from gloc3.clock import Clock
-from gloc3.errors import Gloc3Error
-from gloc3.messages.perception import BottomVelocity, ImuSample, LaserScan
-from gloc3.messages.vehicle import HeightAboveGround, Image
-from gloc3_onboard.sensors.devices import (
-    Bell,
-    StampedBottomVelocity,
-    StampedHeight,
-    StampedImage,
-    StampedImu,
-    StampedPair,
-    StampedScan,
-    Unwatch,
-)
+from gloc3.errors import Finding, Gloc3Error, InputError, nearest
+from gloc3.log.reader import LogReader
+from gloc3.messages.envelope import Message
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.devices import Bell, Unwatch
 
 T = TypeVar("T")
-KEPT: Final = 256
+M = TypeVar("M", bound=Message)
 LATE_S: Final = 0.05
 """What could not be given within so long after its time is left out, as a camera leaves out what nobody takes."""
 
@@ -177,132 +170,27 @@ class Replay(Generic[T]):
         loading.add_done_callback(loaded)
 
 
-class ReplayCamera(Replay[Image]):
-    """A camera of a log."""
+def topic_records(path: Path, topic: str, kind: type[M]) -> Sequence[Recorded[M]]:
+    """The messages of a topic, given below the platform's name.
 
-    _frame: StampedImage | None = None
-
-    def take(self, t_s: float, item: Image) -> None:
-        """Keeps a frame."""
-        self._frame = StampedImage(t_s, item)
-
-    def forget(self) -> None:
-        """Keeps nothing."""
-        self._frame = None
-
-    def frame(self) -> StampedImage | None:
-        """The latest frame; None before the first."""
-        self.check()
-        return self._frame
-
-
-class ReplayStereoCamera(Replay[tuple[Image, Image]]):
-    """A stereo pair of a log."""
-
-    _pair: StampedPair | None = None
-
-    def take(self, t_s: float, item: tuple[Image, Image]) -> None:
-        """Keeps a pair."""
-        self._pair = StampedPair(t_s, *item)
-
-    def forget(self) -> None:
-        """Keeps nothing."""
-        self._pair = None
-
-    def pair(self) -> StampedPair | None:
-        """The latest two frames; None before the first."""
-        self.check()
-        return self._pair
+    Raises:
+        InputError: the file is no log, or has no such topic of this type.
+    """
+    with LogReader(path) as reader:
+        found = [
+            Recorded(entry.envelope.t_s, partial(_same, entry.envelope.payload))
+            for entry in reader.entries(topic)
+            if isinstance(entry.envelope.payload, kind)
+        ]
+        if not found:
+            known = [name.partition("/")[2] for name in reader.topics]
+            hint = nearest(topic, known)
+            if kind is Image:
+                hint = "pictures are not logged unless their topic's row says so"
+            message = f"it has no {kind.__name__} in {topic!r}"
+            raise InputError([Finding(file=str(path), message=message, hint=hint)])
+    return sorted(found, key=lambda record: record.log_s)
 
 
-class ReplayLaser(Replay[LaserScan]):
-    """A range scanner of a log."""
-
-    _scan: StampedScan | None = None
-
-    def take(self, t_s: float, item: LaserScan) -> None:
-        """Keeps a turn."""
-        self._scan = StampedScan(t_s, item)
-
-    def forget(self) -> None:
-        """Keeps nothing."""
-        self._scan = None
-
-    def scan(self) -> StampedScan | None:
-        """The latest turn; None before the first."""
-        self.check()
-        return self._scan
-
-
-class ReplayImu(Replay[ImuSample]):
-    """An inertial unit of a log."""
-
-    is_slow = False
-
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, time: LogTime, index: Callable[[], Sequence[Recorded[ImuSample]]]
-    ) -> None:
-        super().__init__(loop, time, index)
-        self._samples: deque[StampedImu] = deque(maxlen=KEPT)
-
-    def take(self, t_s: float, item: ImuSample) -> None:
-        """Keeps a sample."""
-        self._samples.append(StampedImu(t_s, item))
-
-    def forget(self) -> None:
-        """Keeps nothing."""
-        self._samples.clear()
-
-    def samples(self, after_s: float) -> Sequence[StampedImu]:
-        """What it felt after a time."""
-        self.check()
-        return [stamped for stamped in self._samples.copy() if stamped.t_s > after_s]
-
-
-class ReplayHeight(Replay[HeightAboveGround]):
-    """A range finder of a log; it plays while somebody listens."""
-
-    _height: StampedHeight | None = None
-
-    def take(self, t_s: float, item: HeightAboveGround) -> None:
-        """Keeps a height."""
-        self._height = StampedHeight(t_s, item)
-
-    def forget(self) -> None:
-        """Keeps nothing."""
-        self._height = None
-
-    def height(self) -> StampedHeight | None:
-        """The latest height; None before the first."""
-        self.check()
-        return self._height
-
-    def on_height(self, ready: Callable[[], None]) -> Unwatch:
-        """Has `ready` called when a new height is due."""
-        unwatch = self.on_news(ready)
-        self.open()
-
-        def end() -> None:
-            unwatch()
-            self.close()
-
-        return end
-
-
-class ReplayDvl(Replay[BottomVelocity]):
-    """A Doppler velocity log of a log."""
-
-    _bottom: StampedBottomVelocity | None = None
-
-    def take(self, t_s: float, item: BottomVelocity) -> None:
-        """Keeps a velocity."""
-        self._bottom = StampedBottomVelocity(t_s, item)
-
-    def forget(self) -> None:
-        """Keeps nothing."""
-        self._bottom = None
-
-    def bottom_velocity(self) -> StampedBottomVelocity | None:
-        """The latest velocity; None before the first."""
-        self.check()
-        return self._bottom
+def _same(message: M) -> M:
+    return message

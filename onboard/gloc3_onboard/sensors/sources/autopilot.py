@@ -1,9 +1,16 @@
 """The autopilot's sensors as devices of samplers: what they use is asked for when they are opened."""
 
 from collections.abc import Callable, Sequence
+from typing import Any, Final
 
+from gloc3.errors import Refused, nearest
 from gloc3_onboard.autopilot.sensors import IMU_HZ, SCAN_HZ, AutopilotSensors
 from gloc3_onboard.sensors.devices import StampedImu, StampedScan, Unwatch
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.source_url import RATE
+
+RANGES: Final = "distance_sensor"
+OBSTACLES: Final = "obstacle_distance"
 
 
 class AutopilotImu:
@@ -70,3 +77,31 @@ class DistanceSensors:
     def scan(self) -> StampedScan | None:
         """The latest of each."""
         return self._sensors.ranges
+
+
+def _make(request: SourceRequest) -> Any:
+    name, url, sensors = request.device, request.url, request.host.sensors
+    if sensors is None:
+        raise Refused(f"{name}: {url.text!r}: the autopilot's link is in the main process of the clock host alone")
+    if request.sensor.name == "imu":
+        return AutopilotImu(sensors, url.number("rate_hz", IMU_HZ))
+    if request.sensor.name == "height":
+        return request.host.height
+    if url.part == RANGES:
+        return DistanceSensors(sensors, url.number("rate_hz", 2.0 * SCAN_HZ))
+    if url.part not in ("", OBSTACLES):
+        raise Refused(f"{name}: {url.text!r}: {nearest(url.part, [RANGES, OBSTACLES])}")
+    return ObstacleDistance(sensors, url.number("rate_hz", SCAN_HZ))
+
+
+SOURCES: Final = (
+    SourceKind(
+        "autopilot",
+        ("laser", "imu", "height"),
+        "autopilot://",
+        _make,
+        RATE,
+        takes_place=False,
+        takes_part=True,
+    ),
+)

@@ -13,9 +13,9 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.perception import BottomVelocity
 from gloc3_onboard.components.samplers.dvl import DvlSampler
 from gloc3_onboard.sensors.devices import Bell, StampedBottomVelocity
-from gloc3_onboard.sources.doppler import A50Decoder, Pd6Decoder
-from gloc3_onboard.sources.dvl import DvlSource
-from gloc3_onboard.sources.url import parse_source
+from gloc3_onboard.sensors.registry import parse_source
+from gloc3_onboard.sensors.sources.doppler import A50Decoder, Pd6Decoder
+from gloc3_onboard.sensors.sources.dvl import DvlSource
 
 VELOCITY = (
     b'{"time":106.39,"vx":0.512,"vy":-0.021,"vz":0.003,"fom":0.0016,"covariance":[[1e-6,0,0],[0,1e-6,0],[0,0,1e-6]],'

@@ -4,15 +4,19 @@ import csv
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.frames import Quaternion, rotate
 from gloc3.messages.perception import ImuSample
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.calibration.mounting import frd_from_axes
-from gloc3_onboard.sources.pictures import load_picture
-from gloc3_onboard.sources.replay import Recorded, matching
+from gloc3_onboard.sensors.pictures import load_picture
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.replay import Recorded, matching
+from gloc3_onboard.sensors.source_url import REPLAY
+from gloc3_onboard.sensors.sources.camera import EYES, camera_name
+from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
 
 AXES: Final = "urf"
 """Of EuRoC's body and inertial unit: x up, y right, z forward."""
@@ -93,3 +97,18 @@ def _rows(path: Path, columns: int, *, are_numbers: bool = False) -> Iterator[tu
             except ValueError as error:
                 raise InputError([Finding(file=str(path), line=line, column=1, message=str(error))]) from error
             yield stamp_s, [value.strip() for value in row]
+
+
+def _make(request: SourceRequest) -> Any:
+    path, part = request.path, request.url.part
+    match request.sensor.name:
+        case "imu":
+            return request.replayed(partial(imu_records, path, part or "imu0"))
+        case name if name == STEREO:
+            return request.replayed(partial(stereo_records, path, pair_names(request.device)))
+    return request.replayed(partial(camera_records, path, part or "cam0", camera_name(request.device)))
+
+
+SOURCES: Final = (
+    SourceKind("euroc", (*EYES, "imu"), "euroc://V1_01_easy#cam0", _make, REPLAY, takes_part=True, is_file=True),
+)

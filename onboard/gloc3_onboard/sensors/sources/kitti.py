@@ -3,12 +3,16 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.sources.pictures import load_picture, pictures_in
-from gloc3_onboard.sources.replay import Recorded, together
+from gloc3_onboard.sensors.pictures import load_picture, pictures_in
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.replay import Recorded, together
+from gloc3_onboard.sensors.source_url import RATE, REPLAY
+from gloc3_onboard.sensors.sources.camera import EYES, camera_name
+from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
 
 RATE_HZ: Final = 10.0
 """Of sequences without times."""
@@ -60,3 +64,15 @@ def _times(path: Path, count: int, rate_hz: float) -> list[float]:
             message = f"{text[:40]!r} is no time"
             raise InputError([Finding(file=str(path), line=line, column=1, message=message)]) from error
     return times
+
+
+def _make(request: SourceRequest) -> Any:
+    path, part, rate_hz = request.path, request.url.part, request.url.number("rate_hz", RATE_HZ)
+    if request.sensor.name == STEREO:
+        return request.replayed(partial(stereo_records, path, part, pair_names(request.device), rate_hz))
+    return request.replayed(partial(camera_records, path, part, camera_name(request.device), rate_hz))
+
+
+SOURCES: Final = (
+    SourceKind("kitti", EYES, "kitti://sequences/00#image_0", _make, {**REPLAY, **RATE}, takes_part=True, is_file=True),
+)

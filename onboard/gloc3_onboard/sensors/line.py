@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Protocol
 
 from gloc3.errors import Gloc3Error
-from gloc3_onboard.sources.url import SourceUrl
-from gloc3_onboard.sources.video import device_problem
+from gloc3_onboard.sensors.source_url import SERIAL_GROUP, SourceUrl, device_problem
 
 
 class Line(Protocol):
@@ -75,7 +74,7 @@ def open_line(name: str, url: SourceUrl, address: tuple[str, int] | None, baud: 
     try:
         if address is not None:
             return _Tcp(address, wait_s)
-        problem = device_problem(Path(url.place), "dialout")
+        problem = device_problem(Path(url.place), SERIAL_GROUP)
         if problem:
             raise Gloc3Error(f"{name}: {problem}")
         return _Serial(url.place, int(url.number("baud", baud)), wait_s)

@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any, Final
 
 import msgspec
 
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.datasets.laser_logs import read_laser_log
-from gloc3_onboard.sources.replay import Recorded
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.replay import Recorded
+from gloc3_onboard.sensors.source_url import REPLAY, Number
 
 
 def scan_records(path: Path, name: str, max_m: float | None = None) -> Sequence[Recorded[LaserScan]]:
@@ -29,3 +32,20 @@ def scan_records(path: Path, name: str, max_m: float | None = None) -> Sequence[
 
 def _named(scan: LaserScan, name: str) -> LaserScan:
     return msgspec.structs.replace(scan, scanner=name)
+
+
+def _make(request: SourceRequest) -> Any:
+    max_m = request.url.number("max_m", 0.0) or None
+    return request.replayed(partial(scan_records, request.path, request.device, max_m))
+
+
+SOURCES: Final = (
+    SourceKind(
+        "carmen",
+        ("laser",),
+        "carmen://aces.log",
+        _make,
+        {**REPLAY, "max_m": Number(0.5, 1000.0)},
+        is_file=True,
+    ),
+)

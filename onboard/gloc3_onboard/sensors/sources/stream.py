@@ -4,11 +4,15 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Final
 
 from gloc3.camera.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_wish
 from gloc3.messages.perception import LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.sources.camera import EYES, camera_name
+from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
 
 CONNECT_S = 2.0
 RETRY_S = 0.5
@@ -171,3 +175,16 @@ class StreamLaser(StreamSource):
 
 def _image(frame: GreyFrame, name: str) -> Image:
     return Image(camera=name, width=frame.width, height=frame.height, data=frame.data)
+
+
+def _make(request: SourceRequest) -> StreamSource:
+    name, url, t_s_of = request.device, request.url, request.host.t_s_of_boot
+    address = url.address(name)
+    if request.sensor.name == STEREO:
+        return StreamStereoCamera(pair_names(name), address, t_s_of)
+    if request.sensor.name == "laser":
+        return StreamLaser(name, address, t_s_of, url.part)
+    return StreamCamera(camera_name(name), address, t_s_of, url.part)
+
+
+SOURCES: Final = (SourceKind("tcp", (*EYES, "laser"), "tcp://127.0.0.1:5600", _make, takes_part=True),)

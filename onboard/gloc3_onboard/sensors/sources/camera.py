@@ -1,20 +1,41 @@
-"""Cameras by OpenCV's VideoCapture: V4L2 devices, GStreamer pipelines, RTSP streams, and video files at their pace."""
+"""Cameras: by OpenCV's VideoCapture: V4L2 devices, GStreamer pipelines, RTSP streams, video files at their pace, and logs."""
 
-import os
+import re
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from stat import S_ISCHR
 from typing import Any, Final
 
 from gloc3.camera.opencv import load_opencv
-from gloc3.errors import Gloc3Error
-from gloc3.messages.vehicle import Image
+from gloc3.errors import Finding, Gloc3Error, InputError, nearest
+from gloc3.log.reader import LogReader
+from gloc3.messages.vehicle import Image, ImageRecorded
+from gloc3_onboard.sensors import devices
 from gloc3_onboard.sensors.devices import StampedImage
-from gloc3_onboard.sources.threaded import ThreadedSource
-from gloc3_onboard.sources.url import SourceUrl
+from gloc3_onboard.sensors.pictures import load_picture
+from gloc3_onboard.sensors.registry import SensorKind, SourceKind, SourceRequest
+from gloc3_onboard.sensors.replay import Recorded, Replay, topic_records
+from gloc3_onboard.sensors.source_url import DELAY, RATE, VIDEO_GROUP, Number, Options, SourceUrl, device_problem
+from gloc3_onboard.sensors.sources.stereo import STEREO, SideBySide, pair_names
+from gloc3_onboard.sensors.threaded import ThreadedSource
 
+CAMERA: Final = "camera"
+EYES: Final = (CAMERA, STEREO)
+"""What a source of pictures can be the source of."""
+RECORDED: Final = "image_recorded"
+"""The topic that tells of pictures on disk."""
+WIDTH: Final = Number(16, 16_384, True)
+V4L2: Final[Options] = {
+    "width": WIDTH,
+    "height": WIDTH,
+    **RATE,
+    "exposure_s": Number(1e-6, 10.0),
+    "gain": Number(0.0, 1e4),
+    "format": None,
+    **DELAY,
+}
 MANUAL_EXPOSURE: Final = 1.0
 """V4L2_EXPOSURE_MANUAL."""
 EXPOSURE_UNIT_S: Final = 1e-4
@@ -24,19 +45,6 @@ BELIEVED_S: Final = 1.0
 NETWORK_TIMEOUT_MS: Final = 3000.0
 FILE_HZ: Final = 15.0
 """Of pictures in a folder, which tell no rate."""
-
-
-def device_problem(path: Path, group: str) -> str:
-    """Why a device file cannot be used, with what to do; empty if it can."""
-    try:
-        status = path.stat()
-    except OSError:
-        return f"{path} is not there; is it plugged in? look into {path.parent}"
-    if not S_ISCHR(status.st_mode):
-        return f"{path} is no device"
-    if not os.access(path, os.R_OK | os.W_OK):
-        return f"{path} may not be used by this user: sudo usermod -aG {group} $USER, then log in anew"
-    return ""
 
 
 class VideoCamera(ThreadedSource[StampedImage]):
@@ -86,8 +94,8 @@ class VideoCamera(ThreadedSource[StampedImage]):
                 )
             return cv2.VideoCapture(place, cv2.CAP_GSTREAMER)
         if self._url.scheme == "v4l2":
-            path = Path(f"/dev/video{place}") if place.isdecimal() else Path(place)
-            problem = device_problem(path, "video")
+            path = self._url.device_file or Path(place)
+            problem = device_problem(path, VIDEO_GROUP)
             if problem:
                 raise Gloc3Error(f"{self.name}: {problem}")
             return cv2.VideoCapture(str(path), cv2.CAP_V4L2)
@@ -169,3 +177,90 @@ def _grey(cv2: Any, pixels: Any) -> Any:
     if pixels.ndim == 2:
         return pixels
     return pixels[:, :, 0] if pixels.shape[2] == 1 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+
+
+class ReplayCamera(Replay[Image]):
+    """A camera of a log."""
+
+    _frame: StampedImage | None = None
+
+    def take(self, t_s: float, item: Image) -> None:
+        """Keeps a frame."""
+        self._frame = StampedImage(t_s, item)
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._frame = None
+
+    def frame(self) -> StampedImage | None:
+        """The latest frame; None before the first."""
+        self.check()
+        return self._frame
+
+
+def camera_name(device: str) -> str:
+    """What the pictures of a camera are called: `ground_camera` takes those of *ground*."""
+    return device.removesuffix(CAMERA).rstrip("_") or CAMERA
+
+
+def recorded_pictures(path: Path, camera: str) -> Sequence[Recorded[Image]]:
+    """The pictures that a flight has put on disk, in the folder beside its log, with the times at which they were taken.
+
+    Args:
+        path: the log.
+        camera: whose pictures.
+
+    Raises:
+        InputError: the file is no log, or tells of no such pictures.
+    """
+    folder = path.parent / path.stem.replace("log", "images", 1)
+    with LogReader(path) as reader:
+        entries = [
+            entry.envelope for entry in reader.entries(RECORDED) if isinstance(entry.envelope.payload, ImageRecorded)
+        ]
+    found = [
+        Recorded(envelope.t_s, partial(load_picture, folder / envelope.payload.file, camera))
+        for envelope in entries
+        if envelope.payload.camera == camera
+    ]
+    if not found:
+        known = sorted({envelope.payload.camera for envelope in entries})
+        message = f"no pictures of {camera!r} were recorded"
+        raise InputError([Finding(file=str(path), message=message, hint=nearest(camera, known))])
+    return found
+
+
+def _logged(log: Path, part: str, device: str) -> Sequence[Recorded[Image]]:
+    name = camera_name(device)
+    return recorded_pictures(log, name) if part == RECORDED else topic_records(log, part or f"camera/{name}", Image)
+
+
+def _poll(device: devices.Camera) -> Sequence[Image]:
+    frame = device.frame()
+    return () if frame is None else (frame.image,)
+
+
+def _make(request: SourceRequest) -> VideoCamera | SideBySide:
+    camera = VideoCamera(camera_name(request.device), request.url, request.host.folder, request.now_s)
+    return SideBySide(camera, pair_names(request.device)) if request.sensor.name == STEREO else camera
+
+
+def _of_pipeline(url: SourceUrl) -> Sequence[Path]:
+    return [Path(path) for path in re.findall(r"/dev/video\d+", url.place)]
+
+
+SENSORS: Final = (SensorKind(CAMERA, ReplayCamera, _logged, _poll, lambda device: (camera_name(device),)),)
+SOURCES: Final = (
+    SourceKind("v4l2", EYES, "v4l2:///dev/video0?width=640&height=480&rate_hz=15", _make, V4L2, group=VIDEO_GROUP),
+    SourceKind(
+        "gst",
+        EYES,
+        "gst://v4l2src ! videoconvert ! appsink",
+        _make,
+        is_verbatim=True,
+        group=VIDEO_GROUP,
+        device_files=_of_pipeline,
+    ),
+    SourceKind("rtsp", EYES, "rtsp://192.168.1.20:554/stream", _make, DELAY),
+    SourceKind("video", EYES, "video://flight.mp4, or video://pictures/%05d.png?rate_hz=15", _make, RATE, is_file=True),
+)

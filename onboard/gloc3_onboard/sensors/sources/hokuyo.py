@@ -11,9 +11,12 @@ from gloc3.errors import Gloc3Error
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.autopilot.telemetry import BootClock
 from gloc3_onboard.sensors.devices import StampedScan
-from gloc3_onboard.sources.line import Line, open_line
-from gloc3_onboard.sources.mounted import mounted_scan
-from gloc3_onboard.sources.scip import (
+from gloc3_onboard.sensors.line import Line, open_line
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.source_url import BAUD as BAUD_OPTION
+from gloc3_onboard.sensors.source_url import SERIAL_GROUP, SourceUrl
+from gloc3_onboard.sensors.sources.laser import MOUNT, mounted_scan
+from gloc3_onboard.sensors.sources.scip import (
     ASK,
     LASER_ON,
     STAMP_MS,
@@ -25,8 +28,7 @@ from gloc3_onboard.sources.scip import (
     parameters_of,
     turn_of,
 )
-from gloc3_onboard.sources.threaded import ThreadedSource
-from gloc3_onboard.sources.url import SourceUrl, address_of
+from gloc3_onboard.sensors.threaded import ThreadedSource
 
 BAUD: Final = 115_200
 """Of serial lines; those by USB take any."""
@@ -47,7 +49,7 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
     def __init__(self, name: str, url: SourceUrl, now_s: Callable[[], float]) -> None:
         super().__init__(name, now_s)
         self._url = url
-        self._address = None if url.place.startswith("/") else address_of(name, url)
+        self._address = None if url.place.startswith("/") else url.address(name)
 
     def scan(self) -> StampedScan | None:
         """The latest turn; None before the first."""
@@ -115,3 +117,19 @@ def scan_of(name: str, ranges_mm: object, parameters: Parameters) -> LaserScan:
         ranges_m=ranges_m.astype("<f4").tobytes(),
         duration_s=60.0 / parameters.turns_a_minute * beams / parameters.steps_a_turn,
     )
+
+
+def _make(request: SourceRequest) -> HokuyoLaser:
+    return HokuyoLaser(request.device, request.url, request.now_s)
+
+
+SOURCES: Final = (
+    SourceKind(
+        "hokuyo",
+        ("laser",),
+        "hokuyo:///dev/ttyACM0, or hokuyo://192.168.0.10:10940",
+        _make,
+        {**BAUD_OPTION, **MOUNT},
+        group=SERIAL_GROUP,
+    ),
+)

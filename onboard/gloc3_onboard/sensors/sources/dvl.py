@@ -1,16 +1,22 @@
 """Doppler velocity logs over TCP or a serial line: Water Linked A50 and A125, and those that speak PD6."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Gloc3Error
+from gloc3.messages.perception import BottomVelocity
+from gloc3.messages.vehicle import Image
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.sensors.devices import StampedBottomVelocity
-from gloc3_onboard.sources.doppler import A50Decoder, Decoder, Pd6Decoder
-from gloc3_onboard.sources.line import Line, open_line
-from gloc3_onboard.sources.threaded import ThreadedSource
-from gloc3_onboard.sources.url import SourceUrl, address_of
+from gloc3_onboard.sensors.devices import Dvl, StampedBottomVelocity
+from gloc3_onboard.sensors.line import Line, open_line
+from gloc3_onboard.sensors.registry import SensorKind, SourceKind, SourceRequest
+from gloc3_onboard.sensors.replay import Recorded, Replay, topic_records
+from gloc3_onboard.sensors.source_url import BAUD as BAUD_OPTION
+from gloc3_onboard.sensors.source_url import SERIAL_GROUP, YAW, SourceUrl
+from gloc3_onboard.sensors.sources.doppler import A50Decoder, Decoder, Pd6Decoder
+from gloc3_onboard.sensors.threaded import ThreadedSource
 
 BAUD: Final = 115_200
 WAIT_S: Final = 0.3
@@ -30,7 +36,7 @@ class DvlSource(ThreadedSource[StampedBottomVelocity]):
     def __init__(self, name: str, url: SourceUrl, now_s: Callable[[], float]) -> None:
         super().__init__(name, now_s)
         self._url = url
-        self._address = None if url.place.startswith("/") else address_of(name, url)
+        self._address = None if url.place.startswith("/") else url.address(name)
 
     def bottom_velocity(self) -> StampedBottomVelocity | None:
         """The latest velocity; None before the first.
@@ -67,3 +73,50 @@ class DvlSource(ThreadedSource[StampedBottomVelocity]):
                 now_s = self.now_s()
                 t_s = now_s if stamp_us is None else clock.t_s(stamp_us * 1e-3, now_s)
                 yield StampedBottomVelocity(t_s, bottom)
+
+
+class ReplayDvl(Replay[BottomVelocity]):
+    """A Doppler velocity log of a log."""
+
+    _bottom: StampedBottomVelocity | None = None
+
+    def take(self, t_s: float, item: BottomVelocity) -> None:
+        """Keeps a velocity."""
+        self._bottom = StampedBottomVelocity(t_s, item)
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._bottom = None
+
+    def bottom_velocity(self) -> StampedBottomVelocity | None:
+        """The latest velocity; None before the first."""
+        self.check()
+        return self._bottom
+
+
+def _recorded(log: Path, part: str, device: str) -> Sequence[Recorded[BottomVelocity]]:
+    del device
+    return topic_records(log, part or "dvl", BottomVelocity)
+
+
+def _poll(device: Dvl) -> Sequence[Image]:
+    device.bottom_velocity()
+    return ()
+
+
+def _make(request: SourceRequest) -> DvlSource:
+    return DvlSource(request.device, request.url, request.now_s)
+
+
+SENSORS: Final = (SensorKind("dvl", ReplayDvl, _recorded, _poll),)
+SOURCES: Final = (
+    SourceKind("a50", ("dvl",), "a50://192.168.194.95:16171", _make, YAW),
+    SourceKind(
+        "pd6",
+        ("dvl",),
+        "pd6:///dev/ttyUSB0, or pd6://192.168.0.20:1033",
+        _make,
+        {**BAUD_OPTION, **YAW},
+        group=SERIAL_GROUP,
+    ),
+)

@@ -1,9 +1,10 @@
 """What every middleware of the data exchanger offers, and the publisher that stamps envelopes."""
 
+import asyncio
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.envelope import CommandRequest, Envelope, FunctionRequest, Message, Source
 from gloc3.messages.wire import type_name
 
 Deliver = Callable[[Envelope[Any]], None]
@@ -55,3 +56,30 @@ class Publisher:
         sequence = self._sequences.get(topic, 0)
         self._sequences[topic] = sequence + 1
         self._exchange.publish(Envelope(topic, self.source, sequence, t_s, frame, type_name(type(message)), message))
+
+
+REPLY_TOPICS = {CommandRequest: "reply", FunctionRequest: "function_reply"}
+
+
+async def request(
+    exchange: Exchange, publisher: Publisher, topic: str, message: CommandRequest | FunctionRequest, timeout_s: float
+) -> Any:
+    """Publishes a request on `PLATFORM/components/NAME/{command,function}` and waits for the reply.
+
+    Raises:
+        TimeoutError: no reply came within `timeout_s`. Whether the request was carried out is then *unknown*.
+    """
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[Message] = loop.create_future()
+
+    def take(envelope: Envelope[Any]) -> None:
+        if envelope.payload.request_id == message.request_id and not answer.done():
+            answer.set_result(envelope.payload)
+
+    unsubscribe = exchange.subscribe(f"{topic.rpartition('/')[0]}/{REPLY_TOPICS[type(message)]}", take)
+    try:
+        publisher.publish(topic, message, loop.time())
+        async with asyncio.timeout(timeout_s):
+            return await answer
+    finally:
+        unsubscribe()

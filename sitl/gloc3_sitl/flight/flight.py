@@ -40,6 +40,7 @@ from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.missions.plans import Plan
 from gloc3_groundstation.station.station import Station
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
+from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
@@ -280,7 +281,7 @@ class Flight:
         )
         sensors = self._sensors()
         devices = {
-            "autopilot": self.autopilot_link,
+            "autopilot": AutopilotDevice(self.autopilot_link),
             "computer": SimulatedComputer(self.clock, self._watch(sensors).conditions),
             "rig": self.rig,
             **sensors,

@@ -14,7 +14,7 @@ from gloc3.cli.counting import counted
 from gloc3.component.context import HostContext
 from gloc3.component.deployment import ComponentRow
 from gloc3.evaluation.requested_path import RequestedPath
-from gloc3.exchange.tunnel.pacing import budget_of
+from gloc3.exchange.tunnel.pacing import LinkBudget, budget_of
 from gloc3.mavlink.codec import Frame, MavlinkMessage
 from gloc3.mavlink.router import Router
 from gloc3.mavlink.services.ftp_files import Files
@@ -29,8 +29,8 @@ from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
-from gloc3_onboard.command_server.log_shelf import Shelf
-from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.log_shelf import AtOnce, Shelf
+from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.herald import Herald
@@ -39,15 +39,14 @@ from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.companion.rate_watch import RateWatch
 from gloc3_onboard.companion.routing import Keep, RoutedLink, keep_nothing
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
-from gloc3_onboard.event_narration import EventNarration, Report
+from gloc3_onboard.process.event_narration import EventNarration, Report
 from gloc3_onboard.process.runner import Create, Member, Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
 from gloc3_onboard.process.vitals import Vitals
 from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.sensor_watch import SensorWatch
-from gloc3_onboard.sources.asked import source_urls
-from gloc3_onboard.sources.factory import SourceHost, make_sources
 from gloc3_onboard.viewer.catalogue import Catalogue
 
 P = TypeVar("P")
@@ -300,8 +299,13 @@ class Vehicle:
         self.parts.add("autopilot link", link, link.close)
         return self._attachment(routed, link.open)
 
-    def attach_station(self, url: str) -> Attachment:
-        """One more link to stations; what its URL says of rate and role counts."""
+    def attach_station(self, url: str, budget: LinkBudget | None = None) -> Attachment:
+        """One more link to stations.
+
+        Args:
+            url: what it says of rate and role counts.
+            budget: what our own frames may take of the link; None for what the URL says.
+        """
         context, wanted, number = self._inputs.context, parse_url(url), len(self.stations) + 1
         signing, role = self._inputs.sign(url, number), StationRole(wanted.role)
         link = StationLink(
@@ -311,7 +315,7 @@ class Vehicle:
             context.exchange,
             context.topics,
             self._boot(),
-            budget_of(url, is_signed=signing is not None),
+            budget or budget_of(url, is_signed=signing is not None),
             signing,
             role,
             wanted.address,
@@ -412,9 +416,8 @@ class Vehicle:
             storage.progress,
             storage.reports,
             context.random.getrandbits(31),
-            storage.shelf,
             storage.computer_start,
-            storage.worker,
+            Background(storage.shelf, storage.worker or AtOnce()),
         )
         devices = {
             **sensors.devices,

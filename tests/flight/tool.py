@@ -52,7 +52,7 @@ class Tool:
         self.link.a.on_data = self._take
         self._parser, theirs = Parser(is_datagram=True), Parser(is_datagram=True)
         encoder = Encoder(*COMPANION)
-        hear = flight.companion.attach(lambda told: self.link.b.send(encoder.encode(told)))
+        hear = flight.process.vehicle.companion.attach(lambda told: self.link.b.send(encoder.encode(told)))
 
         def take(data: bytes) -> None:
             hear(theirs.receive(data))

@@ -16,11 +16,10 @@ from typing import Any, Final
 
 import zenoh
 
-from gloc3.exchange.base import Deliver, Unsubscribe
+from gloc3.exchange.base import Deliver, LocalExchange, Unsubscribe
 from gloc3.exchange.channel import Means, SendQueue
 from gloc3.exchange.inbound import Arrivals, Inbound
 from gloc3.exchange.large import LARGE, LargeInlet, bulk_key, topic_of
-from gloc3.exchange.local import LocalExchange
 from gloc3.exchange.near import NearServer
 from gloc3.exchange.outlet import LATCHED, UNKNOWN, Outlet, latched_token
 from gloc3.exchange.zenoh_session import Node, new_session, plain

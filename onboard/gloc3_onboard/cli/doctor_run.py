@@ -18,9 +18,9 @@ from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.cli.direct import beat, heartbeat_of, open_direct, signing_of
 from gloc3_onboard.process.computer import HostComputer
+from gloc3_onboard.sensors.registry import source_urls
 from gloc3_onboard.sensors.rig import calibration_problems
 from gloc3_onboard.sensors.sensor_watch import unopened_conditions
-from gloc3_onboard.sources.asked import source_urls
 
 LOOK_EVERY_S: Final = 0.1
 SETTLED_S: Final = 2.0

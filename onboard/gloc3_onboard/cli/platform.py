@@ -250,7 +250,7 @@ def _yes_or_no(text: str) -> bool:
 
 
 def _camera(text: str) -> str:
-    from gloc3_onboard.sources.url import parse_source
+    from gloc3_onboard.sensors.registry import parse_source
 
     if text:
         try:

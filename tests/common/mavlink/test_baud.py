@@ -33,6 +33,7 @@ def test_every_rate_is_found_even_by_heartbeats_alone(right: int, talks_hz: floa
         assert at_s < (RATES.index(right) + 3) * TRY_S + 1.0
 
 
+@pytest.mark.thorough
 def test_noise_is_never_taken_for_an_autopilot() -> None:
     found, _ = search(1, 0, talks_hz=400.0)
     assert not found.is_found

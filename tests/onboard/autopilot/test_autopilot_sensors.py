@@ -17,10 +17,10 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.components.samplers.imu import ImuSampler
 from gloc3_onboard.components.samplers.laser import LaserSampler
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
 from gloc3_sitl.world import World
 

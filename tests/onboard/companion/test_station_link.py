@@ -180,6 +180,7 @@ def test_garbage_on_a_signed_link_harms_nobody() -> None:
     run_virtual(play())
 
 
+@pytest.mark.thorough
 def test_after_a_long_silence_a_station_counts_as_reached_only_when_what_is_told_gets_there() -> None:
     async def steps() -> list[str]:
         ends, came = Ends(None, None), list[str]()

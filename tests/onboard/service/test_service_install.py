@@ -31,6 +31,7 @@ CABLES = OnboardOptions(
 
 @NEEDS_SYSTEMD
 @pytest.mark.parametrize("options", [OnboardOptions(), CABLES], ids=["network only", "with devices"])
+@pytest.mark.thorough
 def test_systemd_verifies_the_unit_and_finds_it_well_enclosed(options: OnboardOptions, tmp_path: Path) -> None:
     plan = make_plan("copter", options, "gloc3")
     file = tmp_path / plan.unit.file

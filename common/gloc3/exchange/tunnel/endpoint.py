@@ -29,8 +29,7 @@ from gloc3.exchange.tunnel.reader import FrameError
 from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
 from gloc3.exchange.tunnel.routes import REQUEST_PATIENCE_S, route, urgency
 from gloc3.exchange.tunnel.sending import Outgoing
-from gloc3.exchange.tunnel.status import StatusSender
-from gloc3.exchange.tunnel.summary import unpack as unpack_summary
+from gloc3.exchange.tunnel.status import StatusSender, unpack_summary
 from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.command_interface import CiReply, CiRequest

@@ -18,8 +18,7 @@ from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Address, Encoder, Frame, MavlinkMessage
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID, GROUND_STATION
-from gloc3.mavlink.signed_only import SignedOnly
-from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.command_interface import CiRequest, StationRole
 from gloc3.messages.envelope import Envelope, Event, Severity
 from gloc3.messages.summaries import CiEvent, Health, StationHeard, Summary

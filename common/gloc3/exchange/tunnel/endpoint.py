@@ -24,8 +24,7 @@ from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Delivered, 
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, Lane, Role
 from gloc3.exchange.tunnel.outbox import Outbox
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget, Pacer
-from gloc3.exchange.tunnel.peer import Peer
-from gloc3.exchange.tunnel.peers import Peers
+from gloc3.exchange.tunnel.peers import Peer, Peers
 from gloc3.exchange.tunnel.reader import FrameError
 from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
 from gloc3.exchange.tunnel.routes import REQUEST_PATIENCE_S, route, urgency

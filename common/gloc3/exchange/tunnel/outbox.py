@@ -14,8 +14,7 @@ from gloc3.exchange.tunnel.frames import MAX_ECHOES, Hello, Table, TunnelFrame
 from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import DUTIES, Lane, Role
 from gloc3.exchange.tunnel.pacing import Bucket, Pacer
-from gloc3.exchange.tunnel.peer import Peer
-from gloc3.exchange.tunnel.peers import Peers
+from gloc3.exchange.tunnel.peers import Peer, Peers
 from gloc3.exchange.tunnel.status import StatusSender
 from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.mavlink.message import Address

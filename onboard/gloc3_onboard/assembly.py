@@ -38,7 +38,7 @@ from gloc3_onboard.companion.link_watch import LinkWatch
 from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.companion.rate_watch import RateWatch
 from gloc3_onboard.companion.routing import Keep, RoutedLink, keep_nothing
-from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
+from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink, StationLinkSettings
 from gloc3_onboard.process.event_narration import EventNarration, Report
 from gloc3_onboard.process.runner import Create, Member, Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
@@ -315,10 +315,7 @@ class Vehicle:
             context.exchange,
             context.topics,
             self._boot(),
-            budget or budget_of(url, is_signed=signing is not None),
-            signing,
-            role,
-            wanted.address,
+            StationLinkSettings(budget or budget_of(url, is_signed=signing is not None), signing, role, wanted.address),
         )
         self.stations.append(link)
         # What observers send reaches our own command interface alone, which tells looking from commanding.

@@ -147,7 +147,7 @@ def test_the_same_command_given_again_later_runs_again() -> None:
 
 def test_a_goto_given_again_after_another_command_is_not_taken_for_a_repeat() -> None:
     pair, client, vehicle = wired()
-    goto = {"frame": 6, "x": 1, "y": 2, "z": 3.0}
+    goto = {"frame": 6, "position": (1, 2, 3.0)}
     finish(pair, client.send_int(VEHICLE, REPOSITION, now_s=pair.now_s, **goto))  # type: ignore[arg-type]
     finish(pair, client.send_long(VEHICLE, ARM, now_s=pair.now_s))
     finish(pair, client.send_int(VEHICLE, REPOSITION, now_s=pair.now_s, **goto))  # type: ignore[arg-type]

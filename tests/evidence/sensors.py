@@ -95,7 +95,7 @@ def imu_stamps(style: str) -> dict[str, Any]:
         last_s = new[-1].t_s if new else last_s
         if loop.time() > 2.0:
             samples += [stamped.t_s for stamped in new]
-            offsets_s.append(link.t_s_of_boot(0.0) or 0.0)
+            offsets_s.append(link.telemetry.t_s_of_boot(0.0) or 0.0)
     simulator.stop()
     link.close()
     loop.close()

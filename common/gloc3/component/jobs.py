@@ -31,7 +31,7 @@ class Gate:
         self.is_shut = False
 
 
-class Job:
+class ComponentJob:
     """An author's code on the worker: an error ends it, leaves a live device safe, and shuts the gate.
 
     Args:
@@ -81,7 +81,7 @@ class Job:
                 self.failures.append(Failure(MAKE_SAFE, error))
 
 
-class MethodJob(Job):
+class MethodJob(ComponentJob):
     """Runs methods in order; those that are tolerated may fail, any other error ends the job.
 
     Args:
@@ -134,7 +134,7 @@ class MethodJob(Job):
                 getattr(self.component, name)(*arguments)
 
 
-class FunctionJob(Job):
+class FunctionJob(ComponentJob):
     """Runs one function of a component.
 
     Args:
@@ -170,7 +170,7 @@ class FunctionJob(Job):
         self.result = msgspec.to_builtins(reply, builtin_types=(bytes,))
 
 
-class CycleJob(Job):
+class CycleJob(ComponentJob):
     """The cycles of a component from one start to the next stop: `work()`, the writes that it decided, the items to log.
 
     One cycle at a time, so that the object serves them all.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
 from gloc3.component.guard import guard
-from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.envelope import CommandRequest, Envelope, FunctionRequest, Message, Source
 from gloc3.messages.topics import TopicTable, matches
 from gloc3.messages.wire import type_name
 
@@ -191,3 +191,30 @@ def _hand(rest: Iterator[Deliver], envelope: Envelope[Any]) -> None:
 def _complain(message: str, error: BaseException) -> None:
     """A bug of ours: told loudly, without harm to who published."""
     asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})
+
+
+REPLY_TOPICS = {CommandRequest: "reply", FunctionRequest: "function_reply"}
+
+
+async def request(
+    exchange: Exchange, publisher: Publisher, topic: str, message: CommandRequest | FunctionRequest, timeout_s: float
+) -> Any:
+    """Publishes a request on `PLATFORM/components/NAME/{command,function}` and waits for the reply.
+
+    Raises:
+        TimeoutError: no reply came within `timeout_s`. Whether the request was carried out is then *unknown*.
+    """
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[Message] = loop.create_future()
+
+    def take(envelope: Envelope[Any]) -> None:
+        if envelope.payload.request_id == message.request_id and not answer.done():
+            answer.set_result(envelope.payload)
+
+    unsubscribe = exchange.subscribe(f"{topic.rpartition('/')[0]}/{REPLY_TOPICS[type(message)]}", take)
+    try:
+        publisher.publish(topic, message, loop.time())
+        async with asyncio.timeout(timeout_s):
+            return await answer
+    finally:
+        unsubscribe()

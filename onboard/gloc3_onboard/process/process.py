@@ -124,7 +124,9 @@ class OnboardProcess:
         used, autopilot = devices_of(self._rows), self.vehicle.autopilot
         asked = [each for each in options.devices if is_asked_here(platform, used, each)]
         folder = find_platform(options.platform).parent
-        source_host = SourceHost(loop, folder, autopilot.t_s_of_boot, autopilot.sensors, autopilot)
+        source_host = SourceHost(
+            loop, folder, autopilot.telemetry.t_s_of_boot, autopilot.sensors, self.vehicle.autopilot_device
+        )
         self._sensors = open_sensors(platform, used, asked, source_host, partial(self.say, Severity.WARNING))
         self._watch = self._sensors.watch(self.vehicle.parts, context.clock.now_s)
         self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)

@@ -5,7 +5,7 @@ import random
 import pytest
 
 from gloc3.mavlink.codec import Encoder, message
-from gloc3.mavlink.transport.baud import RATES, TRY_S, BaudSearch
+from gloc3.mavlink.transport.serial_line import RATES, TRY_S, BaudSearch
 
 
 def search(right: int, seed: int, talks_hz: float = 10.0, for_s: float = 60.0) -> tuple[BaudSearch, float]:

@@ -10,6 +10,7 @@ from math import inf
 from random import Random
 
 import msgspec
+from tests.node_runner import NodeRunner
 
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange, Publisher
@@ -18,7 +19,6 @@ from gloc3.mavlink.codec import Frame, MavlinkMessage, message, shape
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, CommandClient
 from gloc3.mavlink.services.command_server import CommandServer

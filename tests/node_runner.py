@@ -1,4 +1,4 @@
-"""Puts a node on a link: bytes in, bytes out, and woken when one of its services wants to be."""
+"""Puts a node on a link in tests: bytes in, bytes out, and woken when one of its services wants to be."""
 
 from __future__ import annotations
 

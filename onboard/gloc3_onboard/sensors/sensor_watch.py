@@ -5,10 +5,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from gloc3.camera.model import misfit
 from gloc3.errors import Gloc3Error
 from gloc3.messages.readiness import SensorCondition
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.calibration.fit import misfit
 from gloc3_onboard.sensors.devices import Rig
 from gloc3_onboard.sensors.registry import NOWHERE, parse_source, place_problem, sensor_of
 

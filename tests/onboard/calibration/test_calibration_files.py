@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from tests.data_folders import PICTURES
 
-from gloc3.camera.model import CameraModel, Lens
+from gloc3.camera.model import CameraModel, Lens, misfit
 from gloc3.errors import InputError, Refused
 from gloc3.messages.frames import rotate
-from gloc3_onboard.calibration.fit import misfit
 from gloc3_onboard.calibration.mounting import frd_from_axes
 from gloc3_onboard.calibration.reader import read_calibration, read_reference
 

@@ -9,9 +9,10 @@ from contextlib import closing
 from typing import Any
 
 import pytest
+from tests.direct_link import routed_link
 
 from gloc3.clock import VirtualLoop
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, PeerChanged, Trouble
@@ -58,7 +59,7 @@ def test_the_requests_of_a_station_of_0_1_reach_the_platform(loop: VirtualLoop) 
     exchange, came = LocalExchange(topics), list[Envelope[Any]]()
     exchange.subscribe("pelican/**", came.append)
     link = StationLink("pelican", 1, loop, exchange, topics, TRANSCRIPT.platform_boot)
-    play(loop, TRANSCRIPT.sent_by("station"), link.receive)
+    play(loop, TRANSCRIPT.sent_by("station"), routed_link(link, "udpin://:14550", loop).receive)
     troubles = [envelope.payload for envelope in came if envelope.topic.endswith("/event")]
     assert not troubles
     requests = [envelope.payload for envelope in came if isinstance(envelope.payload, CiRequest)]

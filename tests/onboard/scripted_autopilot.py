@@ -4,8 +4,8 @@ from msgspec.structs import replace
 
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, VehicleClass
-from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
-from gloc3_onboard.sensors.devices import Answer, Manners
+from gloc3_onboard.autopilot import ardupilot, px4
+from gloc3_onboard.sensors.devices import Answer, AutopilotSetpoint, Manners
 
 from .messages import standing
 
@@ -38,13 +38,11 @@ class ScriptedAutopilot:
 
     @property
     def manners(self) -> Manners:
-        classes = px4_facts.CLASSES if self.is_px4 else ardupilot_facts.CLASSES
+        classes = px4.CLASSES if self.is_px4 else ardupilot.CLASSES
         return classes[self.vehicle].manners
 
-    def send_setpoint(
-        self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None
-    ) -> None:
-        self.setpoints.append((self.now_s, position_ned_m, velocity_ned_m_s))
+    def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
+        self.setpoints.append((self.now_s, setpoint.position_ned_m, setpoint.velocity_ned_m_s))
 
     def command_mode(self, mode: FlightMode) -> int:
         return self._command(f"mode {mode}")

@@ -6,6 +6,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, Generic, TypeVar
 
+from tests.direct_link import wire
+
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange
 from gloc3.mavlink.transport.memory import Conditions, MemoryEnd, MemoryLink
@@ -16,6 +18,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3.platform.reader import load_platform
 from gloc3.store import MemoryRecords
 from gloc3_groundstation.station.command_client import CommandClient
+from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.site import Site
@@ -47,14 +50,14 @@ class VehicleStack(Generic[PeerT_co]):
         self.events: list[str] = []
         name = self.platform.platform
         self.exchange.subscribe(f"{name}/**", self._hear)
-        wire = MemoryLink(loop, Random(1), Conditions(latency_s=0.01))
+        cable = MemoryLink(loop, Random(1), Conditions(latency_s=0.01))
         origin = next(iter(self.platform.frames.values())).origin.geo
-        self.peer = kind(loop, wire.b, origin, parameters)
+        self.peer = kind(loop, cable.b, origin, parameters)
         clock, topics = Clock(loop), TopicTable.installed()
         self.link = AutopilotLink(loop, clock, say=LinkNews(self.exchange, name, 3, loop.time).say)
-        wire.a.on_data = self.link.receive
+        self.device = AutopilotDevice(self.link)
         devices = {
-            "autopilot": self.link,
+            "autopilot": self.device,
             "computer": SimulatedComputer(clock, list),
             "rig": PlatformRig(self.platform, Path()),
             "ground_camera": NoCamera(),
@@ -64,7 +67,7 @@ class VehicleStack(Generic[PeerT_co]):
             "catalogue": Catalogue(self.platform, topics),
         }
         self.onboard = Onboard.of(self.platform, loop, self.exchange, topics, Random(2), devices)
-        self.link.open(wire.a)
+        wire(self.link, cable.a, loop)
         self.onboard.begin()
         self.client = CommandClient(self.exchange, loop, STATION, boot=1)
 

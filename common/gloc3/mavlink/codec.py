@@ -14,7 +14,7 @@ from fastcrc.crc16 import mcrf4xx as checksum
 from gloc3.errors import Misuse, nearest
 from gloc3.mavlink import upstream
 from gloc3.mavlink.message import Address, Field, MavlinkMessage, Shape
-from gloc3.mavlink.parser import SIGNED, Frame, FrameParser
+from gloc3.mavlink.parser import HEADER_LENGTH, SIGNED, Frame, FrameParser
 from gloc3.mavlink.signing import Signing
 
 __all__ = [
@@ -146,14 +146,18 @@ class Encoder:
         """As whom it sends."""
         return Address(self._system, self._component)
 
-    def encode(self, message: MavlinkMessage) -> bytes:
-        """A MAVLink 2 frame, with the trailing zeros of the payload cut off.
+    def frame(self, message: MavlinkMessage) -> Frame:
+        """A MAVLink 2 frame, with the trailing zeros of the payload cut off, as the parser of a receiver would find it.
 
         Raises:
             Misuse: a value does not fit its field; the text names the field.
         """
         shape = message.shape
         return self._frame(shape, shape.encode(message).rstrip(b"\0") or b"\0")
+
+    def encode(self, message: MavlinkMessage) -> bytes:
+        """The bytes of such a frame."""
+        return self.frame(message).raw
 
     def forward(self, frame: Frame) -> bytes:
         """A frame of somebody who speaks in our name, numbered in our sequence and signed by us if that is done.
@@ -163,9 +167,9 @@ class Encoder:
         """
         if frame.shape is None:
             raise Misuse(f"message {frame.message_id} is not known and cannot be sent as ours")
-        return self._frame(frame.shape, frame.payload.rstrip(b"\0") or b"\0")
+        return self._frame(frame.shape, frame.payload.rstrip(b"\0") or b"\0").raw
 
-    def _frame(self, shape: Shape, payload: bytes) -> bytes:
+    def _frame(self, shape: Shape, payload: bytes) -> Frame:
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
         number, signing = shape.id, self.signing
@@ -174,8 +178,10 @@ class Encoder:
             self._HEADER(len(payload), flags, 0, sequence, self._system, self._component, number & 0xFFFF, number >> 16)
             + payload
         )
-        frame = b"\xfd%b%b" % (body, checksum(shape.crc_extra, checksum(body)).to_bytes(2, "little"))
-        return frame if signing is None else signing.sign(frame)
+        raw = b"\xfd%b%b" % (body, checksum(shape.crc_extra, checksum(body)).to_bytes(2, "little"))
+        if signing is not None:
+            raw = signing.sign(raw)
+        return Frame(raw, self._system, self._component, sequence, number, flags, HEADER_LENGTH, len(payload), shape)
 
 
 class _Enums:

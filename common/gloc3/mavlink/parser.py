@@ -22,7 +22,8 @@ SIGNATURE_LENGTH: Final = 13
 _HEADER_1 = struct.Struct("<BBBBBB").unpack_from
 _HEADER_2 = struct.Struct("<BBBBBBBHB").unpack_from
 _LENGTH_1: Final = 6
-_LENGTH_2: Final = 10
+HEADER_LENGTH: Final = 10
+"""Of MAVLink 2, the magic byte included."""
 _NEXT_MAGIC = re.compile(rb"[\xfd\xfe]").search
 
 
@@ -114,9 +115,9 @@ class FrameParser:
         frames: list[Frame] = []
         position, size, shapes = 0, len(data), self._shapes
         while position < size:
-            if data[position] == MAGIC_2 and size - position >= _LENGTH_2 + 2:
+            if data[position] == MAGIC_2 and size - position >= HEADER_LENGTH + 2:
                 _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
-                end = position + length + (_LENGTH_2 + 2)
+                end = position + length + (HEADER_LENGTH + 2)
                 shape = shapes[low | high << 16]
                 if flags == 0 and end <= size and shape is not None:
                     body = end - 2
@@ -126,7 +127,7 @@ class FrameParser:
                     ):
                         raw = data[position:end]
                         frames.append(
-                            Frame(raw, system, component, sequence, low | high << 16, 0, _LENGTH_2, length, shape)
+                            Frame(raw, system, component, sequence, low | high << 16, 0, HEADER_LENGTH, length, shape)
                         )
                         position = end
                         continue
@@ -165,10 +166,10 @@ class FrameParser:
         available = len(data) - position
         flags = 0
         if data[position] == MAGIC_2:
-            if available < _LENGTH_2:
+            if available < HEADER_LENGTH:
                 return _Doubt.INCOMPLETE
             _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
-            message_id, start = low | high << 16, _LENGTH_2
+            message_id, start = low | high << 16, HEADER_LENGTH
         elif data[position] == MAGIC_1:
             if available < _LENGTH_1:
                 return _Doubt.INCOMPLETE

@@ -5,13 +5,15 @@ beside it, it turns to that yaw.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, yaw_of
-from gloc3.messages.vehicle import AutopilotPose
-from gloc3_onboard.autopilot.facts import Form
+from gloc3.messages.vehicle import AutopilotPose, FlightMode
+from gloc3_onboard.autopilot.style import ClassFacts, Form
+from gloc3_onboard.autopilot.telemetry import Telemetry
+from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 LOCAL_NED: Final = 1
 GLOBAL: Final = 0
@@ -35,42 +37,36 @@ AHEAD_M: Final = 200.0
 """So far ahead lies the place to which a vehicle is led that cannot stop."""
 
 
-class Wanted(NamedTuple):
-    """One setpoint, in the autopilot's own local NED frame; what is None is left to it."""
-
-    position_ned_m: Vector3 | None
-    velocity_ned_m_s: Vector3 | None
-    yaw_rad: float | None
-
-
 def setpoint_message(
-    wanted: Wanted, form: Form, target: Address, boot_ms: int, pose: AutopilotPose | None
+    setpoint: AutopilotSetpoint, form: Form, target: Address, boot_ms: int, pose: AutopilotPose | None
 ) -> MavlinkMessage | None:
     """The message that leads a vehicle; None where that needs a pose, and there is none.
 
     Args:
-        wanted: where to.
+        setpoint: where to.
         form: how the vehicle is led.
         target: the autopilot.
         boot_ms: its time now.
         pose: where it is, by its own estimate.
     """
     if form is Form.REPOSITION:
-        return _reposition(wanted, target, pose)
-    if form is Form.VELOCITY and wanted.position_ned_m is not None:
+        return _reposition(setpoint, target, pose)
+    if form is Form.VELOCITY and setpoint.position_ned_m is not None:
         if pose is None:
             return None
-        wanted = led_by_velocity(wanted.position_ned_m, wanted.velocity_ned_m_s, pose)
-    elif form is Form.MOVING and wanted.velocity_ned_m_s is None:
-        wanted = wanted._replace(velocity_ned_m_s=(0.0, 0.0, 0.0))
-    elif form is Form.VELOCITY and pose is not None and math.hypot(*wanted.velocity_ned_m_s or (0.0,)) < STANDING_M_S:
-        wanted = Wanted(None, (0.0, 0.0, 0.0), yaw_of(pose.ned_from_frd) if wanted.yaw_rad is None else wanted.yaw_rad)
+        setpoint = led_by_velocity(setpoint.position_ned_m, setpoint.velocity_ned_m_s, pose)
+    elif form is Form.MOVING and setpoint.velocity_ned_m_s is None:
+        setpoint = setpoint._replace(velocity_ned_m_s=(0.0, 0.0, 0.0))
+    elif form is Form.VELOCITY and pose is not None and math.hypot(*setpoint.velocity_ned_m_s or (0.0,)) < STANDING_M_S:
+        setpoint = AutopilotSetpoint(
+            None, (0.0, 0.0, 0.0), yaw_of(pose.ned_from_frd) if setpoint.yaw_rad is None else setpoint.yaw_rad
+        )
     mask = IGNORE_ACCELERATION | IGNORE_YAW_RATE
-    mask |= IGNORE_POSITION if wanted.position_ned_m is None else 0
-    mask |= IGNORE_VELOCITY if wanted.velocity_ned_m_s is None else 0
-    mask |= IGNORE_YAW if wanted.yaw_rad is None else 0
-    x, y, z = wanted.position_ned_m or (0.0, 0.0, 0.0)
-    vx, vy, vz = wanted.velocity_ned_m_s or (0.0, 0.0, 0.0)
+    mask |= IGNORE_POSITION if setpoint.position_ned_m is None else 0
+    mask |= IGNORE_VELOCITY if setpoint.velocity_ned_m_s is None else 0
+    mask |= IGNORE_YAW if setpoint.yaw_rad is None else 0
+    x, y, z = setpoint.position_ned_m or (0.0, 0.0, 0.0)
+    vx, vy, vz = setpoint.velocity_ned_m_s or (0.0, 0.0, 0.0)
     return codec.message(
         "SET_POSITION_TARGET_LOCAL_NED",
         time_boot_ms=boot_ms,
@@ -84,11 +80,11 @@ def setpoint_message(
         vx=vx,
         vy=vy,
         vz=vz,
-        yaw=wanted.yaw_rad or 0.0,
+        yaw=setpoint.yaw_rad or 0.0,
     )
 
 
-def led_by_velocity(place: Vector3, feed_forward: Vector3 | None, pose: AutopilotPose) -> Wanted:
+def led_by_velocity(place: Vector3, feed_forward: Vector3 | None, pose: AutopilotPose) -> AutopilotSetpoint:
     """The velocity that brings a vehicle to a moving place; standing, with its present heading, when it is there."""
     north, east = place[0] - pose.position_ned_m[0], place[1] - pose.position_ned_m[1]
     told = feed_forward or (0.0, 0.0, 0.0)
@@ -96,19 +92,19 @@ def led_by_velocity(place: Vector3, feed_forward: Vector3 | None, pose: Autopilo
     yaw_rad = yaw_of(pose.ned_from_frd)
     is_behind = north * math.cos(yaw_rad) + east * math.sin(yaw_rad) < 0.0
     if not is_moving and distance_m < (BEHIND_M if is_behind else NEAR_M):
-        return Wanted(None, (0.0, 0.0, 0.0), yaw_rad)
+        return AutopilotSetpoint(None, (0.0, 0.0, 0.0), yaw_rad)
     share = min(PER_S, MOST_M_S / distance_m) if distance_m > 0.0 else 0.0
     velocity = (told[0] + share * north, told[1] + share * east, 0.0)
     if math.hypot(velocity[0], velocity[1]) < STANDING_M_S:
-        return Wanted(None, (0.0, 0.0, 0.0), yaw_rad)
-    return Wanted(None, velocity, None)
+        return AutopilotSetpoint(None, (0.0, 0.0, 0.0), yaw_rad)
+    return AutopilotSetpoint(None, velocity, None)
 
 
-def _reposition(wanted: Wanted, target: Address, pose: AutopilotPose | None) -> MavlinkMessage | None:
-    if pose is None or pose.origin_geo is None or wanted.position_ned_m is None:
+def _reposition(setpoint: AutopilotSetpoint, target: Address, pose: AutopilotPose | None) -> MavlinkMessage | None:
+    if pose is None or pose.origin_geo is None or setpoint.position_ned_m is None:
         return None
-    (north, east, down), at = wanted.position_ned_m, pose.position_ned_m
-    way_n, way_e, _ = wanted.velocity_ned_m_s or (north - at[0], east - at[1], 0.0)
+    (north, east, down), at = setpoint.position_ned_m, pose.position_ned_m
+    way_n, way_e, _ = setpoint.velocity_ned_m_s or (north - at[0], east - at[1], 0.0)
     speed = math.hypot(way_n, way_e)
     if speed > STANDING_M_S:
         north, east = north + AHEAD_M * way_n / speed, east + AHEAD_M * way_e / speed
@@ -125,3 +121,45 @@ def _reposition(wanted: Wanted, target: Address, pose: AutopilotPose | None) -> 
         y=round(longitude * 1e7),
         z=altitude,
     )
+
+
+REPOSITION_S: Final = 1.0
+FORGOTTEN_S: Final = 10.0
+"""A setpoint after so long begins another stream."""
+POSE_S: Final = 0.5
+"""An older estimate leads nobody to a place."""
+
+
+class Lead:
+    """The stream of setpoints to one autopilot.
+
+    Args:
+        telemetry: what it tells.
+    """
+
+    def __init__(self, telemetry: Telemetry) -> None:
+        self.gap = ""
+        """What is to be told of a setpoint that came too late; its reader empties it."""
+        self._telemetry = telemetry
+        self._sent_s = -math.inf
+
+    def message(
+        self, setpoint: AutopilotSetpoint, facts: ClassFacts, target: Address, now_s: float
+    ) -> MavlinkMessage | None:
+        """What is to be sent for a setpoint; None where nothing is now."""
+        is_guided = self._telemetry.state.mode is FlightMode.GUIDED
+        if facts.form is Form.REPOSITION and (not is_guided or now_s - self._sent_s < REPOSITION_S):
+            return None  # in other modes it would be denied
+        known = self._telemetry.pose
+        pose = known.pose if known is not None and now_s - known.t_s < POSE_S else None
+        message = setpoint_message(setpoint, facts.form, target, self._telemetry.boot_ms(now_s), pose)
+        if message is not None:
+            self._see_gap(now_s - self._sent_s, facts.timeout_s)
+            self._sent_s = now_s
+        return message
+
+    def _see_gap(self, gap_s: float, limit_s: float) -> None:
+        """Setpoints that come too late are told: the autopilot has done something by itself meanwhile."""
+        state = self._telemetry.state
+        if limit_s < gap_s < FORGOTTEN_S and state.is_armed and state.mode is FlightMode.GUIDED:
+            self.gap = f"no setpoint for {gap_s:.1f} s: after {limit_s:g} s the autopilot has acted by itself"

@@ -11,7 +11,7 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Address, Encoder, Frame, MavlinkMessage, Parser
 from gloc3.mavlink.services.heartbeat import ARMED, AUTOPILOT_INVALID, GROUND_STATION
 from gloc3.mavlink.signing import KEY_BYTES, Signing, is_signed_with
-from gloc3_onboard.autopilot.link import ByteLink
+from gloc3.mavlink.transport.endpoints import Endpoint
 
 FAMILIES: Final = {3: "ArduPilot", 12: "PX4"}
 SENT_TIMES: Final = 2
@@ -34,21 +34,21 @@ class Setup:
     """One autopilot at the other end of a direct link.
 
     Args:
-        link: sends; its owner passes what it hears to `receive`.
+        endpoint: sends; its owner passes what it hears to `receive`.
         key: that the autopilot is to have, or has.
         present: the one that it has before, where that is known.
         now: signing's time.
     """
 
-    def __init__(self, link: ByteLink, key: bytes, present: bytes | None, now: int) -> None:
+    def __init__(self, endpoint: Endpoint, key: bytes, present: bytes | None, now: int) -> None:
         self.autopilot: Address | None = None
         """Who it is, once it has been heard."""
         self.family = ""
         self.is_armed = False
         self.signs: Counter[Signs] = Counter()
         """How its frames were signed since the last `forget`."""
-        self._link, self._now = link, now
-        self._parser = Parser(is_datagram=link.is_datagram)
+        self._endpoint, self._now = endpoint, now
+        self._parser = Parser(is_datagram=endpoint.is_datagram)
         self._keys = {Signs.OURS: key} | ({} if present is None else {Signs.PRESENT: present})
         self._signing: Signing | None = None
         self._encoder = Encoder(*OWN)
@@ -106,7 +106,7 @@ class Setup:
             self._send(setup)
 
     def _send(self, message: MavlinkMessage) -> None:
-        self._link.send(self._encoder.encode(message))
+        self._endpoint.send(self._encoder.encode(message))
 
     def _judge(self, frame: Frame) -> Signs:
         """Only by the signature: what time the autopilot believes it to be is another question."""

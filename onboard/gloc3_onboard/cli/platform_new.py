@@ -6,14 +6,13 @@ from typing import Final, NamedTuple
 
 from gloc3.clock import Clock
 from gloc3.errors import NotHeard
-from gloc3.mavlink.transport.endpoints import open_endpoint
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.checks.failsafes import action_of
 from gloc3_onboard.checks.parameters import CONTINUE, HOLD, LAND, RETURN, Failsafe
 from gloc3_onboard.checks.tables import table_of
-from gloc3_onboard.cli.direct import beat, heartbeat_of, signing_of
+from gloc3_onboard.cli.direct import beat, heartbeat_of, open_direct, signing_of
 
 LOOK_EVERY_S: Final = 0.1
 ALLOWED: Final = (HOLD, RETURN, LAND)
@@ -127,17 +126,16 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
     link = AutopilotLink(loop, clock, system_id, signing=signing_of(autopilot, clock))
-    endpoint = await open_endpoint(autopilot, loop, link.receive)
-    link.open(endpoint)
+    endpoint = await open_direct(link, autopilot, loop)
     try:
         end_s, heart = loop.time() + wait_s, heartbeat_of(link.own)
         while loop.time() < end_s:
             beat(heart, link, loop.time())
             await asyncio.sleep(LOOK_EVERY_S)
-            setup, stamped = link.setup(), link.pose()
+            setup, stamped = link.inspection.setup, link.telemetry.pose
             if setup.is_complete and setup.firmware and stamped is not None and stamped.pose.origin_geo is not None:
                 break
-        setup, stamped = link.setup(), link.pose()
+        setup, stamped = link.inspection.setup, link.telemetry.pose
     finally:
         link.close()
         await endpoint.close()

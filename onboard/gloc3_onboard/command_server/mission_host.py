@@ -15,7 +15,7 @@ from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import Surroundings, read_mission
-from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.authority import ControlAuthority
 from gloc3_onboard.command_server.facts import VehicleFacts
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
 from gloc3_onboard.command_server.site import Say, ServerSettings, Site

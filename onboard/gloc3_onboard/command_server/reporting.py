@@ -19,9 +19,8 @@ from gloc3.messages.summaries import (
     VehicleSummary,
 )
 from gloc3.messages.vehicle import GeoFence, Home, MotionLimits
-from gloc3_onboard.command_server.authority import AuthorityPorts
+from gloc3_onboard.command_server.authority import AuthorityPorts, ControlAuthority
 from gloc3_onboard.command_server.contacts import Contacts
-from gloc3_onboard.command_server.control import ControlAuthority
 from gloc3_onboard.command_server.mission_host import MissionHost
 from gloc3_onboard.command_server.observing import Observing
 from gloc3_onboard.command_server.site import Mark, ServerSettings, Site

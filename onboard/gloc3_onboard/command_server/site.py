@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
 import msgspec
 
@@ -48,6 +48,15 @@ class _Kept(msgspec.Struct, frozen=True):
     """The computer's own start in which this was kept."""
 
 
+class Background(NamedTuple):
+    """What takes long, and is done beside the control loop."""
+
+    shelf: Shelf = NoShelf()
+    """The logs that stations may fetch."""
+    worker: Executor = AtOnce()
+    """Checks missions."""
+
+
 class Site:
     """The platform and its files: the journal of requests, the executor's progress with home, and the events.
 
@@ -57,9 +66,8 @@ class Site:
         progress: for missions and home.
         reports: for what stations have been told.
         fresh_id: a random number, for reports that begin anew.
-        shelf: the logs that stations may fetch.
         computer: tells this start of the computer from every other.
-        worker: checks missions; without one they are checked at once.
+        background: has the logs, and checks missions; without one there are no logs, and checks are done at once.
     """
 
     def __init__(
@@ -69,15 +77,13 @@ class Site:
         progress: Records,
         reports: Records,
         fresh_id: int = 1,
-        shelf: Shelf | None = None,
         computer: str = "",
-        worker: Executor | None = None,
+        background: Background | None = None,
     ) -> None:
         self.platform: Final = platform
         self.journal: Final = RecordStore(journal, "journal of requests")
         self.reports: Final = ReportStore(reports, fresh_id, computer)
-        self.shelf: Final = shelf or NoShelf()
-        self.worker: Final = worker or AtOnce()
+        self.shelf, self.worker = background or Background()
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
         self._progress: Final = RecordStore(progress, "progress")

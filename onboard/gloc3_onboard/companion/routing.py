@@ -7,7 +7,7 @@ from typing import Final, Literal
 from gloc3.mavlink.codec import Frame, Parser
 from gloc3.mavlink.outlet import Outlet
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.signed_only import SignedOnly
+from gloc3.mavlink.signing import SignedOnly
 from gloc3.mavlink.transport.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
 from gloc3.mavlink.transport.serial_line import SerialEndpoint
 from gloc3.messages.link_traffic import LinkTraffic
@@ -38,9 +38,6 @@ class RoutedLink:
         withheld: tells which frames go to the listener alone; None where none does.
     """
 
-    is_datagram = True
-    """Whoever sends through it gives whole frames."""
-
     def __init__(
         self,
         url: str,
@@ -57,7 +54,6 @@ class RoutedLink:
         self.url: Final = wanted.address
         self._keep, self._signed_only = keep, signed_only
         self._parser = Parser()
-        self._own = Parser(is_datagram=True)
         self._endpoint: Endpoint | None = None
         self._timer: asyncio.TimerHandle | None = None
         line_bit_s = wanted.line_bit_s
@@ -93,10 +89,10 @@ class RoutedLink:
         if good and self._listener is not None:
             self._listener(good)
 
-    def send(self, data: bytes) -> None:
+    def send(self, frame: Frame) -> None:
         """Sends a frame of our own."""
-        self._keep(self.url, "out", data)
-        self.routed.put(self._own.receive(data))
+        self._keep(self.url, "out", frame.raw)
+        self.routed.put((frame,))
 
     def _forward(self, frames: Sequence[Frame]) -> None:
         """Frames that came together leave a network together: one datagram costs as much as one frame."""

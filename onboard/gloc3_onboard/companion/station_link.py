@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Iterable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
 
@@ -16,16 +16,15 @@ from gloc3.exchange.tunnel.happenings import Happening, Trouble
 from gloc3.exchange.tunnel.layout import Role
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink import codec
-from gloc3.mavlink.codec import Address, Encoder, Frame, MavlinkMessage, Parser
+from gloc3.mavlink.codec import Address, Encoder, Frame, MavlinkMessage
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID, GROUND_STATION
-from gloc3.mavlink.signed_only import SignedOnly
-from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.command_interface import CiRequest, StationRole
 from gloc3.messages.envelope import Envelope, Event, Severity
 from gloc3.messages.summaries import CiEvent, Health, StationHeard, Summary
 from gloc3.messages.teleoperation import VelocityDemand
 from gloc3.messages.topics import TopicTable
-from gloc3_onboard.autopilot.link import COMPANION, ByteLink
+from gloc3_onboard.autopilot.link import COMPANION, FrameLink
 
 HEARD_PERIOD_S: Final = 0.5
 NOBODY_S: Final = 6.0
@@ -70,6 +69,19 @@ class HeartbeatSource:
             send(message)
 
 
+class StationLinkSettings(NamedTuple):
+    """What is known of a link to stations."""
+
+    budget: LinkBudget = RADIO
+    """What the link carries."""
+    signing: Signing | None = None
+    """Signs all that is sent, and verifies all that is received; None on a link without a key."""
+    role: StationRole = StationRole.OPERATOR
+    """Of all stations on it."""
+    name: str = ""
+    """What the link is called in the record of commands."""
+
+
 class StationLink:
     """One link, with any number of stations on it.
 
@@ -80,10 +92,7 @@ class StationLink:
         exchange: the platform's middleware.
         topics: the topics that are known.
         boot: a random number for this start of the process.
-        budget: what the link carries.
-        signing: signs all that is sent, and judges all that is heard; None on a link without a key.
-        role: of all stations on it.
-        way: what the link is called in the record of commands.
+        settings: of the link.
     """
 
     def __init__(
@@ -94,19 +103,16 @@ class StationLink:
         exchange: Exchange,
         topics: TopicTable,
         boot: int,
-        budget: LinkBudget = RADIO,
-        signing: Signing | None = None,
-        role: StationRole = StationRole.OPERATOR,
-        way: str = "",
+        settings: StationLinkSettings = StationLinkSettings(),  # noqa: B008 - immutable
     ) -> None:
+        signing, budget, way = settings.signing, settings.budget, settings.name
         self._loop = loop
-        self._role, self._way = role, f"{way}, signed" if signing is not None else way
+        self._role, self._way = settings.role, f"{way}, signed" if signing is not None else way
         self._signing = signing
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Judges what is heard; None on a link without a key."""
         self._clock = Clock(loop)
-        self._endpoint: ByteLink | None = None
-        self._parser = Parser()
+        self._link: FrameLink | None = None
         own = Address(system_id, COMPANION)
         self._encoder = Encoder(*own, signing)
         tunnel = TunnelEndpoint(Role.PLATFORM, platform, own, boot, topics, budget)
@@ -123,32 +129,25 @@ class StationLink:
         self._event_topic = f"{platform}/components/station_link/event"
         self._exchange.listen(self._happened)
 
-    def open(self, endpoint: ByteLink) -> None:
-        """Begins to talk over an endpoint, whose owner passes what it hears to `receive`."""
-        self._parser = Parser(is_datagram=endpoint.is_datagram)
-        self._endpoint = endpoint
+    def open(self, link: FrameLink) -> None:
+        """Begins to send by a link, whose owner passes the frames that it receives to `take`."""
+        self._link = link
 
     def close(self) -> None:
         """Says nothing any more."""
         self._part()
         self._exchange.close()
-        self._endpoint = None
+        self._link = None
 
     def send(self, message: MavlinkMessage) -> None:
         """Sends one message as the companion."""
-        if self._endpoint is not None:
+        if self._link is not None:
             if self._signing is not None:
                 self._signing.advance(timestamp(self._clock.utc_s()))
-            self._endpoint.send(self._encoder.encode(message))
-
-    def receive(self, data: bytes) -> None:
-        """Takes in what the endpoint has heard."""
-        now_s, gate = self._loop.time(), self.signed_only
-        frames = self._parser.receive(data)
-        self.take(frames if gate is None else [frame for frame in frames if gate.passes(frame, now_s)])
+            self._link.send(self._encoder.frame(message))
 
     def take(self, frames: Iterable[Frame]) -> None:
-        """Takes in frames that somebody else has found and judged."""
+        """Handles frames of the link, whose signatures have been verified."""
         for frame in frames:
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()

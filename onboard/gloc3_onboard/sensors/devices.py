@@ -279,6 +279,14 @@ class Manners(NamedTuple):
     """Modes, in the autopilot's words, that it enters by itself when a landing is over."""
 
 
+class AutopilotSetpoint(NamedTuple):
+    """One setpoint, in the autopilot's own local NED frame; what is None is left to the autopilot."""
+
+    position_ned_m: Vector3 | None
+    velocity_ned_m_s: Vector3 | None
+    yaw_rad: float | None
+
+
 class AutopilotControl(Protocol):
     """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
 
@@ -286,10 +294,8 @@ class AutopilotControl(Protocol):
     def manners(self) -> Manners:
         """How the autopilot that is there now wants to be commanded."""
 
-    def send_setpoint(
-        self, position_ned_m: Vector3 | None, velocity_ned_m_s: Vector3 | None, yaw_rad: float | None
-    ) -> None:
-        """Streams one setpoint, in the autopilot's own local NED frame."""
+    def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
+        """Streams one setpoint."""
 
     def command_mode(self, mode: FlightMode) -> int:
         """Asks for a mode."""

@@ -122,10 +122,19 @@ def test_enum_values_and_names() -> None:
         assert codec.enums.MAV_CMD_NAV_TAKEOF
 
 
+@pytest.mark.thorough
 def test_importing_the_codec_does_not_import_pymavlink() -> None:
     code = "import sys, gloc3.mavlink.codec; sys.exit('pymavlink' in sys.modules)"
     environment = {"PYTHONPATH": ":".join(sys.path)}
     assert subprocess.run([sys.executable, "-c", code], env=environment, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("signing", [None, Signing(bytes(32), link_id=1, now=5)])
+def test_an_encoded_frame_is_the_one_that_a_parser_finds_in_its_bytes(signing: Signing | None) -> None:
+    encoder = codec.Encoder(1, 191, signing)
+    for number in range(300):
+        frame = encoder.frame(codec.message("COMMAND_LONG", target_system=7, command=number))
+        assert codec.Parser().receive(frame.raw) == [frame]
 
 
 def test_a_frame_made_in_our_name_is_numbered_and_signed_anew() -> None:

@@ -27,7 +27,7 @@ from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.fleet_desk import Order
 from gloc3_groundstation.missions.plans import Plan
 from gloc3_groundstation.station.station import Station
-from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.authority import ControlAuthority
 
 T = TypeVar("T")
 PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")

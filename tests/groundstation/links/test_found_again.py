@@ -7,6 +7,7 @@ from random import Random
 from typing import TypeVar
 
 import pytest
+from tests.direct_link import wire, wire_url
 from tests.groundstation.scripted_platform import ScriptedPlatform
 
 from gloc3.clock import run_virtual
@@ -38,8 +39,7 @@ class Ends:
         there, here = LocalExchange(), LocalExchange()
         self.platform = ScriptedPlatform(there)
         self.onboard = StationLink(self.platform.name, 1, loop, there, TOPICS, 7)
-        self.onboard.open(memory.b)
-        memory.b.on_data = self.onboard.receive
+        wire(self.onboard, memory.b, loop)
         self.station = Station(here, loop, "255", 11)
         self.link = Link(
             memory.a.send,
@@ -115,8 +115,7 @@ async def test_a_station_that_speaks_from_another_address_is_answered_there() ->
     there, here = LocalExchange(), LocalExchange()
     platform = ScriptedPlatform(there)
     onboard = StationLink(platform.name, 1, loop, there, TOPICS, 7)
-    server = await open_endpoint("udpin://127.0.0.1:0", loop, onboard.receive)
-    onboard.open(server)
+    server = await wire_url(onboard, "udpin://127.0.0.1:0", loop)
     platform.speak_every(0.2)
     station = Station(here, loop, "255", 11)
     lines: list[Endpoint] = []

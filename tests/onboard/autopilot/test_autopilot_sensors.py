@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.direct_link import wire
 from tests.onboard.fake_autopilot import FakeAutopilot
 
 from gloc3.clock import Clock, VirtualLoop
@@ -16,10 +17,10 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.components.samplers.imu import ImuSampler
 from gloc3_onboard.components.samplers.laser import LaserSampler
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
@@ -27,7 +28,7 @@ STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 UNKNOWN = 0xFFFF
 
 
-class Clockwork:
+class FixedTime:
     """Time is what the autopilot says, and a heading that is known or not."""
 
     def __init__(self, yaw_rad: float | None = None) -> None:
@@ -44,7 +45,7 @@ def take(name: str, yaw_rad: float | None = None, **fields: Any) -> AutopilotSen
     (frame,) = codec.Parser(is_datagram=True).receive(data)
     message = frame.decode()
     assert message is not None
-    sensors.receive(message, 100.0, Clockwork(yaw_rad))
+    sensors.receive(message, 100.0, FixedTime(yaw_rad))
     return sensors
 
 
@@ -92,15 +93,15 @@ def test_fine_steps_an_offset_and_a_scan_to_the_other_side_are_understood() -> N
 
 
 def test_level_range_finders_make_a_scan_of_eight_beams_and_old_ones_are_forgotten() -> None:
-    sensors, clockwork = AutopilotSensors(), Clockwork()
+    sensors, time = AutopilotSensors(), FixedTime()
     limits = {"min_distance": 20, "max_distance": 800}
     for now_s, orientation, distance in ((1.0, 0, 100), (1.0, 2, 200), (1.5, 6, 900), (2.1, 25, 50)):
         fields = {"time_boot_ms": int(now_s * 1e3), "orientation": orientation, "current_distance": distance}
-        sensors.receive(codec.message("DISTANCE_SENSOR", **fields, **limits), now_s, clockwork)
+        sensors.receive(codec.message("DISTANCE_SENSOR", **fields, **limits), now_s, time)
     assert sensors.ranges is not None
     scan = sensors.ranges.scan
     assert [toward(scan, angle) for angle in (0.0, -90.0, 90.0, 45.0)] == [1.0, 2.0, math.inf, 0.0]
-    sensors.receive(codec.message("DISTANCE_SENSOR", orientation=4, current_distance=400, **limits), 2.2, clockwork)
+    sensors.receive(codec.message("DISTANCE_SENSOR", orientation=4, current_distance=400, **limits), 2.2, time)
     scan = sensors.ranges.scan
     assert [toward(scan, angle) for angle in (0.0, 90.0, 180.0)] == [0.0, math.inf, 4.0]
 
@@ -121,12 +122,12 @@ def test_an_inertial_unit_is_told_in_si_units_whatever_the_message(name: str, fi
 
 
 def test_of_two_kinds_of_messages_one_is_taken_until_it_falls_silent() -> None:
-    sensors, clockwork = AutopilotSensors(), Clockwork()
+    sensors, time = AutopilotSensors(), FixedTime()
     for step in range(10):
-        sensors.receive(codec.message("SCALED_IMU", time_boot_ms=1000 + 10 * step), 1.0 + 0.01 * step, clockwork)
-        sensors.receive(codec.message("RAW_IMU", time_usec=1_005_000), 1.0 + 0.01 * step, clockwork)
+        sensors.receive(codec.message("SCALED_IMU", time_boot_ms=1000 + 10 * step), 1.0 + 0.01 * step, time)
+        sensors.receive(codec.message("RAW_IMU", time_usec=1_005_000), 1.0 + 0.01 * step, time)
     assert len(sensors.samples(-math.inf)) == 10
-    sensors.receive(codec.message("RAW_IMU", time_usec=3_000_000), 3.0, clockwork)
+    sensors.receive(codec.message("RAW_IMU", time_usec=3_000_000), 3.0, time)
     assert [stamped.t_s for stamped in sensors.samples(1.085)] == pytest.approx([1.09, 3.0])
 
 
@@ -134,18 +135,17 @@ def test_stamps_in_utc_are_mapped_too() -> None:
     sensors = AutopilotSensors()
     for step in range(3):
         utc_us = 1_760_000_000_000_000 + 10_000 * step
-        sensors.receive(codec.message("HIGHRES_IMU", time_usec=utc_us), 50.0 + 0.01 * step, Clockwork())
+        sensors.receive(codec.message("HIGHRES_IMU", time_usec=utc_us), 50.0 + 0.01 * step, FixedTime())
     assert [stamped.t_s for stamped in sensors.samples(0.0)] == pytest.approx([50.0, 50.01, 50.02], abs=1e-4)
 
 
 @STYLES
 def test_messages_are_asked_for_when_a_sampler_starts_and_its_samples_come_from_the_link(style: str) -> None:
     loop = VirtualLoop()
-    wire = MemoryLink(loop, Random(3), Conditions(latency_s=0.02))
+    cable = MemoryLink(loop, Random(3), Conditions(latency_s=0.02))
     link = AutopilotLink(loop, Clock(loop))
-    wire.a.on_data = link.receive
-    autopilot = FakeAutopilot(loop, wire.b, style)
-    link.open(wire.a)
+    autopilot = FakeAutopilot(loop, cable.b, style)
+    wire(link, cable.a, loop)
     imu, laser, level = AutopilotImu(link.sensors), ObstacleDistance(link.sensors), DistanceSensors(link.sensors)
     loop.run_until_complete(asyncio.sleep(3.0))
     name = "HIGHRES_IMU" if style == "px4" else "SCALED_IMU"
@@ -185,8 +185,7 @@ def test_the_simulated_autopilot_tells_its_inertial_unit_to_the_sampler(style: s
         cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
         said: list[str] = []
         link = AutopilotLink(bench.loop, Clock(bench.loop), say=lambda _, text: said.append(text))
-        cable.b.on_data = link.receive
-        link.open(cable.b)
+        wire(link, cable.b, bench.loop)
         simulator.start(bench.loop)
         bench.host(
             ComponentRow(name="imu", class_name="x:Y", rate_hz=100.0), lambda: ImuSampler(AutopilotImu(link.sensors))

@@ -9,8 +9,8 @@ from gloc3.errors import Refused
 from gloc3.messages.command_interface import Control, ControlVerb
 from gloc3.messages.envelope import ComponentStatus, Kind
 from gloc3.messages.summaries import ComponentLine, Health
+from gloc3_onboard.command_server.authority import ANSWER_S, MOST_HEARD, ControlAuthority
 from gloc3_onboard.command_server.book import ComponentBook
-from gloc3_onboard.command_server.control import ANSWER_S, MOST_HEARD, ControlAuthority
 
 GONE_S = 5.0
 

@@ -8,8 +8,7 @@ from gloc3.messages.command_interface import Control, ControlVerb, StationRole
 from gloc3.messages.envelope import Severity
 from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
 from gloc3_onboard.command_server.authority import DEMANDS_AGAIN_S as AGAIN_S
-from gloc3_onboard.command_server.authority import Demands
-from gloc3_onboard.command_server.control import ControlAuthority
+from gloc3_onboard.command_server.authority import ControlAuthority, Demands
 
 
 class Desk:

@@ -53,11 +53,12 @@ from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
+from gloc3_onboard.command_server.log_shelf import AtOnce
 from gloc3_onboard.command_server.mission_commands import MOST_FINDINGS, MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost
 from gloc3_onboard.command_server.observing import Observing
 from gloc3_onboard.command_server.requests import RequestHandler
-from gloc3_onboard.command_server.site import ServerSettings, Site
+from gloc3_onboard.command_server.site import Background, ServerSettings, Site
 
 HOP = """
 mission: hop
@@ -80,7 +81,7 @@ class Desk:
         self.said: list[str] = []
         self.sequence = -1
         self.executor = MissionExecutor(self.platform)
-        self.worker: Executor | None = None
+        self.worker: Executor = AtOnce()
         self.handler = self.begin()
 
     def begin(self) -> RequestHandler:
@@ -102,7 +103,9 @@ class Desk:
             self.book.hear(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
         authority = Authority("", self.say)
         self.authority = authority.control
-        site = Site(self.platform, self.journal, MemoryRecords(), MemoryRecords(), worker=self.worker)
+        site = Site(
+            self.platform, self.journal, MemoryRecords(), MemoryRecords(), background=Background(worker=self.worker)
+        )
         self.host = MissionHost(site, observing, self.authority, ServerSettings(), self.say)
         self.host.executor = self.executor
         missions = MissionCommands(site, observing, authority, self.host, self.say)

@@ -3,14 +3,17 @@
 import asyncio
 
 import pytest
+from tests.onboard.autopilot.test_autopilot_link import Rig
 
 from gloc3.clock import run_virtual
+from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
 from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.parser import FrameParser
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.signed_only import SignedOnly
-from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.signing import SignedOnly, Signing
 from gloc3_onboard.companion.routing import RoutedLink
+from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 AUTOPILOT, STATION, OWN, FORGER = Encoder(1, 1), Encoder(255, 190), Encoder(1, 191), Encoder(77, 190)
 
@@ -99,6 +102,23 @@ def test_what_is_passed_on_is_never_decoded(monkeypatch: pytest.MonkeyPatch) -> 
     run_virtual(work())
 
 
+def test_a_setpoint_becomes_bytes_without_being_parsed(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Rig() as rig:
+        rig.run(4.0)
+        sent: list[bytes] = []
+        monkeypatch.setattr(rig.wire.a, "send", sent.append)
+        monkeypatch.setattr(FrameParser, "receive", fail)
+        rig.device.send_setpoint(AutopilotSetpoint((1.0, 2.0, -3.0), None, None))
+        monkeypatch.undo()
+        assert [frame.message_id for frame in Parser().receive(b"".join(sent))] == [
+            codec.shape("SET_POSITION_TARGET_LOCAL_NED").id
+        ]
+
+
+def fail(*_: object) -> list[Frame]:
+    raise AssertionError("a frame of our own is parsed")
+
+
 def test_what_is_forwarded_and_what_is_ours_share_a_radio_and_ours_hardly_waits() -> None:
     async def work() -> None:
         loop = asyncio.get_running_loop()
@@ -110,7 +130,7 @@ def test_what_is_forwarded_and_what_is_ours_share_a_radio_and_ours_hardly_waits(
             if step % 50 == 0:
                 before = wires[1].names().count("HEARTBEAT")
                 begin_s = loop.time()
-                radio.send(OWN.encode(message("HEARTBEAT", type=18)))
+                radio.send(OWN.frame(message("HEARTBEAT", type=18)))
                 while wires[1].names().count("HEARTBEAT") == before:
                     await asyncio.sleep(0.001)
                 delays.append(loop.time() - begin_s)
@@ -166,7 +186,7 @@ def test_a_radio_behind_a_network_gets_no_more_than_it_carries_and_the_rest_is_a
                 autopilot.receive(AUTOPILOT.encode(message("RAW_IMU", id_=instance, xacc=step + 1)))
             autopilot.receive(AUTOPILOT.encode(message("LOG_DATA", ofs=step, count=90, data=bytes(range(1, 91)))))
             if step % 100 == 0:
-                radio.send(OWN.encode(message("HEARTBEAT", type=18)))
+                radio.send(OWN.frame(message("HEARTBEAT", type=18)))
             await asyncio.sleep(0.01)
         carried = sum(map(len, wires[1].pieces))
         assert 0.95 * 5760.0 * loop.time() < carried <= 5760.0 * (loop.time() + 0.06) + 280
@@ -188,7 +208,7 @@ def test_a_closed_link_leaves_no_timer_and_sends_nothing() -> None:
         loop = asyncio.get_running_loop()
         (radio,), (wire,), _ = links(loop, "serial:///dev/ttyUSB0:57600")
         for number in range(100):
-            radio.send(OWN.encode(message("PARAM_VALUE", param_id=f"P{number}", param_value=1)))
+            radio.send(OWN.frame(message("PARAM_VALUE", param_id=f"P{number}", param_value=1)))
         radio.close()
         sent = len(wire.sent)
         await asyncio.sleep(5.0)

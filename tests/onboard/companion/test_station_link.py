@@ -8,6 +8,8 @@ import pytest
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
+from gloc3.mavlink.message import Address
+from gloc3.mavlink.router import Router
 from gloc3.mavlink.signing import Signing, timestamp
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.command_interface import CiRequest, Hello, StationRole
@@ -15,7 +17,8 @@ from gloc3.messages.envelope import Envelope, Event
 from gloc3.messages.summaries import ContactSummary, Health, StationHeard
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
-from gloc3_onboard.companion.station_link import StationLink
+from gloc3_onboard.companion.routing import RoutedLink
+from gloc3_onboard.companion.station_link import StationLink, StationLinkSettings
 
 TOPICS = TopicTable.installed()
 KEY, OTHER = bytes(range(32)), bytes(32)
@@ -55,10 +58,24 @@ class Ends:
         self.here.subscribe("heron/components/station_link/event", self._take)
         platform_signing = self._signing(platform_key)
         self.platform = StationLink(
-            "heron", 1, self.loop, self.here, TOPICS, 7, signing=platform_signing, role=role, way="udpin://:14551"
+            "heron",
+            1,
+            self.loop,
+            self.here,
+            TOPICS,
+            7,
+            StationLinkSettings(signing=platform_signing, role=role, name="udpin://:14551"),
         )
-        self.memory.b.on_data = self.platform.receive
-        self.platform.open(self.memory.b)
+        self.routed = RoutedLink(
+            "udpin://:14551",
+            Router(Address(1, 191)),
+            self.loop,
+            self.platform.take,
+            signed_only=self.platform.signed_only,
+        )
+        self.memory.b.on_data = self.routed.receive
+        self.routed.open(self.memory.b)
+        self.platform.open(self.routed)
         self.station = Link(
             self.memory.a.send,
             LinkContext(loop=self.loop, exchange=self.there, topics=TOPICS, boot=8, report=self.told.append),
@@ -161,7 +178,7 @@ def test_what_a_person_should_know_of_the_link_is_an_event_of_the_platform() -> 
 def test_garbage_on_a_signed_link_harms_nobody() -> None:
     async def play() -> None:
         ends = Ends(KEY, KEY)
-        ends.platform.receive(bytes(range(256)) + Encoder(9, 1).encode(message("HEARTBEAT", type=6))[:-3])
+        ends.routed.receive(bytes(range(256)) + Encoder(9, 1).encode(message("HEARTBEAT", type=6))[:-3])
         await ends.ask()
         assert len(ends.requests) == 1
         ends.close()
@@ -169,6 +186,7 @@ def test_garbage_on_a_signed_link_harms_nobody() -> None:
     run_virtual(play())
 
 
+@pytest.mark.thorough
 def test_after_a_long_silence_a_station_counts_as_reached_only_when_what_is_told_gets_there() -> None:
     async def steps() -> list[str]:
         ends, came = Ends(None, None), list[str]()

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
-from gloc3.errors import Misuse
+from gloc3.errors import Misuse, Refused, nearest
 from gloc3.messages.envelope import Severity
-from gloc3.mission.executing.assignments import Assignment, Assignments
+from gloc3.mission.executing.assignments import Assignment, Assignments, Phase
 from gloc3.mission.executing.items import MISSION, ActionRun, Item, Program, TaskRun
 from gloc3.mission.executing.requests import Told
 from gloc3.mission.executing.snapshot import PlannedSilence, Snapshot
@@ -68,6 +68,48 @@ class OtherPlatform:
         """Of the mission there; None while nothing was told."""
 
 
+class Missing(dict[str, tuple[str, ...]]):
+    """Capabilities that are not available, with what each lacks, and since when."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.since_s: Final[dict[str, float]] = {}
+
+    def replace(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
+        """All others are available."""
+        for name in [name for name in self if name not in missing]:
+            del self[name], self.since_s[name]
+        self.add(missing, now_s)
+
+    def add(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
+        """These are not available, either."""
+        self.update(missing)
+        for name in missing:
+            self.since_s.setdefault(name, now_s)
+
+    def words(self, capability: str) -> str:
+        """What a capability lacks."""
+        return ", ".join(self.get(capability, ()))
+
+
+class AirState:
+    """Whether the vehicle is in the air: as it is reported, and as actions have ended since."""
+
+    __slots__ = ("has_landed", "is_reported", "is_taking_off")
+
+    def __init__(self) -> None:
+        self.is_reported = False
+        self.is_taking_off = False
+        """A take-off was begun, and no report says yet that the vehicle is in the air."""
+        self.has_landed = False
+        """An action landed the vehicle, whatever the last report says."""
+
+    @property
+    def is_airborne(self) -> bool:
+        """Whether it is."""
+        return (self.is_reported or self.is_taking_off) and not self.has_landed
+
+
 class Board:
     """The state that the executor's parts share."""
 
@@ -84,8 +126,6 @@ class Board:
         """A pilot has control, and no operator has said resume since."""
         self.is_taking_back = False
         """An operator has just said resume; the driver is to be told."""
-        self.pilot_report = False
-        """What the driver says."""
         self.conditions: Final[dict[Condition, str]] = {}
         """Those that hold, with the reason."""
         self.unanswered: Final[dict[Condition, str]] = {}
@@ -96,20 +136,12 @@ class Board:
         """The planned silence that has begun, and is not over."""
         self.kept_s = float("-inf")
         """When this was put on disk last."""
-        self.missing: Mapping[str, tuple[str, ...]] = {}
-        """Capabilities that are not available, with what they lack."""
-        self.missing_since_s: Final[dict[str, float]] = {}
+        self.missing: Final = Missing()
         self.readings: Readings = {}
         """What is measured now."""
         self.blocked_since_s: float | None = None
         """When an obstacle came into the way of the action that moves the vehicle; None where none is."""
-        self.is_watching = False
-        """Something waits for its guard."""
-        self.reported_airborne = False
-        self.is_taking_off = False
-        """A take-off was begun, and no report says yet that the vehicle is in the air."""
-        self.has_landed = False
-        """An action landed the vehicle, whatever the last report says."""
+        self.air: Final = AirState()
         self.told: list[Told] = []
         self.is_changed = False
         """Something that must survive the process has changed."""
@@ -122,7 +154,38 @@ class Board:
     @property
     def is_airborne(self) -> bool:
         """Whether the vehicle is in the air."""
-        return (self.reported_airborne or self.is_taking_off) and not self.has_landed
+        return self.air.is_airborne
+
+    def find(self, target: str) -> Item:
+        """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`.
+
+        Raises:
+            Refused: there is none.
+        """
+        if not target:
+            if self.mission is None:
+                raise Refused("no mission is loaded")
+            return self.mission
+        for program in self.programs.values():
+            if (item := program.find(target)) is not None:
+                return item
+        known = [item.target for program in self.programs.values() for item in program.items()]
+        raise Refused(f"there is no {target!r}; {nearest(target, known)}")
+
+    def users(self, component: str, provides: tuple[str, ...]) -> list[Assignment]:
+        """What is under way and would lose something without a component.
+
+        Args:
+            component: its name.
+            provides: the topics that only it publishes, and the component whose part it plays.
+        """
+        names = {component, *provides}
+        return [
+            assignment
+            for assignment in self.assignments.by_id.values()
+            if assignment.phase is not Phase.PAUSED
+            and (assignment.component in names or names & {*self.rows[assignment.capability].needs})
+        ]
 
     def program(self, name: str, mission: Mission) -> Program:
         """A new program, which is on the board from now on."""

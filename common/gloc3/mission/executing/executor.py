@@ -13,11 +13,12 @@ from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.mission.executing import elsewhere, flow, manoeuvres, reactions, steering
-from gloc3.mission.executing.assignments import Assignment, Phase
+from gloc3.mission.executing.assignments import Assignment
 from gloc3.mission.executing.board import Board, Condition
-from gloc3.mission.executing.items import MISSION, ActionRun, Program
+from gloc3.mission.executing.items import MISSION, ActionRun, Program, TaskRun
 from gloc3.mission.executing.requests import Grant, Persist, Request, TakeBack
 from gloc3.mission.executing.snapshot import Snapshot
+from gloc3.mission.executing.steering import BY_OPERATOR
 from gloc3.mission.model.conditions import Readings
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.model import Mission
@@ -40,7 +41,10 @@ class MissionExecutor:
         self._kept_progress: dict[str, float] = {}
         """How far each action is on disk."""
         self._achieved: dict[str, int] = {}
-        self._silent_s = 0.0
+        self._is_guard_waited_for = False
+        """Something is begun, or left, by what is measured."""
+        self._is_pilot_reported = False
+        """What the driver says."""
 
     # what operators ask for
 
@@ -87,7 +91,30 @@ class MissionExecutor:
         commands = [str(t) for t in Trigger if t not in OURS]
         if verb not in commands:
             raise Refused(f"no command {verb!r}; known: {', '.join(commands)}")
-        steering.steer(self.board, Trigger(verb), target, now_s, home_ned_m)
+        board, trigger = self.board, Trigger(verb)
+        if trigger is Trigger.RESUME and not target and board.has_pilot:
+            steering.take_back(board, now_s)
+            self.settle(now_s)
+            return
+        item = board.find(target)
+        if isinstance(item, TaskRun) and item.elsewhere and trigger is not Trigger.SKIP:
+            raise Refused(f"{item.target} is {item.elsewhere}'s; it is steered there, and can only be skipped here")
+        if trigger not in item.accepted:
+            raise Refused(
+                f"{trigger} is not accepted in {item.state}; accepted: {', '.join(item.accepted) or 'nothing'}"
+            )
+        match trigger:
+            case Trigger.START:
+                steering.start(board, item, now_s, home_ned_m)
+            case Trigger.PAUSE:
+                manoeuvres.dismiss(board, now_s)
+                board.halt(item, item.level, now_s, BY_OPERATOR)
+            case Trigger.RESUME:
+                steering.resume(board, item, now_s)
+            case Trigger.SKIP | Trigger.ABORT:
+                steering.end(board, item, trigger, now_s)
+            case Trigger.RETRY:
+                steering.try_again(board, item, now_s)
         self.settle(now_s)
 
     def command(self, mission: Mission, now_s: float) -> str:
@@ -168,12 +195,7 @@ class MissionExecutor:
         """Which capabilities are not available now, with what each lacks; all others are."""
         if missing == self.board.missing:
             return
-        since_s = self.board.missing_since_s
-        for name in [name for name in since_s if name not in missing]:
-            del since_s[name]
-        for name in missing:
-            since_s.setdefault(name, now_s)
-        self.board.missing = dict(missing)
+        self.board.missing.replace(missing, now_s)
         self.settle(now_s)
 
     def component_failed(self, component: str, reason: str, now_s: float) -> None:
@@ -184,11 +206,9 @@ class MissionExecutor:
         lost = list(self.board.assignments.of(component))
         if not lost:
             return
-        rows = self.board.rows
-        performed = {name: (component,) for name, row in rows.items() if row.performed_by == component}
-        self.board.missing = performed | dict(self.board.missing)
-        for name in performed:
-            self.board.missing_since_s.setdefault(name, now_s)
+        board = self.board
+        performed = {name: (component,) for name, row in board.rows.items() if row.performed_by == component}
+        board.missing.add({name: lacks for name, lacks in performed.items() if name not in board.missing}, now_s)
         for assignment in lost:
             flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
         self.settle(now_s)
@@ -196,7 +216,7 @@ class MissionExecutor:
     def taken_away(self, component: str, provides: tuple[str, ...], reason: str, now_s: float) -> None:
         """An operator takes a component away by force: the actions that need it fail; see `in_use`."""
         self.component_failed(component, reason, now_s)
-        for assignment in self._users(component, provides):
+        for assignment in self.board.users(component, provides):
             if assignment.action_id in self.board.assignments.by_id:
                 flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
         self.settle(now_s)
@@ -219,22 +239,22 @@ class MissionExecutor:
 
     def vehicle(self, is_airborne: bool, now_s: float) -> None:
         """Whether the vehicle is in the air (also while it takes off or lands)."""
-        board = self.board
-        if is_airborne == board.reported_airborne and (is_airborne or not board.has_landed):
+        air = self.board.air
+        if is_airborne == air.is_reported and (is_airborne or not air.has_landed):
             return
-        board.reported_airborne = is_airborne
+        air.is_reported = is_airborne
         if is_airborne:
-            board.is_taking_off = False
+            air.is_taking_off = False
         else:
-            board.has_landed = False
+            air.has_landed = False
         self.settle(now_s)
 
     def pilot(self, has_control: bool, reason: str, now_s: float) -> None:
         """Whether a human pilot (or the autopilot by itself) has taken over, as the driver reports it."""
         board = self.board
-        if has_control == board.pilot_report:
+        if has_control == self._is_pilot_reported:
             return
-        board.pilot_report = has_control
+        self._is_pilot_reported = has_control
         if has_control:
             board.has_pilot, board.is_changed = True, True
             board.tell(Severity.WARNING, f"the pilot has control: {reason}")
@@ -257,7 +277,7 @@ class MissionExecutor:
         """What is measured now of what conditions ask for; see `conditions.QUANTITIES`."""
         board = self.board
         board.readings = readings
-        if board.is_watching:
+        if self._is_guard_waited_for:
             self.settle(now_s)
 
     def link(self, silent_s: float, now_s: float) -> None:
@@ -353,16 +373,7 @@ class MissionExecutor:
             component: its name.
             provides: the topics that only it publishes, and the component whose part it plays.
         """
-        return [assignment.label for assignment in self._users(component, provides)]
-
-    def _users(self, component: str, provides: tuple[str, ...]) -> list[Assignment]:
-        names = {component, *provides}
-        return [
-            assignment
-            for assignment in self.board.assignments.by_id.values()
-            if assignment.phase is not Phase.PAUSED
-            and (assignment.component in names or names & {*self.board.rows[assignment.capability].needs})
-        ]
+        return [assignment.label for assignment in self.board.users(component, provides)]
 
     def _refuse_taken(self, mission: Mission, programs: list[Program]) -> None:
         """Makes room for new tasks: single commands that have ended go."""
@@ -382,6 +393,7 @@ class MissionExecutor:
                 steering.resume_mission(self.board, now_s)
             flow.advance(self.board, now_s)
         self._due_s = flow.due_s(self.board)
+        self._is_guard_waited_for = flow.is_guard_waited_for(self.board)
 
     def _see_obstacle(self, status: ActionStatus, now_s: float) -> None:
         """Notes since when something is in the way; `flow` judges when that is too long."""

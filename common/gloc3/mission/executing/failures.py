@@ -22,7 +22,7 @@ def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_o
     """
     board.release(run, is_over=is_over)
     if isinstance(run.action.order, SetOff) and is_over:
-        board.is_taking_off = False
+        board.air.is_taking_off = False
     board.move(run, Trigger.FAIL, now_s, reason)
     if run.has_attempts_left:
         board.move(run, Trigger.RETRY, now_s, f"attempt {run.starts + 1} of {attempts(run.options)}")

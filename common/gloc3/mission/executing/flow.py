@@ -84,7 +84,7 @@ def _watch(board: Board, program: Program, now_s: float) -> None:
             if now_s >= run.due_s():
                 fail_action(board, run, f"deadline of {run.deadline_s:g} s passed", now_s)
             elif now_s >= lost_at_s(board, run):
-                missing = ", ".join(board.missing[run.action.ability])
+                missing = board.missing.words(run.action.ability)
                 fail_action(board, run, f"{run.action.ability} is no longer available ({missing})", now_s)
             elif isinstance(run.action.order, Wait):
                 _wait(board, run, run.action.order.duration_s, now_s)
@@ -127,7 +127,7 @@ def lost_at_s(board: Board, run: ActionRun) -> float:
     missing = board.missing.get(name)
     if missing is None or (missing == ("pose",) and Condition.POSE_LOST in board.conditions):
         return inf
-    return board.missing_since_s[name] + GRACE_S
+    return board.missing.since_s[name] + GRACE_S
 
 
 def _go_on(board: Board, program: Program, now_s: float) -> bool:
@@ -198,7 +198,7 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
         return False
     if run.action.ability in board.missing:
         since_s = now_s if since_s is None else since_s
-        missing = run.reason = f"waits for {', '.join(board.missing[run.action.ability])}"
+        missing = run.reason = f"waits for {board.missing.words(run.action.ability)}"
         if now_s < since_s + PATIENCE_S:
             run.unavailable_since_s = since_s
             return False
@@ -220,8 +220,8 @@ def _assign(board: Board, run: ActionRun, now_s: float) -> None:
     if not run.row.performed_by:
         return
     if isinstance(run.action.order, SetOff):
-        board.is_taking_off = not board.reported_airborne
-        board.has_landed = False
+        board.air.is_taking_off = not board.air.is_reported
+        board.air.has_landed = False
     board.is_changed = True
     board.assignments.start(run.target, run.action.ability, run.row, run.action.order, run, now_s)
 
@@ -241,21 +241,18 @@ def finish_action(board: Board, run: ActionRun, now_s: float) -> None:
     board.release(run, is_over=True)
     run.progress = 1.0
     if isinstance(run.action.order, LandOrder):
-        board.has_landed = True
+        board.air.has_landed = True
     board.move(run, Trigger.FINISH, now_s)
 
 
 def due_s(board: Board) -> float:
     """When something happens next by the passing of time alone; infinite if nothing does."""
-    board.is_watching = False
     times = [at_s for one in board.assignments.by_id.values() if (at_s := one.due_s()) is not None]
     for program in board.programs.values():
         if not program.is_open:
             continue
         times += [program.due_s(), *(item.due_s() for item in program.items())]
-        waits = [at_s for item in program.items() if (at_s := guard_due_s(item)) < inf]
-        board.is_watching = board.is_watching or bool(waits)
-        times += waits
+        times += [guard_due_s(item) for item in program.items()]
         for run in program.actions():
             if run.state is ActionState.RUNNING:
                 times.append(lost_at_s(board, run))
@@ -311,6 +308,13 @@ def guard_says(board: Board, item: TaskRun | ActionRun, now_s: float) -> Leave:
 def guard_due_s(item: TaskRun | ActionRun) -> float:
     """When an item that waits for its guard gives up; infinite where it does not wait."""
     return item.gives_up_s(GUARD_PATIENCE_S)
+
+
+def is_guard_waited_for(board: Board) -> bool:
+    """Whether something waits for what its guard asks for."""
+    return any(
+        guard_due_s(item) < inf for program in board.programs.values() if program.is_open for item in program.items()
+    )
 
 
 def is_to_repeat(board: Board, task: TaskRun) -> bool:

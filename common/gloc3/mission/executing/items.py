@@ -9,7 +9,7 @@ from msgspec import structs
 from gloc3.mission.executing.snapshot import ItemSnapshot, ProgramSnapshot
 from gloc3.mission.model.model import Action, ItemFile, Mission, Task, attempts
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import ActionState, Trigger, transition
+from gloc3.mission.model.states import OURS, TABLE, ActionState, Trigger, transition
 from gloc3.platform.platform import Capability
 
 MISSION: Final = "mission"
@@ -53,6 +53,11 @@ class Item:
     def is_open(self) -> bool:
         """Whether it has begun and not ended."""
         return self.state in (ActionState.RUNNING, ActionState.PAUSED)
+
+    @property
+    def accepted(self) -> tuple[Trigger, ...]:
+        """What an operator may do to it in its state."""
+        return tuple(trigger for trigger in TABLE[self.state] if trigger not in OURS)
 
     @property
     def has_attempts_left(self) -> bool:

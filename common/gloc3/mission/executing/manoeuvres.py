@@ -130,14 +130,14 @@ def advance(board: Board, now_s: float) -> None:
     elif manoeuvre.assignment is not None and now_s >= lost_at_s(board):
         board.assignments.drop(manoeuvre.assignment)
         manoeuvre.assignment = None
-        lacking = ", ".join(board.missing["return_home"])
+        lacking = board.missing.words("return_home")
         _fall_back(board, manoeuvre, f"return_home is no longer available ({lacking})", now_s)
     elif manoeuvre.again_s is not None and now_s >= manoeuvre.again_s and manoeuvre.assignment is None:
         manoeuvre.again_s = None
         name, order = _CAPABILITY[manoeuvre.policy]
         row = board.rows.get(name)
         if row is None or name in board.missing:
-            lacking = ", ".join(board.missing.get(name, ())) or "the platform cannot do it"
+            lacking = board.missing.words(name) or "the platform cannot do it"
             _fall_back(board, manoeuvre, f"{name} is not available ({lacking})", now_s)
             return
         board.is_changed = True
@@ -149,7 +149,7 @@ def lost_at_s(board: Board) -> float:
     manoeuvre = board.manoeuvre
     if manoeuvre is None or manoeuvre.assignment is None or manoeuvre.policy is not Policy.RETURN:
         return inf
-    return board.missing_since_s.get("return_home", inf) + PATIENCE_S
+    return board.missing.since_s.get("return_home", inf) + PATIENCE_S
 
 
 def ended(board: Board, assignment: Assignment, state: ActionState, reason: str, now_s: float) -> None:
@@ -165,7 +165,7 @@ def ended(board: Board, assignment: Assignment, state: ActionState, reason: str,
         board.tell(Severity.INFO, "policy return: at home, landing")
         manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
     else:
-        board.has_landed = True
+        board.air.has_landed = True
         board.tell(Severity.INFO, "policy land: landed")
         board.manoeuvre = None
 

@@ -37,7 +37,7 @@ def restore(
     executor = MissionExecutor(platform)
     board = executor.board
     board.assignments.count = snapshot.count
-    board.reported_airborne = is_airborne
+    board.air.is_reported = is_airborne
     for kept in snapshot.programs:
         try:
             mission_read = read(kept.text)

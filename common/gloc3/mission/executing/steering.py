@@ -1,6 +1,6 @@
-"""Operators' commands to the mission, a task or an action: start, pause, resume, skip, abort and retry."""
+"""Operators' commands that need more than a move: what must hold before a start or a resume, and what follows an abort."""
 
-from gloc3.errors import Refused, nearest
+from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.mission.checking.checker import home_problem
@@ -13,70 +13,18 @@ from gloc3.mission.executing.items import ActionRun, Item, Program, TaskRun
 from gloc3.mission.model.arguments import SetOff, TakeOff
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
-from gloc3.mission.model.states import OURS, TABLE, ActionState, Trigger
+from gloc3.mission.model.states import ActionState, Trigger
 from gloc3.mission.model.structure import PartialOrder
 
-_BY_OPERATOR = "by an operator"
+BY_OPERATOR = "by an operator"
 
 
-def find(board: Board, target: str) -> Item:
-    """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`.
-
-    Raises:
-        Refused: there is none.
-    """
-    if not target:
-        if board.mission is None:
-            raise Refused("no mission is loaded")
-        return board.mission
-    for program in board.programs.values():
-        if (item := program.find(target)) is not None:
-            return item
-    known = [item.target for program in board.programs.values() for item in program.items()]
-    raise Refused(f"there is no {target!r}; {nearest(target, known)}")
-
-
-def steer(board: Board, trigger: Trigger, target: str, now_s: float, home_ned_m: Vector3 | None) -> None:
-    """Carries a command out.
+def start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -> None:
+    """Starts the mission, where the vehicle stands inside its fence.
 
     Raises:
-        Refused: it cannot be done now; nothing has changed.
+        Refused: it cannot be started now; nothing has changed.
     """
-    if trigger is Trigger.RESUME and not target and board.has_pilot:
-        _take_back(board, now_s)
-        return
-    item = find(board, target)
-    if isinstance(item, TaskRun) and item.elsewhere and trigger is not Trigger.SKIP:
-        raise Refused(f"{item.target} is {item.elsewhere}'s; it is steered there, and can only be skipped here")
-    if trigger not in (accepted := triggers(item)):
-        raise Refused(f"{trigger} is not accepted in {item.state}; accepted: {', '.join(accepted) or 'nothing'}")
-    match trigger:
-        case Trigger.START:
-            _start(board, item, now_s, home_ned_m)
-        case Trigger.PAUSE:
-            manoeuvres.dismiss(board, now_s)
-            board.halt(item, item.level, now_s, _BY_OPERATOR)
-        case Trigger.RESUME:
-            _resume(board, item, now_s)
-        case Trigger.SKIP:
-            _end(board, item, Trigger.SKIP, now_s)
-        case Trigger.ABORT:
-            _end(board, item, Trigger.ABORT, now_s)
-        case Trigger.RETRY:
-            if not isinstance(item, TaskRun | ActionRun):
-                raise Refused("a mission that has ended is not tried again; load it again")
-            if item.is_settled:
-                raise Refused(f"the mission has gone on without {item.target}")
-            manoeuvres.dismiss(board, now_s)
-            retry(board, item, now_s)
-
-
-def triggers(item: Item) -> tuple[Trigger, ...]:
-    """What an operator may do to an item in its state."""
-    return tuple(t for t in TABLE[item.state] if t not in OURS)
-
-
-def _start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -> None:
     if not isinstance(item, Program):
         raise Refused(f"{item.target} starts when what it comes after has ended; start the mission")
     refuse_while_unfit(board)
@@ -89,7 +37,7 @@ def _start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -
     manoeuvres.dismiss(board, now_s)
     board.policies = item.mission.policies
     elsewhere.expect(board, item, now_s)
-    board.move(item, Trigger.START, now_s, _BY_OPERATOR)
+    board.move(item, Trigger.START, now_s, BY_OPERATOR)
 
 
 def refuse_while_unfit(board: Board) -> None:
@@ -120,7 +68,7 @@ def check_readiness(board: Board, mission: Mission) -> None:
     actions = mission.actions()
     for action in actions.values():
         if action.ability in board.missing:
-            lacking = ", ".join(board.missing[action.ability])
+            lacking = board.missing.words(action.ability)
             raise Refused(f"{action.ability} is not available: it lacks {lacking}")
         row = board.rows[action.ability]
         holder = board.assignments.holder(row)
@@ -136,7 +84,7 @@ def check_readiness(board: Board, mission: Mission) -> None:
         raise Refused("the vehicle is on the ground, and none of take_off, drive_off and dive comes first")
 
 
-def _take_back(board: Board, now_s: float) -> None:
+def take_back(board: Board, now_s: float) -> None:
     """An operator says resume after a pilot had control."""
     mission = board.mission
     if mission is not None and mission.state is ActionState.PAUSED:
@@ -152,7 +100,12 @@ def _take_back(board: Board, now_s: float) -> None:
             reactions.meet(board, condition, reason, now_s)
 
 
-def _resume(board: Board, item: Item, now_s: float) -> None:
+def resume(board: Board, item: Item, now_s: float) -> None:
+    """Has an item that is paused go on.
+
+    Raises:
+        Refused: it cannot go on now; nothing has changed.
+    """
     if board.has_pilot:
         raise Refused("the pilot has control; resume the mission to take it back")
     for parent in _parents(item):
@@ -169,6 +122,20 @@ def _resume(board: Board, item: Item, now_s: float) -> None:
     go_on(board, item, now_s)
 
 
+def try_again(board: Board, item: Item, now_s: float) -> None:
+    """Has a task or action that has failed be tried again.
+
+    Raises:
+        Refused: it cannot; nothing has changed.
+    """
+    if not isinstance(item, TaskRun | ActionRun):
+        raise Refused("a mission that has ended is not tried again; load it again")
+    if item.is_settled:
+        raise Refused(f"the mission has gone on without {item.target}")
+    manoeuvres.dismiss(board, now_s)
+    retry(board, item, now_s)
+
+
 def _parents(item: Item) -> list[Item]:
     match item:
         case ActionRun():
@@ -178,19 +145,19 @@ def _parents(item: Item) -> list[Item]:
     return []
 
 
-def _end(board: Board, item: Item, trigger: Trigger, now_s: float) -> None:
+def end(board: Board, item: Item, trigger: Trigger, now_s: float) -> None:
     """Skips or aborts; an abort is followed by the mission's `on_failure`."""
     manoeuvres.dismiss(board, now_s)
     if isinstance(item, Program):
         was_open = item.is_open
-        board.end_all(item, trigger, now_s, _BY_OPERATOR)
-        board.move(item, trigger, now_s, _BY_OPERATOR)
+        board.end_all(item, trigger, now_s, BY_OPERATOR)
+        board.move(item, trigger, now_s, BY_OPERATOR)
         if trigger is Trigger.ABORT and was_open:
             _follow_abort(board, item, now_s, is_whole=True)
         return
     assert isinstance(item, TaskRun | ActionRun)
     program = item.program if isinstance(item, TaskRun) else item.task.program
-    board.end(item, trigger, now_s, _BY_OPERATOR)
+    board.end(item, trigger, now_s, BY_OPERATOR)
     if trigger is Trigger.ABORT and program.is_open:
         _follow_abort(board, program, now_s, is_whole=False)
     elif isinstance(item, ActionRun):
@@ -202,7 +169,7 @@ def _follow_abort(board: Board, program: Program, now_s: float, *, is_whole: boo
     if board.has_pilot or not (is_whole or on_failure in MANOEUVRES):
         return
     policy = resolved(Policy.ABORT, on_failure)
-    manoeuvres.apply(board, policy, f"abort {_BY_OPERATOR}", now_s, Trigger.ABORT)
+    manoeuvres.apply(board, policy, f"abort {BY_OPERATOR}", now_s, Trigger.ABORT)
 
 
 def resume_mission(board: Board, now_s: float) -> None:
@@ -238,7 +205,7 @@ def check_resumable(board: Board, item: Item) -> None:
         if run.is_motion and not board.is_airborne and not isinstance(run.action.order, SetOff):
             raise Refused(f"the vehicle is on the ground, and {run.target} was paused in the air; abort it")
         if run.action.ability in board.missing:
-            lacking = ", ".join(board.missing[run.action.ability])
+            lacking = board.missing.words(run.action.ability)
             raise Refused(f"{run.action.ability} is not available: it lacks {lacking}")
 
 

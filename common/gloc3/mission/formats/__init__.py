@@ -11,9 +11,8 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.formats.from_mission import from_mission
 from gloc3.mission.formats.items import Plan
 from gloc3.mission.formats.on_earth import on_earth
-from gloc3.mission.formats.plan import read_plan
+from gloc3.mission.formats.plan import read_plan, write_plan
 from gloc3.mission.formats.plan_source import MAX_BYTES
-from gloc3.mission.formats.plan_writer import write_plan
 from gloc3.mission.formats.to_mission import to_mission
 from gloc3.mission.formats.wpl import read_wpl, write_wpl
 from gloc3.mission.model.model import Mission

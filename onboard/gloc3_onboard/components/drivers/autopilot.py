@@ -32,8 +32,8 @@ from gloc3_onboard.components.drivers.manoeuvres import (
     SetMode,
 )
 from gloc3_onboard.components.drivers.pilot_watch import PilotWatch
-from gloc3_onboard.components.drivers.setpoint_stream import Send, SetpointStream
-from gloc3_onboard.sensors.devices import AutopilotControl
+from gloc3_onboard.components.drivers.setpoint_stream import SetpointStream
+from gloc3_onboard.sensors.devices import AutopilotControl, AutopilotSetpoint
 
 STATE_PERIOD_S: Final = 0.2
 SURRENDER_S: Final = 10.0
@@ -149,8 +149,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def actuate(self, write: Any) -> None:
         """Writes to the autopilot."""
         match write:
-            case Send():
-                self._control.send_setpoint(write.position_ned_m, write.velocity_ned_m_s, write.yaw_rad)
+            case AutopilotSetpoint():
+                self._control.send_setpoint(write)
             case Step(command=command):
                 self._machine.ticket = self._command(command)
             case SetMode():

@@ -2,26 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import AutopilotPose, MotionLimits, Pose, Setpoint
 from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter
 from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S, SetpointGate
+from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 EXPIRY_S: Final = 0.5
 """Without a valid setpoint for so long the stream stops and the autopilot's hold is commanded (DESIGN §7)."""
 PAIRED_S: Final = 0.1
 """Two estimates that are valid at most so far apart tell how their frames lie to each other."""
-
-
-class Send(NamedTuple):
-    """One setpoint to write, in the autopilot's own frame."""
-
-    position_ned_m: Vector3 | None
-    velocity_ned_m_s: Vector3 | None
-    yaw_rad: float | None
 
 
 class SetpointStream:
@@ -77,7 +70,7 @@ class SetpointStream:
 
     def take(
         self, envelopes: Sequence[Envelope[Setpoint]], owner: str, now_s: float, *, may_fly: bool, is_guided: bool
-    ) -> Send | None:
+    ) -> AutopilotSetpoint | None:
         """Looks at what has come in; returns what is to be sent."""
         found = self.gate.newest(envelopes, owner, now_s)
         send = self._convert(found, is_guided=is_guided) if found is not None and self._is_ready(now_s) else None
@@ -90,13 +83,13 @@ class SetpointStream:
             self.expired += 1
         return None
 
-    def brake(self, now_s: float) -> Send | None:
+    def brake(self, now_s: float) -> AutopilotSetpoint | None:
         """What to send while the autopilot is asked to take over: without it, a lost frame would mean its failsafe."""
         self.since_s = None
         if self._limiter is None or not self._is_ready(now_s):
             return None
         standing = self._limiter.limit(Setpoint(action_id="", velocity_ned_m_s=(0.0, 0.0, 0.0)), now_s).setpoint
-        return Send(None, standing.velocity_ned_m_s, None)
+        return AutopilotSetpoint(None, standing.velocity_ned_m_s, None)
 
     def stop(self) -> None:
         """Ends on purpose."""
@@ -106,7 +99,7 @@ class SetpointStream:
         """Whether the limits, and where the vehicle is, are known."""
         return self._limiter is not None and now_s - self._pose_s <= SETPOINT_AGE_S
 
-    def _convert(self, wanted: Envelope[Setpoint], *, is_guided: bool) -> Send | None:
+    def _convert(self, wanted: Envelope[Setpoint], *, is_guided: bool) -> AutopilotSetpoint | None:
         assert self._limiter is not None
         limited = self._limiter.limit(wanted.payload, wanted.t_s)
         self.clamped += limited.is_clamped and is_guided
@@ -116,4 +109,4 @@ class SetpointStream:
             if offset is None:
                 return None
             position = (position[0] - offset[0], position[1] - offset[1], position[2] - offset[2])
-        return Send(position, setpoint.velocity_ned_m_s, setpoint.yaw_rad)
+        return AutopilotSetpoint(position, setpoint.velocity_ned_m_s, setpoint.yaw_rad)

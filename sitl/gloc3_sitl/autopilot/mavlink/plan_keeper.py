@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.mission_server import MissionDialect, MissionServer
 from gloc3.mavlink.services.mission_transfers import PlanReceived, SetCurrentRequested
 from gloc3.mavlink.services.plan import Plan, PlanItem, PlanResult, PlanType
 from gloc3.messages.envelope import Severity
@@ -35,7 +35,7 @@ class PlanKeeper:
         self._context = context
         self._first = context.craft.first_item
         self.server: Final = MissionServer(
-            context.own, check=self._check, tells_current=False, is_old=not context.is_px4
+            context.own, check=self._check, dialect=MissionDialect(tells_current=False, is_old=not context.is_px4)
         )
         self._home_told: object = None
 

@@ -42,7 +42,14 @@ def _is_interruptible() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-PERCEPTION = ("algorithms/vision/", "algorithms/scan_matching/", "algorithms/fusion/", "pose_fusion", "odometry", "stereo")
+PERCEPTION = (
+    "algorithms/vision/",
+    "algorithms/scan_matching/",
+    "algorithms/fusion/",
+    "pose_fusion",
+    "odometry",
+    "stereo",
+)
 """In the paths of tests that fly along walls to see how well they are seen."""
 
 
